@@ -1,8 +1,10 @@
 """Tests and doctests compute in float64, share what they compile, and keep within memory maps."""
 
+import csv
 import gc
 import os
 import shutil
+import time
 from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
@@ -28,7 +30,7 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
 import jax
 import pytest
 
-from kneejax.numerics import keep_programs
+from kneejax.numerics import counted_programs, keep_programs
 
 jax.config.update("jax_enable_x64", True)
 # Who gives flags of their own gets what they ask for.
@@ -94,6 +96,11 @@ LONGEST = (
 )
 
 
+#: Programs that a test file may make, where `tests/programs.csv` does not grant it more.
+USUAL_PROGRAMS = 150
+with open(Path(__file__).parent / "tests" / "programs.csv", encoding="utf-8", newline="") as _file:
+    GRANTED = {row["file"]: int(row["programs"]) for row in csv.DictReader(_file)}
+
 #: Files with slow tests, where these are asked for: what they compile is optimised.
 COMPUTING = set()
 
@@ -154,6 +161,30 @@ def _compiled_programs():
     yield
     if _memory_maps() > MOST_MAPS:
         jax.clear_caches()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _few_programs(request):
+    """A file makes no more programs than `tests/programs.csv` grants it: each costs a wait.
+
+    With KNEEJAX_TESTS_PROGRAMS a file is named to which the numbers of this run are appended, each
+    file beginning with nothing compiled: so the numbers granted are found.
+    """
+    record = os.environ.get("KNEEJAX_TESTS_PROGRAMS")
+    if record:
+        jax.clear_caches()
+    begun = time.process_time()
+    with counted_programs() as programs:
+        yield
+    made = len(programs.compiled) + programs.read
+    name = request.path.relative_to(Path(__file__).parent).as_posix()
+    if record:
+        spent, seconds = time.process_time() - begun, programs.summary()["seconds"]
+        with open(record, "a", encoding="utf-8") as file:
+            file.write(f"{name},{made},{seconds:.1f},{spent:.1f}\n")
+        return
+    most = GRANTED.get(name, USUAL_PROGRAMS)
+    assert made <= most, f"{name} makes {made} programs, {most} are granted in tests/programs.csv"
 
 
 def _memory_maps() -> float:

@@ -20,7 +20,7 @@ from _protocol import ANGLES, TRUTH, arguments, finish, load, true_knee
 from scipy import optimize
 
 import kneejax as kj
-from kneejax.inference import Problem, calibrate
+from kneejax.inference import Problem
 from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiler_options
@@ -103,9 +103,12 @@ def main() -> None:
     options = arguments("calibration", __doc__, limit=2000, seed=0)
     knee = load(options.knee)
     measured = measured_poses(knee, options.seed)
-    calibrate(knee, measured, NAMES, procedures=("III",))  # compiles
+    study = kj.Study(
+        title="eight numbers", knee=knee, measured=measured, parameters=NAMES, procedures=["III"]
+    )
+    kj.calibrate(study)  # compiles
     begun = time.perf_counter()
-    found = calibrate(knee, measured, NAMES, procedures=("III",))
+    found = kj.calibrate(study)
     fit = found.fits[0]
     rows: dict[str, object] = {
         "objective_start": found.start_objective,

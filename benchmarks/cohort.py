@@ -24,9 +24,10 @@ from kneejax.cohorts import MadeUpKnee, Spread, synthesise
 from kneejax.files.knee import build_knee
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.bootstrap import bootstrap
-from kneejax.inference.calibration import Question, calibrate_side_by_side, ready
+from kneejax.inference.calibration import CalibrationProblem, calibrate_side_by_side
 from kneejax.inference.population import in_log, population
 from kneejax.parameters import select, with_values
+from kneejax.studies import Study
 
 #: Knees of a block, as `kneejax.cohorts` deals them.
 BLOCK = 8
@@ -34,10 +35,10 @@ ANYWHERE_MM = (-120.0, 120.0)
 BOUNDS = {"stiffness": (100.0, 30000.0), "reference_strain": (-0.25, 0.25)}
 
 
-def asked(made: MadeUpKnee, spread: Spread, attachments: int = 0) -> Question:
+def asked(made: MadeUpKnee, spread: Spread, attachments: int = 0) -> CalibrationProblem:
     """What is asked of a made-up knee: the study that `kneejax cohort synthesise` writes, and where
     some of its attachments are."""
-    weights = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3) ** -2.0
+    weights = {"deg": spread.noise_deg**-2.0, "mm": spread.noise_mm**-2.0}
     knee = build_knee(made.document, made.name).knee
     usual = ("*.stiffness", "*.reference_strain")
     places = select(knee, ["*.femoral_attachment", "*.tibial_attachment"])
@@ -46,12 +47,13 @@ def asked(made: MadeUpKnee, spread: Spread, attachments: int = 0) -> Question:
     draws = np.random.default_rng([1, int(made.name[1:])])
     true = np.asarray(places.read(knee))[:attachments]
     believed = true + spread.attachment_mm * draws.standard_normal(attachments)
-    return Question(
-        with_values(knee, dict(zip(names, believed, strict=True))), made.passive,
-        (*usual, *names), bounds=BOUNDS | dict.fromkeys(names, ANYWHERE_MM), weights=weights,
-        procedures=("III",), noise_mm=spread.noise_mm, noise_deg=spread.noise_deg,
-        tests=made.tests, title=made.name, prior=dict.fromkeys(names, spread.attachment_mm),
-    )  # fmt: skip
+    return Study(
+        title=made.name, knee=with_values(knee, dict(zip(names, believed, strict=True))),
+        measured=made.passive, parameters=(*usual, *names), weights=weights,
+        bounds=BOUNDS | dict.fromkeys(names, ANYWHERE_MM), procedures=["III"],
+        noise_mm=spread.noise_mm, noise_deg=spread.noise_deg, tests=made.tests,
+        prior=dict.fromkeys(names, spread.attachment_mm),
+    ).problem()  # fmt: skip
 
 
 def processor_seconds(function, *given):
@@ -61,17 +63,16 @@ def processor_seconds(function, *given):
     return time.process_time() - begun, time.perf_counter() - clock, answer
 
 
-def calibrated(questions: list[Question]) -> list:
+def calibrated(problems: list[CalibrationProblem]) -> list:
     """All of them, in blocks."""
-    blocks = range(0, len(questions), BLOCK)
-    return [x for first in blocks for x in calibrate_side_by_side(questions[first : first + BLOCK])]
+    blocks = range(0, len(problems), BLOCK)
+    return [x for first in blocks for x in calibrate_side_by_side(problems[first : first + BLOCK])]
 
 
-def by_differences(question: Question) -> int:
+def by_differences(own: CalibrationProblem) -> int:
     """Evaluations of SciPy's least squares, which sees balances alone; no limits are made."""
-    own = ready(question)
-    begin = own.problem.begin(own.start[None])
-    problem = own.problem.with_used(begin.converged[0])
+    begin = own.fitted.begin(own.start[None])
+    problem = own.fitted.with_used(begin.converged[0])
     width, count = own.upper - own.lower, 0
 
     def residual(x):
@@ -126,16 +127,16 @@ def main() -> None:
                         attachments=0)  # fmt: skip
     spread = Spread()
     made = list(synthesise(options.knees, options.seed, options.knee, spread))
-    questions = [asked(one, spread, options.attachments) for one in made]
-    first, _, _ = processor_seconds(calibrated, questions[:BLOCK])
-    one, _, _ = processor_seconds(calibrated, questions[:1])
-    alone, _, _ = processor_seconds(calibrated, questions[:1])
-    cpu, clock, answers = processor_seconds(calibrated, questions)
+    problems = [asked(one, spread, options.attachments) for one in made]
+    first, _, _ = processor_seconds(calibrated, problems[:BLOCK])
+    one, _, _ = processor_seconds(calibrated, problems[:1])
+    alone, _, _ = processor_seconds(calibrated, problems[:1])
+    cpu, clock, answers = processor_seconds(calibrated, problems)
     parameters = len(answers[0].fit.estimates)
     rows: dict[str, float] = {
         "knees": options.knees,
         "parameters": parameters,
-        "load_cases": len(ready(questions[0]).problem.cases.load_cases),
+        "load_cases": len(problems[0].fitted.cases.load_cases),
         "first_block_cpu_s": first,
         "cohort_cpu_s": cpu,
         "cohort_clock_s": clock,
@@ -149,9 +150,9 @@ def main() -> None:
     values = [e.value for e in answer.fit.estimates]
     noise = [answer.noise[name] for name in FREE_COORDINATES]
     if options.bootstrap:
-        bootstrap(questions[0], values, noise, range(min(100, options.bootstrap)))
+        bootstrap(problems[0], values, noise, range(min(100, options.bootstrap)))
     cpu, clock, draws = processor_seconds(
-        bootstrap, questions[0], values, noise, range(options.bootstrap)
+        bootstrap, problems[0], values, noise, range(options.bootstrap)
     )
     rows |= {
         "bootstraps": options.bootstrap, "bootstraps_cpu_s": cpu, "bootstraps_clock_s": clock,
@@ -160,8 +161,8 @@ def main() -> None:
         else 0.0,
     }  # fmt: skip
     taken, evaluations = 0.0, 0
-    for question in questions[: options.scipy]:
-        cpu, _, count = processor_seconds(by_differences, question)
+    for problem in problems[: options.scipy]:
+        cpu, _, count = processor_seconds(by_differences, problem)
         taken, evaluations = taken + cpu, evaluations + count
     if options.scipy:
         rows |= {

@@ -199,7 +199,7 @@ def limited() -> Iterator[None]:
 def answer(kind: str, one: Kind, number: int, ways: tuple[str, ...], data: bytes, folder: Path):
     """Read a damaged input as a command would."""
     from kneejax.cohorts import CohortProblems
-    from kneejax.files import InputProblem
+    from kneejax.files import InputProblem, InputProblems
     from kneejax.mechanics import Implausible
     from kneejax.numerics import MissingPackage
     from kneejax.parameters import UnknownParameter, UnsuitableData
@@ -211,6 +211,12 @@ def answer(kind: str, one: Kind, number: int, ways: tuple[str, ...], data: bytes
         with limited(), contextlib.redirect_stderr(io.StringIO()):
             one.read(folder / one.damaged)
         outcome = ACCEPTED
+    except InputProblems as problem:
+        sentence = "; ".join(map(str, problem.problems))
+        lines = str(problem).split("\n")
+        whole = len(lines) == len(problem.problems) and max(map(len, lines)) <= LONGEST
+        good = whole and all(str(folder) in line for line in lines)
+        outcome = REFUSED if good else NO_FILE
     except (InputProblem, UnknownParameter, UnsuitableData, Implausible, MissingPackage) as problem:
         sentence = str(problem)
         # Of the file or another that it names, or of something bundled that is not there.

@@ -34,7 +34,6 @@ _MODULES = {
     "load_curves": "kneejax.experiments",
     "load_cycle": "kneejax.experiments",
     "passive_flexion": "kneejax.experiments",
-    "on_path": "kneejax.experiments",
     "patellar_tracking": "kneejax.experiments",
     "InputProblem": "kneejax.files",
     "load_knee": "kneejax.files",
@@ -45,14 +44,10 @@ _MODULES = {
     "State": "kneejax.geometry",
     "Calibration": "kneejax.inference",
     "Stage": "kneejax.inference",
-    "calibrate": "kneejax.inference",
     "cut": "kneejax.parameters",
     "design_tests": "kneejax.inference",
-    "identify": "kneejax.inference",
     "local_sensitivity": "kneejax.inference",
     "select": "kneejax.parameters",
-    "sensitivity_map": "kneejax.inference",
-    "sensitivity_maps": "kneejax.inference",
     "sweep": "kneejax.inference",
     "with_values": "kneejax.parameters",
     "Joint": "kneejax.joints",
@@ -73,8 +68,11 @@ _MODULES = {
     "Sensitivity": "kneejax.studies",
     "Study": "kneejax.studies",
     "Synthetic": "kneejax.studies",
+    "calibrate": "kneejax.studies",
+    "identify": "kneejax.studies",
     "read_study": "kneejax.studies",
-    "run": "kneejax.studies",
+    "sensitivity": "kneejax.studies",
+    "sensitivity_map": "kneejax.studies",
     "cohorts": "kneejax.cohorts",
     "dynamics": "kneejax.dynamics",
     "experiments": "kneejax.experiments",
@@ -84,9 +82,9 @@ _MODULES = {
     "joints": "kneejax.joints",
     "mechanics": "kneejax.mechanics",
     "numerics": "kneejax.numerics",
+    "papers": "kneejax.papers",
     "parameters": "kneejax.parameters",
     "report": "kneejax.report",
-    "reproduction": "kneejax.reproduction",
     "statics": "kneejax.statics",
     "studies": "kneejax.studies",
 }
@@ -111,7 +109,6 @@ if TYPE_CHECKING:
     from kneejax.experiments import leg_raise as leg_raise
     from kneejax.experiments import load_curves as load_curves
     from kneejax.experiments import load_cycle as load_cycle
-    from kneejax.experiments import on_path as on_path
     from kneejax.experiments import passive_flexion as passive_flexion
     from kneejax.experiments import patellar_tracking as patellar_tracking
     from kneejax.files import InputProblem as InputProblem
@@ -123,12 +120,8 @@ if TYPE_CHECKING:
     from kneejax.geometry import State as State
     from kneejax.inference import Calibration as Calibration
     from kneejax.inference import Stage as Stage
-    from kneejax.inference import calibrate as calibrate
     from kneejax.inference import design_tests as design_tests
-    from kneejax.inference import identify as identify
     from kneejax.inference import local_sensitivity as local_sensitivity
-    from kneejax.inference import sensitivity_map as sensitivity_map
-    from kneejax.inference import sensitivity_maps as sensitivity_maps
     from kneejax.inference import sweep as sweep
     from kneejax.joints import Joint as Joint
     from kneejax.joints import fit_joints as fit_joints
@@ -151,8 +144,11 @@ if TYPE_CHECKING:
     from kneejax.studies import Sensitivity as Sensitivity
     from kneejax.studies import Study as Study
     from kneejax.studies import Synthetic as Synthetic
+    from kneejax.studies import calibrate as calibrate
+    from kneejax.studies import identify as identify
     from kneejax.studies import read_study as read_study
-    from kneejax.studies import run as run
+    from kneejax.studies import sensitivity as sensitivity
+    from kneejax.studies import sensitivity_map as sensitivity_map
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

@@ -1,4 +1,4 @@
-"""Pictures of docs/what_data_tell.md, by the very commands that the page prints.
+"""Pictures of README.md and docs/what_data_tell.md, by the very commands that they print.
 
     python docs/figures/make_what_data_tell.py [FOLDER]
 
@@ -19,6 +19,7 @@ from PIL import Image
 HERE = Path(__file__).resolve().parent
 #: Folder of results -> command, and its pictures: name of the figure, name of the file here.
 COMMANDS = {
+    "calibrate": ("calibrate", {"motion": "motion.png"}),
     "sensitivity": (
         "sensitivity paper1 --global sobol --samples 64",
         {

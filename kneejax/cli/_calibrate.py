@@ -6,16 +6,15 @@ import dataclasses
 import importlib
 import threading
 import time
-from pathlib import Path
 
 from kneejax import studies
 from kneejax.cli._calibration_files import FILES, write_results
 from kneejax.cli._command import is_given
+from kneejax.cli._deliver import say
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Calibrate
 from kneejax.cohorts import is_cohort
 from kneejax.files import InputProblem, check_new
-from kneejax.inference import Calibration
 from kneejax.numerics import adding_up
 
 
@@ -35,10 +34,14 @@ def run(arguments: Calibrate) -> int:
     # XLA compiles without holding Python: what comes last is imported beside the search.
     threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
     with stages_on_terminal("calibration") as progress:
-        result = studies.run(study, progress=progress)
+        result = studies.calibrate(study, progress=progress)
     seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
     result = dataclasses.replace(result, seconds=adding_up(seconds))
-    return _written(result, arguments.out, arguments.svg)
+    answer, missing = write_results(result, arguments.out, svg=arguments.svg)
+    status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
+    if missing:
+        print(f"not written: {arguments.out}/knee.yaml: {missing}")
+    return max(status, int(bool(missing)))
 
 
 def _check_single(arguments: Calibrate) -> None:
@@ -56,19 +59,3 @@ def _check_single(arguments: Calibrate) -> None:
             )
             given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
             raise InputProblem("calibrate", f"--{name}", given, expected)
-
-
-def _written(result: Calibration, out: Path, svg: bool) -> int:
-    """Write everything, and say what was found and where it stands."""
-    from kneejax.report import calibration_summary, outcome
-    from kneejax.report.look import wrapped
-
-    missing = write_results(result, out, svg=svg)
-    print(calibration_summary(result))
-    knee = "" if missing else "knee.yaml, "
-    tables = "parameters.csv, poses.csv" + ", tests.csv" * bool(result.fit.tests)
-    files = f"report.html, result.json, {knee}{tables}, settings.json, figures/"
-    print("\n".join(wrapped(f"{out}/{files}", "written: ")))
-    if missing:
-        print(f"not written: {out}/knee.yaml: {missing}")
-    return max(outcome(result).exit_status, int(bool(missing)))

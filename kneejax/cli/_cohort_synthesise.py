@@ -10,7 +10,6 @@ import numpy as np
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import CohortSynthesise
 from kneejax.cohorts import MadeUpKnee, Spread, synthesise
-from kneejax.experiments import MeasuredTest
 from kneejax.files import write_knee, write_poses, write_rows, write_text
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
@@ -26,19 +25,38 @@ def run(arguments: CohortSynthesise) -> int:
     """Make up a cohort and write its files."""
     out, count = arguments.out, arguments.knees
     spread = Spread(noise_mm=arguments.noise_mm, noise_deg=arguments.noise_deg)
-    rows, truth, redrawn, tests = [], [], 0, ()
+    rows, truth, redrawn, names = [], [], 0, []
     with stages_on_terminal("made-up knees") as progress:
         for made in synthesise(count, arguments.seed, arguments.knee, spread):
             rows.append(_written(made, out))
             truth += [[made.name, "size", made.size]]
             truth += [[made.name, name, value] for name, value in made.truth.items()]
-            redrawn, tests = redrawn + made.redrawn, made.tests
+            redrawn, names = redrawn + made.redrawn, [test.name for test in made.tests]
             progress("made-up knees", len(rows), count)
-    files = [f"{_column(test)}.file" for test in tests]
+    files = [f"{name}.file" for name in names]
     write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
     write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *files], rows)
+    study: dict[str, Any] = {
+        "title": "Made-up knee",
+        "knee": "four_ligament",
+        "parameters": ["*.stiffness", "*.reference_strain"],
+        "bounds": _BOUNDS,
+        "procedures": ["III"],
+        # One over the variances.
+        "weights": {"mm": spread.noise_mm**-2, "deg": spread.noise_deg**-2},
+        "noise_mm": spread.noise_mm,
+        "noise_deg": spread.noise_deg,
+        "measured": {"file": "", "source": _SOURCE},
+        "tests": [
+            {"name": name, "file": "", "source": _SOURCE, "sd_mm": spread.noise_mm,
+             "sd_deg": spread.noise_deg}
+            for name in names
+        ],
+    }  # fmt: skip
+    title = f"{count} made-up knees, seed {arguments.seed}"
+    document = {"title": title, "study": study, "knees": "knees.csv"}
     # Last of all: without it the folder is no cohort.
-    write_text(out / "cohort.yaml", _cohort_file(count, arguments.seed, spread, tests))
+    write_text(out / "cohort.yaml", format_yaml(document))
     print(f"{count} made-up knees of {arguments.knee}, seed {arguments.seed}")
     if redrawn:
         print(f"drawn again, since they had no balance somewhere: {redrawn}")
@@ -52,48 +70,12 @@ def _written(made: MadeUpKnee, out: Path) -> list[str]:
     knee, passive = f"knees/{made.name}.yaml", f"data/{made.name}_passive.csv"
     write_knee(made.document, out / knee, _COMMENT)
     write_poses(out / passive, made.passive)
-    files = []
+    row = [made.name, "right", knee, passive]
     for test in made.tests:
-        file = f"data/{made.name}_{_column(test).replace(' ', '_')}.csv"
-        write_rows(out / file, *_table(test))
-        files.append(file)
-    return [made.name, "right", knee, passive, *files]
-
-
-def _table(test: MeasuredTest) -> tuple[list[str], list[list[float]]]:
-    """Header and rows of a test."""
-    places = [FREE_COORDINATES.index(name) for name in test.coordinates]
-    header = ["flexion_deg", *test.loads]
-    header += [f"{name}_{COORDINATES[name].unit}" for name in test.coordinates]
-    columns = [test.flexion_deg, *test.loads.values(), *test.observed[:, places].T]
-    return header, np.column_stack(columns).tolist()
-
-
-def _column(test: MeasuredTest) -> str:
-    return test.name
-
-
-def _cohort_file(count: int, seed: int, spread: Spread, tests: tuple[MeasuredTest, ...]) -> str:
-    study: dict[str, Any] = {
-        "title": "Made-up knee",
-        "knee": "four_ligament",
-        "parameters": ["*.stiffness", "*.reference_strain"],
-        "bounds": _BOUNDS,
-        "procedures": ["III"],
-        # One over the variances.
-        "weights": {"mm": spread.noise_mm**-2, "deg": spread.noise_deg**-2},
-        "noise_mm": spread.noise_mm,
-        "noise_deg": spread.noise_deg,
-        "measured": {"file": "", "source": _SOURCE},
-        "tests": [
-            {"name": _column(test), "file": "", "source": _SOURCE,
-             "sd_mm": spread.noise_mm, "sd_deg": spread.noise_deg}
-            for test in tests
-        ],
-    }  # fmt: skip
-    document = {
-        "title": f"{count} made-up knees, seed {seed}",
-        "study": study,
-        "knees": "knees.csv",
-    }
-    return format_yaml(document)
+        row.append(f"data/{made.name}_{test.name.replace(' ', '_')}.csv")
+        places = [FREE_COORDINATES.index(name) for name in test.coordinates]
+        observed = [f"{name}_{COORDINATES[name].unit}" for name in test.coordinates]
+        columns = [test.flexion_deg, *test.loads.values(), *test.observed[:, places].T]
+        rows = np.column_stack(columns).tolist()
+        write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
+    return row

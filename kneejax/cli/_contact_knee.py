@@ -14,6 +14,7 @@ from kneejax.experiments import passive_flexion
 from kneejax.files import counted, load_knee, read_calibrated
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Knee
+from kneejax.report import status_doubts
 from kneejax.statics import Status
 
 
@@ -83,9 +84,11 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
         table[:, list(COORDINATES).index(coordinate)] += shift
     status = tuple(Status(s) for s in np.asarray(motion.status))
     table[[not s.converged for s in status]] = np.nan
-    doubts = tuple(
-        f"{read.knee.name}: {counted(status.count(s), 'pose')} {s.word}: {s.sentence}"
-        for s in sorted(set(status))
-        if s is not Status.BALANCED
-    )
-    return KneeMotion(table, status, doubts)
+    numbers = np.array([int(one) for one in status])
+
+    def where(rows: np.ndarray) -> str:
+        word = status[rows[0]].word
+        return f"{read.knee.name}: {counted(len(rows), 'pose')} {word}"
+
+    doubts = status_doubts(numbers, [""] * len(status), where, str)
+    return KneeMotion(table, status, tuple(doubts))

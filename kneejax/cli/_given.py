@@ -66,12 +66,12 @@ def check_within(option: str, name: str, values: Iterable[float], allowed: Range
 
 
 @contextlib.contextmanager
-def said_of_options(question: Identify | Map | Sensitivity) -> Iterator[None]:
-    """Let what is wrong with a question name the option where it was asked."""
+def said_of_options(asked: type[Identify | Map | Sensitivity]) -> Iterator[None]:
+    """Let what is wrong with options name the option where it was asked."""
     try:
         yield
     except InputProblem as problem:
-        if not hasattr(question, problem.file):
+        if problem.file not in asked.model_fields:
             raise
         option = {"indices": "--global"}.get(problem.file, f"--{option_name(problem.file)}")
         raise InputProblem(

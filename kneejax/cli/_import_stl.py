@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from typing import Any
 
-from kneejax.cli._main import DONE, DOUBTFUL
+from kneejax.cli._deliver import deliver
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import ImportStl
 from kneejax.files import (
@@ -14,20 +15,15 @@ from kneejax.files import (
     import_meshes,
     load_knee_file,
     write_knee,
-    write_rows,
     write_text,
 )
+from kneejax.report import mesh_import_answer
+from kneejax.report.look import Table
 
 _SIDES = {"r": "right", "l": "left"}
-_TABLE = (
-    "surface", "cells_along", "cells_across", "smoothing_mm", "points_in_region", "rms_mm",
-    "max_mm", "mean_mm", "patch_mean_rms_mm", "patch_mean_max_mm", "whole_rms_mm",
-    "held_out_rms_mm",
-)  # fmt: skip
-
 
 def run(arguments: ImportStl) -> int:
-    """Fit contacts to meshes; write knee.yaml, fit_report.csv, fit_report.md and a figure."""
+    """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
         knee = load_knee_file(arguments.knee)
@@ -63,18 +59,10 @@ def run(arguments: ImportStl) -> int:
         # Without ligaments and muscles there is no patella yet: its surface waits for them.
         document["surfaces"] = {"patella": found.patellofemoral["patellar_surface"]}
     write_knee(document, arguments.out / "knee.yaml")
-    write_rows(arguments.out / "fit_report.csv", list(_TABLE), _rows(found))
-    write_text(arguments.out / "fit_report.md", _report(found))
-    _figure(arguments, found)
-    for finding in found.findings:
-        print(finding)
-    print(
-        f"written: {arguments.out}/knee.yaml, fit_report.csv, fit_report.md, "
-        "settings.json, figures/surface_fits.png"
-    )
-    if found.doubtful:
-        print("doubtful: a surface misses its target; the report says which")
-    return DOUBTFUL if found.doubtful else DONE
+    answer = mesh_import_answer(found.fits, found.findings, found.doubtful)
+    report = _report(found.findings, answer.tables["fit_report"])
+    write_text(arguments.out / "fit_report.md", report)
+    return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
 
 
 def _replaced(knee, found: MeshImport) -> dict[str, Any]:
@@ -101,40 +89,13 @@ def _contacts_only(arguments: ImportStl, found: MeshImport) -> dict[str, Any]:
     }
 
 
-def _rows(found: MeshImport) -> list[list]:
-    rows = []
-    for name, part in found.fits.items():
-        q = part.quality
-        rows.append([
-            name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms, q.maximum,
-            q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms, q.held_out_rms,
-        ])  # fmt: skip
-    return rows
-
-
-def _report(found: MeshImport) -> str:
+def _report(findings: Sequence[str], fits: Table) -> str:
+    """The same in Markdown."""
     lines = ["# Surfaces from meshes", "", "## What was found", ""]
-    lines += [f"- {finding}" for finding in found.findings]
-    lines += ["", "## What the fits leave over, mm", ""]
-    lines += [f"| {' | '.join(_TABLE)} |", f"|{'---|' * len(_TABLE)}"]
-    for row in _rows(found):
+    lines += [f"- {finding}" for finding in findings]
+    lines += ["", f"## {fits.title}", ""]
+    lines += [f"| {' | '.join(fits.names)} |", f"|{'---|' * len(fits.names)}"]
+    for row in fits.rows:
         words = [f"{x:.4f}" if isinstance(x, float) else str(x) for x in row]
         lines.append(f"| {' | '.join(words)} |")
-    lines += [
-        "",
-        "rms, max and mean are normal distances of the mesh's corners in the contact region, "
-        "weighted by the area that each stands for; patch means are formed over 5 mm; held-out "
-        "distances are of corners that the fit did not see, 4 mm patches at a time.",
-        "",
-    ]
-    return "\n".join(lines)
-
-
-def _figure(arguments: ImportStl, found: MeshImport) -> None:
-    from kneejax.report import save_figure, surface_fit_figure
-
-    fits = {name: part.fit for name, part in found.fits.items()}
-    regions = {name: part.region for name, part in found.fits.items()}
-    folder = arguments.out / "figures"
-    folder.mkdir(parents=True, exist_ok=True)
-    save_figure(surface_fit_figure(fits, regions), folder, "surface_fits", svg=arguments.svg)
+    return "\n".join([*lines, "", fits.note, ""])

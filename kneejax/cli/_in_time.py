@@ -9,25 +9,25 @@ from typing import Any
 import numpy as np
 
 from kneejax.cli._asked_knee import asked_knee, knee_words
+from kneejax.cli._deliver import deliver
 from kneejax.cli._given import read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._recorded import fit_dampers, read_recorded
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
-from kneejax.experiments import MOST_ERROR_MM, Transient, lab_tests, leg_of_person, transient
-from kneejax.files import InputProblem, parse_flexion, read_loads_over_time, write_rows
-from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
-from kneejax.inference.transients import FittedTransient, Recorded
-from kneejax.mechanics import Knee, load_words
+from kneejax.experiments import MOST_ERROR_MM, lab_tests, leg_of_person, transient
+from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
+from kneejax.geometry import COLUMNS
+from kneejax.mechanics import Knee
 from kneejax.numerics import WrongValue
-from kneejax.statics import Status
+from kneejax.report import transient_answer
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
 _OTHER_FLEXION = 30.0
 _MOST_TIMES = 20_000
 
 def run_in_time(arguments: Simulate) -> int:
-    """Move, print what happened, write motion.csv, forces.csv, energy.csv and a figure."""
+    """Move a knee through time, with dampers from a record where one is given."""
     name = arguments.experiment
     flexion = _flexion(arguments)
     load_s, sizes, led = _loads(arguments, flexion)
@@ -43,17 +43,11 @@ def run_in_time(arguments: Simulate) -> int:
         moving = fit.moving
     with moving_on_terminal(arguments, moving, times) as options:
         found = transient(moving, flexion, times, **motion, **options)
-    _report(arguments, moving.knee, found, recorded, fit)
-    write_motion(arguments, found)
-    files = "motion.csv, forces.csv, energy.csv, settings.json"
-    files += "" if fit is None else ", damping.csv"
-    print(f"written: {arguments.out}/{files}, figures/motion.png")
-    return int(doubtful_motion(found) or (fit is not None and not fit.converged))
-
-
-def doubtful_motion(found: Transient) -> int:
-    """1 where a motion ended early or its energies do not add up, otherwise 0."""
-    return int(found.trajectory.ended is not Status.BALANCED or not found.account.closes)
+    answer = transient_answer(
+        knee_words(arguments, moving.knee), name, found, recorded=recorded, fit=fit,
+        convention=arguments.convention,
+    )  # fmt: skip
+    return deliver(answer, arguments)
 
 
 @contextlib.contextmanager
@@ -162,66 +156,3 @@ def moving_knee(arguments: Simulate, knee: Knee) -> MovingKnee:
     usual = 1.0 if arguments.experiment == "settle" else 0.0
     everywhere = arguments.damping_N_s_per_mm
     return moving.damped_everywhere(usual if everywhere is None else everywhere)
-
-
-def _report(
-    arguments: Simulate,
-    knee: Knee,
-    found: Transient,
-    recorded: Recorded | None,
-    fit: FittedTransient | None,
-) -> None:
-    from kneejax.report import fitted_lines, save_figure, transient_figure, transient_lines
-
-    last = {name: size[-1] for name, size in found.sizes.items()}
-    under = f", {load_words(last)}" if any(last.values()) else ""
-    bent = f"{found.trajectory.to_table()[0, 0]:.3g} degrees"
-    title = f"{knee_words(arguments, knee)}: {arguments.experiment} at {bent}{under}"
-    print(title)
-    print("\n".join(transient_lines(found)))
-    if fit is not None:
-        print("\n".join(fitted_lines(fit)))
-    folder = arguments.out / "figures"
-    folder.mkdir(parents=True, exist_ok=True)
-    save_figure(transient_figure(found, title, recorded), folder, "motion", svg=arguments.svg)
-
-
-def write_motion(arguments: Simulate, found: Transient) -> None:
-    """Write motion.csv, forces.csv and energy.csv."""
-    out, motion, more = arguments.out, found.trajectory, {**found.sizes, **found.quadriceps}
-    poses = convert_table(motion.to_table()[:, :6], FEMORAL, arguments.convention)
-    rates = motion.rates_to_table()
-    words = [Status(int(x)).word for x in np.asarray(motion.status)]
-    loads = np.stack(list(more.values()), 1) if more else np.zeros((len(poses), 0))
-    header = [
-        "time_s", *COLUMNS, *motion.columns[6:],
-        *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status",
-    ]  # fmt: skip
-    others = motion.to_table()[:, 6:]
-    rows = np.hstack([found.time_s[:, None], poses, others, rates, loads]).tolist()
-    extra = [] if arguments.convention == FEMORAL else ["convention"]
-    told = [
-        [*row, word, *[arguments.convention] * len(extra)]
-        for row, word in zip(rows, words, strict=True)
-    ]
-    write_rows(out / "motion.csv", header + extra, told)
-    write_rows(out / "forces.csv", ["time_s", "part", "force_N", "damping_N"], _forces(found))
-    account, at = found.account, motion.rows
-    energies = np.stack([
-        np.asarray(x)[at] for x in (
-            account.work, account.kinetic, account.potential, account.dissipated, account.missing)
-    ], 1)  # fmt: skip
-    columns = ["work", "kinetic", "potential", "dissipated", "missing"]
-    table = np.hstack([found.time_s[:, None], energies]).tolist()
-    write_rows(out / "energy.csv", ["time_s", *(f"{x}_Nmm" for x in columns)], table)
-
-
-def _forces(found: Transient):
-    knee = found.trajectory.moving.knee
-    tension = np.asarray(found.mechanics.tension)
-    contact = np.linalg.norm(np.asarray(found.mechanics.contact_force), axis=-1)
-    for i, time in enumerate(found.time_s.tolist()):
-        for k, name in enumerate(knee.ligaments.names):
-            yield [time, name, tension[i, k], found.damping_N[i, k]]
-        for k, name in enumerate(knee.contact_names):
-            yield [time, name, contact[i, k], 0.0]

@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kneejax._whole_files import writing_place
 from kneejax.cli import options
-from kneejax.experiments import Activity, Round, activity, weights
+from kneejax.experiments import Round, activity, weights
 from kneejax.files import (
-    CoupledMotion,
     InputProblem,
-    Registration,
     WholeBody,
-    WholeBodyForces,
     ask_opensim,
     couple_model,
     coupled_motion,
@@ -67,6 +63,8 @@ def asked_of_opensim(
         The record, and the rounds; none where no motion was to go back.
     """
     shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
+    known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
+             "tibia": body.bones[1]}  # fmt: skip
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
     for number in range(arguments.rounds + 1):
         show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
@@ -77,60 +75,38 @@ def asked_of_opensim(
             data = couple_model(body.model, body.side, motion, shifts, body.bones)
             write_bytes(model, data)
         said = ask_opensim(body, folder, model)
-        record = _record(body, model, said, knee, shifts)
-        if arguments.rounds:
-            show(f"{knee.name}, round {number}", 0, 0)
-            one = activity(knee, record)
-            before = coupled_motion(record.pose) if motion is None else motion
-            after = _motion(one, str(arguments.motion), before.flexion_deg)
-            off = _reaction_off(body, model, said, knee, shifts, record)
-            rounds.append(_round(number, one, before, after, off))
-            part = before.secondary + weights(rounds)[-1] * rounds[-1].change
-            motion = dataclasses.replace(after, secondary=part)
+        # Where no ground is given, the feet's own contacts are among the forces. The instants are
+        # those of static optimisation, between which nothing is known.
+        forces = [said.forces, *([] if body.loads is None else [body.loads])]
+        record = read_activity(model, [body.motion, *forces], **known)
+        if not arguments.rounds:
+            break
+        show(f"{knee.name}, round {number}", 0, 0)
+        one = activity(knee, record)
+        poses, file = np.asarray(one.motion.to_table())[one.holds], str(arguments.motion)
+        if not len(poses):
+            expected = "a movement under which the knee balances, for its motion to go back"
+            raise InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
+        before = coupled_motion(record.pose) if motion is None else motion
+        after = coupled_motion(poses, file, before.flexion_deg)
+        off = float("nan")
+        if body.loads is not None and not record.quadriceps_N.any():
+            theirs = read_activity(model, [body.motion, said.reactions], **known)
+            off = _reaction_off(record, theirs)
+        moment = float(np.sqrt(np.nanmean(one.residual_Nm**2)))
+        holds = int(one.holds.sum()), len(one.holds)
+        secondary = before.secondary, after.secondary
+        rounds.append(Round(number, after.flexion_deg, *secondary, after.rms, holds, moment, off))
+        part = before.secondary + weights(rounds)[-1] * rounds[-1].change
+        motion = dataclasses.replace(after, secondary=part)
     return record, rounds
 
 
-def _record(
-    body: WholeBody, model: Path, said: WholeBodyForces, knee: Knee, shifts: Registration
-) -> LegRecord:
-    # Where no ground is given, the feet's own contacts are among the forces.
-    forces = [said.forces, *([] if body.loads is None else [body.loads])]
-    # The instants are those of static optimisation, between which nothing is known.
-    femur, tibia = body.bones
-    return read_activity(model, [body.motion, *forces], side=body.side, knee=knee, frames=shifts,
-                         femur=femur, tibia=tibia)  # fmt: skip
-
-
-def _reaction_off(
-    body: WholeBody, model: Path, said: WholeBodyForces, knee: Knee, shifts: Registration,
-    record: LegRecord,
-) -> float:  # fmt: skip
-    """By how much OpenSim's reaction differs from the sum of what was read, rms, N."""
-    if body.loads is None or record.quadriceps_N.any():
-        return float("nan")
-    femur, tibia = body.bones
-    theirs = read_activity(model, [body.motion, said.reactions], side=body.side, knee=knee,
-                           frames=shifts, femur=femur, tibia=tibia)  # fmt: skip
+def _reaction_off(record: LegRecord, theirs: LegRecord) -> float:
+    """By how much OpenSim's joint reaction differs from the sum of what was read, rms, N."""
     state = State({TIBIA: Pose.from_table(record.pose)})
     pulls = np.asarray(record.muscles.on_tibia(state)).sum(axis=0).T
     ours = sum(record.acting.values(), pulls)[:, :3]
     there = theirs.acting["joint reaction"][:, :3]
     same = np.stack([np.interp(record.time_s, theirs.time_s, x) for x in there.T], axis=1)
     return float(np.sqrt(np.mean(np.sum((ours - same) ** 2, axis=1))))
-
-
-def _motion(one: Activity, file: str, knots_deg: np.ndarray) -> CoupledMotion:
-    poses = np.asarray(one.motion.to_table())[one.holds]
-    if not len(poses):
-        expected = "a movement under which the knee balances, for its motion to go back"
-        raise InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
-    return coupled_motion(poses, file, knots_deg)
-
-
-def _round(
-    number: int, one: Activity, before: CoupledMotion, after: CoupledMotion, reaction_N: float
-) -> Round:
-    holds = int(one.holds.sum()), len(one.holds)
-    moment = float(np.sqrt(np.nanmean(one.residual_Nm**2)))
-    return Round(number, after.flexion_deg, before.secondary, after.secondary, after.rms, holds,
-                 moment, reaction_N)  # fmt: skip

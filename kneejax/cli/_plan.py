@@ -9,6 +9,7 @@ import json
 import numpy as np
 
 from kneejax import planning, studies
+from kneejax.cli._deliver import deliver
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import PlanAcl
 from kneejax.files import (
@@ -17,7 +18,6 @@ from kneejax.files import (
     restated,
     write_knee,
     write_netcdf,
-    write_rows,
     write_text,
 )
 from kneejax.inference import versions
@@ -46,49 +46,18 @@ def run(arguments: PlanAcl) -> int:
             check_installed(package, "maps")
     with stages_on_terminal(plan.title) as show:
         result = planning.run_plan(plan, show)
-    from kneejax.report import plan_failed, plan_text
+    from kneejax.report.planning import plan_answer, plan_document
 
-    print(plan_text(result))
-    files = _write(arguments, result)
-    print(f"written: {arguments.out}/{', '.join(files)}")
-    return int(plan_failed(result))
-
-
-def _write(arguments: PlanAcl, result: planning.PlanResult) -> list[str]:
-    from kneejax.report import (
-        curve_rows,
-        front_columns,
-        front_rows,
-        octagon_rows,
-        plan_columns,
-        plan_document,
-        plan_rows,
-        write_plan_report,
-    )
-
-    out, plan = arguments.out, result.plan
     used = ["dtaidistance", *(["pymoo"] if result.front is not None else [])]
     packages = versions() | {name: importlib.metadata.version(name) for name in used}
     document = plan_document(result, packages)
-    write_text(out / "plan.json", json.dumps(document, indent=1) + "\n")
-    write_rows(out / "plan.csv", plan_columns(plan), plan_rows(result))
-    header = ["position", *plan.surgery.ligaments, "total"]
-    write_rows(out / "octagon.csv", header, octagon_rows(result))
-    columns = ["knee", "flexion_deg", "ligament", "strain", "tension_N"]
-    write_rows(out / "curves.csv", columns, curve_rows(result))
-    more = _write_knees(arguments, result)
-    if result.front is not None:
-        write_rows(out / "front.csv", front_columns(plan), front_rows(result.front))
-        more.append("front.csv")
+    write_text(arguments.out / "plan.json", json.dumps(document, indent=1) + "\n")
+    written = ["plan.json", *_write_knees(arguments, result)]
     about = {"title": plan.title, "knee": plan.own.name, "versions": json.dumps(packages)}
     for one in result.maps:
-        write_netcdf(out / f"map_{one.bone}.nc", one.to_dataset(about))
-        more.append(f"map_{one.bone}.nc")
-    write_plan_report(result, packages, out, svg=arguments.svg)
-    return [
-        "report.html", "plan.json", "plan.csv", "octagon.csv", "curves.csv", *more, "figures/",
-        "settings.json",
-    ]  # fmt: skip
+        written.append(f"map_{one.bone}.nc")
+        write_netcdf(arguments.out / written[-1], one.to_dataset(about))
+    return deliver(plan_answer(result), arguments, written, result.seconds)
 
 
 def _write_knees(arguments: PlanAcl, result: planning.PlanResult) -> list[str]:

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from kneejax.cli._given import refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee
 from kneejax.experiments import MOST_ERROR_MM, beginning
-from kneejax.files import InputProblem, read_loads_over_time, write_rows
+from kneejax.files import InputProblem, read_loads_over_time
 from kneejax.geometry import COLUMNS
 from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
 from kneejax.numerics import WrongValue
@@ -44,7 +42,7 @@ def fit_dampers(
     flexion_deg: float,
     motion: dict[str, Any],
 ) -> FittedTransient:
-    """Find the dampers, and write damping.csv.
+    """Find the dampers.
 
     Args:
         arguments: of the command; what is free begins at the options' sizes.
@@ -71,9 +69,4 @@ def fit_dampers(
             )  # fmt: skip
         except WrongValue as problem:
             raise refused("simulate", problem) from None
-    rows = [
-        [name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
-        for name, *sizes in zip(found.names, found.values, found.lower, found.upper, strict=True)
-    ]
-    write_rows(arguments.out / "damping.csv", ["name", "value", "lower_95", "upper_95"], rows)
     return found

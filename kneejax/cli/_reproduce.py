@@ -13,4 +13,17 @@ def run(arguments: Reproduce) -> int:
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
     something computed on the way is doubtful.
     """
-    return importlib.import_module(f"kneejax.cli.papers._paper{arguments.paper}").run(arguments)
+    given = {name: getattr(arguments, name) for name in ("knee", "patella")}
+    options = {name: value for name, value in given.items() if value}
+    # A wrong option is answered before anything that computes is imported.
+    from kneejax.cli._progress import stages_on_terminal
+    from kneejax.papers.claims import summary, write
+
+    paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")
+    found = paper.reproduce(stages_on_terminal, **options)
+    files = write(found, arguments.out, arguments.svg)
+    print(summary(found.claims))
+    for doubt in found.doubts:
+        print(f"! {doubt}")
+    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
+    return int(bool(found.doubts))

@@ -11,7 +11,6 @@ import numpy as np
 
 from kneejax import report
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli._say_status import say_given
 from kneejax.cli.options import View
 from kneejax.experiments import evaluate
 from kneejax.files import (
@@ -57,7 +56,10 @@ def run(arguments: View) -> int:
         status = 1
     names = ", ".join(path.name for path in written)
     print(f"{counted(count, 'pose')} of {knee.name}; written to {out}: {names}, settings.json")
-    found = say_given(knee, evaluate(knee, state), range(count))
+    places = [str(row) for row in range(count)]
+    found, doubts = report.given_doubts(knee, evaluate(knee, state), places)
+    for doubt in doubts:
+        print(doubt)
     return max(status, int((found != Status.BALANCED).any()))
 
 

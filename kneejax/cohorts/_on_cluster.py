@@ -14,24 +14,37 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from kneejax.cohorts._execute import KneeDone, Work, lost
-from kneejax.cohorts._plan import Task
+from kneejax.cohorts._plan import KneeDone, Task, Work, lost
 from kneejax.files import InputProblem
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
 
-#: Memory of a worker on this machine; one that needs more is started anew.
+#: Memory of a worker on this machine; one that needs more is started again.
 _MEMORY = "3GiB"
-#: What a library must know before it is imported in a worker.
-_ONE_THREAD = {
-    name: "1"
-    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-}
-#: Nobody else is to read what workers say: all sockets are of this machine alone.
+#: All sockets are of this machine alone: what workers send is for nobody else.
 _HERE = "127.0.0.1"
 _PATIENCE_S = 20.0
 #: How often workers are started and made ready, who may die meanwhile; the pause in between, s.
 _TRIALS, _PAUSE_S = 5, 1.0
+_SETTINGS = {
+    # A death is answered for below, by the task that the worker was at and by no other.
+    "distributed.scheduler.allowed-failures": 0,
+    "distributed.scheduler.worker-saturation": 1.0,
+    "distributed.worker.multiprocessing-method": "spawn",
+    # Answers are files: nothing that a worker holds is worth moving or spilling.
+    "distributed.worker.memory.target": False,
+    "distributed.worker.memory.spill": False,
+    "distributed.worker.memory.pause": False,
+    # One thread a library, which must know before it is imported. Beside that nothing: whoever
+    # gives memory back after each task asks for it again in the next one.
+    "distributed.nanny.pre-spawn-environ": {
+        name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+    },
+    "distributed.worker.profile.enabled": False,
+    # A worker that computes does not answer for as long as a program compiles.
+    "distributed.comm.timeouts.connect": "60s",
+    "distributed.scheduler.worker-ttl": None,
+}
 
 
 class SchedulerGone(ConnectionError):
@@ -51,24 +64,23 @@ def local_workers(jobs: int) -> Iterator[Any]:
     """
     check_installed("distributed", "cohorts")
     from dask import config
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
-    with config.set(_settings()), _started(jobs) as cluster, Client(cluster) as client:
-        yield client
-
-
-def _started(jobs: int) -> Any:
-    from distributed import LocalCluster
-
-    for _ in range(_TRIALS):
-        with contextlib.suppress(OSError, RuntimeError, TimeoutError):
-            return LocalCluster(
-                n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-                host=_HERE, dashboard_address=f"{_HERE}:0",
-                worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
-            )  # fmt: skip
-        time.sleep(_PAUSE_S)
-    raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")
+    with config.set(_SETTINGS):
+        for _ in range(_TRIALS):
+            with contextlib.suppress(OSError, RuntimeError, TimeoutError):
+                cluster = LocalCluster(
+                    n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
+                    host=_HERE, dashboard_address=f"{_HERE}:0",
+                    worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
+                )  # fmt: skip
+                break
+            time.sleep(_PAUSE_S)
+        else:
+            expected = "workers that start; they died at once"
+            raise InputProblem("--jobs", "workers", str(jobs), expected)
+        with cluster, Client(cluster) as client:
+            yield client
 
 
 @contextlib.contextmanager
@@ -83,14 +95,14 @@ def workers_of(address: str) -> Iterator[Any]:
     from dask import config
     from distributed import Client
 
-    with config.set(_settings()):
+    with config.set(_SETTINGS):
         try:
             client = Client(address, timeout=_PATIENCE_S)
         except (OSError, ValueError, TimeoutError) as problem:
             words = " ".join(str(problem).split())[:60] or type(problem).__name__
             expected = f"the address of a Dask scheduler that answers ({words})"
             raise InputProblem("--scheduler", "address", address, expected) from None
-        # Whether a scheduler has gone is said here, in one line.
+        # Whether a scheduler has gone is reported below, in one line.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
         with client:
             try:
@@ -99,18 +111,13 @@ def workers_of(address: str) -> Iterator[Any]:
                 raise InputProblem("--scheduler", "address", address, str(problem)) from None
 
 
-def dashboard_of(client: Any) -> str:
-    """Where a person may watch the workers."""
-    return str(client.dashboard_link)
-
-
 def on_workers(
     client: Any, tasks: Sequence[Task], work: Work
 ) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
     """Compute tasks on workers; each is yielded when it has ended, in any order.
 
-    A task that ends without an answer, or whose worker dies, is met once more; what ends it again
-    is said of its knees.
+    A task that fails, or whose worker dies, is retried once, and its knees are then reported with
+    the error.
 
     Args:
         client: of `local_workers` or `workers_of`.
@@ -140,55 +147,35 @@ def _each(
         # A scheduler opens what it passes on, in a process whose JAX knows 32 bits alone: bytes
         # stay what they are.
         packed = pickle.dumps((work, task))
-        return client.submit(_of_version, versions()["kneejax"], packed, pure=False, retries=0)
+        return client.submit(_of_version, _version(), packed, pure=False, retries=0)
 
-    waiting = {submit(task): task for task in tasks}
-    tried: dict[str, int] = {}
+    waiting = {submit(task): (task, True) for task in tasks}
     following = as_completed(list(waiting))
     for future in following:
         if future.cancelled():
             # Whoever comes to the same address does not know how workers are made ready.
             raise SchedulerGone
-        task = waiting.pop(future)
+        task, first = waiting.pop(future)
         problem = future.exception() if future.status != "finished" else None
         if problem is None:
             yield task, future.result()
-            continue
-        tried[task.fingerprint] = tried.get(task.fingerprint, 0) + 1
-        if tried[task.fingerprint] > 1:
+        elif first:
+            waiting[again := submit(task)] = task, False
+            following.add(again)
+        else:
             yield task, lost(task, problem)
-            continue
-        again = submit(task)
-        waiting[again] = task
-        following.add(again)
 
 
 def _of_version(expected: str, packed: bytes) -> Sequence[KneeDone]:
-    """Compute a task, which is named by the version that asks: a worker that comes late may have
-    another."""
+    """Compute a task for this version of the package; a worker that comes late may have another."""
     if (found := _version()) != expected:
         raise RuntimeError(f"a worker has kneejax {found}: expected {expected}, as the command")
     work, task = pickle.loads(packed)
     return work(task)
 
 
-def _settings() -> dict[str, Any]:
-    return {
-        # A death is answered for here, by the task that the worker was at and by no other.
-        "distributed.scheduler.allowed-failures": 0,
-        "distributed.scheduler.worker-saturation": 1.0,
-        "distributed.worker.multiprocessing-method": "spawn",
-        # Answers are files: nothing that a worker holds is worth moving or spilling.
-        "distributed.worker.memory.target": False,
-        "distributed.worker.memory.spill": False,
-        "distributed.worker.memory.pause": False,
-        # Whoever gives memory back after each task asks for it again in the next one.
-        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
-        "distributed.worker.profile.enabled": False,
-        # A worker that computes does not answer for as long as a program compiles.
-        "distributed.comm.timeouts.connect": "60s",
-        "distributed.scheduler.worker-ttl": None,
-    }
+def _version() -> str:
+    return versions()["kneejax"]
 
 
 def _prepare(client: Any) -> None:
@@ -211,34 +198,18 @@ def _made_ready(client: Any) -> None:
         name = "kneejax"
 
         def setup(self, worker: Any) -> None:
-            _ready(worker.name if isinstance(worker.name, int) else os.getpid())
+            from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
+
+            share_memory_between_threads()
+            collect_seldom()
+            if hasattr(os, "sched_setaffinity") and len(cores := os.sched_getaffinity(0)) > 1:
+                # One core, so that JAX makes one thread; by a number that no other worker has.
+                place = worker.name if isinstance(worker.name, int) else os.getpid()
+                os.sched_setaffinity(0, {sorted(cores)[place % len(cores)]})
+            configure()
 
     client.register_plugin(Ready())
-    own = versions()["kneejax"]
     for worker, found in client.run(_version).items():
-        if found != own:
-            expected = f"workers with kneejax {own}, as here; {worker} has another"
+        if found != _version():
+            expected = f"workers with kneejax {_version()}, as here; {worker} has another"
             raise InputProblem("--scheduler", "version", found, expected)
-
-
-def _ready(place: int) -> None:
-    from kneejax.numerics import collect_seldom, configure, share_memory_between_threads
-
-    share_memory_between_threads()
-    collect_seldom()
-    _take_a_core(place)
-    configure()
-
-
-def _version() -> str:
-    return versions()["kneejax"]
-
-
-def _take_a_core(place: int) -> None:
-    """One core of those that this process may use, so that JAX makes one thread; by the worker's
-    number, which no other beside it has."""
-    if not hasattr(os, "sched_setaffinity"):
-        return
-    cores = sorted(os.sched_getaffinity(0))
-    if len(cores) > 1:
-        os.sched_setaffinity(0, {cores[place % len(cores)]})

@@ -1,7 +1,8 @@
 """What is to be computed: blocks of knees, each named by everything that its numbers depend on.
 
 Knees of one structure stand in one block and are calibrated side by side. Blocks belong to the
-plan: who computes them, in which order and on how many cores, changes no number.
+plan: who computes them, in which order and on how many cores, changes no number. A task writes its
+results to disk; whoever computes it, and however often it is begun, the files are the same.
 """
 
 from __future__ import annotations
@@ -9,13 +10,13 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
-from kneejax.cohorts._cohort import Cohort, CohortProblems, Member
+from kneejax.cohorts._reading import Cohort, CohortProblems, Member
 from kneejax.inference import versions
 from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
 from kneejax.parameters import MEANING, UnsuitableData
@@ -27,7 +28,7 @@ BLOCK = 8
 DRAWS = 100
 #: Fields of a study of which knees that stand side by side must agree, beside their data's form.
 _ALIKE = ("parameters", "procedures", "stages", "starts", "seed", "weights", "noise_mm",
-          "noise_deg", "frame_offset", "method")  # fmt: skip
+          "noise_deg", "frame_offset", "method", "loads", "prior")  # fmt: skip
 #: Fields that its numbers do not depend on, or that arrays say better.
 _ELSEWHERE = ("title", "path", "knee", "measured", "tests", "synthetic")
 
@@ -54,9 +55,32 @@ class Task:
         """Of its knees."""
         return tuple(one.name for one in self.members)
 
+    def __len__(self) -> int:
+        """Knees or draws."""
+        return self.draws[1] - self.draws[0] if self.draws else len(self.members)
+
+
+@dataclasses.dataclass(frozen=True)
+class KneeDone:
+    """What became of a knee of a task.
+
+    Attributes:
+        name: of the knee.
+        failed: why there is no answer, in a sentence; empty where there is one.
+        seconds: that it took, its share of the task's.
+    """
+
+    name: str
+    failed: str = ""
+    seconds: float = 0.0
+
+
+#: Computes a task and writes its results; it must be importable by its name.
+Work = Callable[[Task], Sequence[KneeDone]]
+
 
 def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
-    """Deal a cohort to blocks.
+    """Divide a cohort into blocks.
 
     Args:
         cohort: that was read.
@@ -133,24 +157,47 @@ def structures(tasks: Sequence[Task]) -> int:
     return len({_structure(task.members[0].study) for task in tasks})
 
 
+def in_process(tasks: Sequence[Task], work: Work) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+    """Compute tasks one after the other; each is yielded when it has ended.
+
+    A task that ends without an answer (a full disk, too little memory) is retried once at the end,
+    and its knees are then reported with the error.
+
+    Args:
+        tasks: in order.
+        work: of one task.
+    """
+    again = []
+    for task in tasks:
+        try:
+            yield task, work(task)
+        except Exception:
+            again.append(task)
+    for task in again:
+        try:
+            yield task, work(task)
+        except Exception as problem:
+            yield task, lost(task, problem)
+
+
+def lost(task: Task, problem: BaseException) -> list[KneeDone]:
+    """The knees of a task that has ended without an answer twice."""
+    words = " ".join(str(problem).split()) or "no further word"
+    return [KneeDone(name, f"{type(problem).__name__}: {words}") for name in task.names]
+
+
 def _structure(study: Study) -> bytes:
     """What knees have in common that stand in one block."""
     leaves, tree = jax.tree.flatten(dataclasses.replace(study.knee, name="", side="right"))
-    pose = jax.tree.leaves(study.knee.reference_pose)
     plain = study.settings()
-    words = [
-        str(tree),
-        [np.shape(leaf) for leaf in leaves],
-        {name: plain[name] for name in _ALIKE},
-        study.limits,
-        [_plain(test) | {"observed": np.isfinite(test.observed).tolist(), "readings": None}
-         for test in study.tests],
-        [bool(test.readings) for test in study.tests],
-        {name: sizes for name, sizes in plain["loads"].items()},
-        plain["prior"],
-    ]  # fmt: skip
-    flexion = np.asarray(study.flexion_deg, float).tobytes()
-    return _digest(json.dumps(words).encode(), flexion, *map(_bytes, pose))
+    words = [str(tree), [np.shape(leaf) for leaf in leaves], {x: plain[x] for x in _ALIKE}]
+    words.append(study.limits)
+    for test in study.tests:
+        alike = {"observed": np.isfinite(test.observed).tolist(), "readings": bool(test.readings)}
+        words.append(_plain(test) | alike)
+    pose = jax.tree.leaves(study.knee.reference_pose)
+    flexion = np.asarray(study.flexion_deg, float)
+    return _digest(json.dumps(words).encode(), *map(_bytes, (flexion, *pose)))
 
 
 def _fingerprint(members: Sequence[Member]) -> str:

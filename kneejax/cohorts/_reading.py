@@ -1,20 +1,19 @@
 """A cohort from its files: a folder or a pattern of studies, or a template and a table of knees.
 
-Every row is read before anything is said: a person mends a table once, not once for each row.
+All rows are read before a mistake is reported: a person corrects a table once, not once a row.
 """
 
 from __future__ import annotations
 
 import copy
+import dataclasses
 import glob
 import os
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from kneejax.cohorts._cohort import Cohort, CohortProblems, Member
-from kneejax.cohorts._rows import Row, read_knees
 from kneejax.files import (
     InputProblem,
     bundled_knees,
@@ -22,18 +21,66 @@ from kneejax.files import (
     bundled_studies,
     study_path,
 )
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files.reading import Field, load_yaml, plain_number
+from kneejax.files.tables import read_rows
 from kneejax.mechanics import Implausible
 from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.studies import study_of
+from kneejax.studies import STUDY_FIELDS, Study, study_of
 
-#: What a cohort that has a file of its own calls it.
-COHORT_FILE = "cohort.yaml"
-#: A study in a folder of its own.
-_STUDY_FILE = "study.yaml"
+_COHORT_FILE, _STUDY_FILE = "cohort.yaml", "study.yaml"
 _MISTAKES = (InputProblem, UnknownParameter, UnsuitableData, Implausible, MissingPackage)
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
+#: Fields of a study in which a column names an entry, dots and all: `set.ACL.stiffness`.
+_WITH_ENTRIES = ("start", "bounds", "prior", "set", "weights", "loads", "measured", "synthetic")
+_COLUMNS = (
+    "name, side, about's, or a field of the study: knee, measured.file, TEST.file, noise_mm, "
+    "set.ACL.stiffness, ..."
+)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Member:
+    """One knee of a cohort.
+
+    Attributes:
+        name: of the knee; of its folder of results too.
+        study: what is asked of it.
+        about: what else is known of it, e.g. `mass_kg`, as the table says; carried along.
+        place: file and row where it stands, for errors.
+    """
+
+    name: str
+    study: Study
+    about: Mapping[str, float | str] = dataclasses.field(default_factory=dict)
+    place: str = ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Cohort:
+    """Knees that are calibrated together.
+
+    Attributes:
+        title: for reports.
+        members: one a knee, in the order of the file or of their names.
+        file: where the cohort stands.
+    """
+
+    title: str
+    members: Sequence[Member]
+    file: str
+
+
+class CohortProblems(ValueError):
+    """Everything that is wrong with a cohort, a sentence each in `problems`, row by row."""
+
+    def __init__(self, problems: Sequence[str]):
+        """Keep the sentences."""
+        self.problems = tuple(problems)
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        return "\n".join(self.problems)
 
 
 def is_cohort(name_or_path: str | os.PathLike[str]) -> bool:
@@ -48,10 +95,8 @@ def is_cohort(name_or_path: str | os.PathLike[str]) -> bool:
         return True
     if os.fspath(name_or_path) in bundled_studies():
         return False
-    if os.path.isdir(path):
-        return True
     if not os.path.isfile(path) or path.suffix.lower() not in (".yaml", ".yml"):
-        return False
+        return os.path.isdir(path)
     document = load_yaml(path, "a study or a cohort file")
     return isinstance(document, dict) and "knees" in document
 
@@ -72,92 +117,159 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         CohortProblems: every mistake of every row, with its file and row.
         InputProblem: there is no cohort at all.
     """
-    path = Path(name_or_path)
-    own = path / COHORT_FILE if os.path.isdir(path) else path
+    path, members, problems = Path(name_or_path), [], []
+    own = path / _COHORT_FILE if os.path.isdir(path) else path
+    title = path.name
     if os.path.isfile(own):
-        title, found = _from_file(own)
+        whole = Field(os.fspath(own), "", load_yaml(own, "a cohort file"))
+        whole.mapping(("title", "study", "knees"), ("about",))
+        found, title = _from_rows(whole, own.parent), whole["title"].text()
     else:
-        title, found = path.name, _from_studies(name_or_path)
-    members: list[Member] = []
-    problems: list[str] = []
+        found = _from_studies(path)
     for one in found:
-        if isinstance(one, Member):
-            members.append(one)
-        else:
-            problems.append(one)
-    problems += _twice(members)
+        members += [one] if isinstance(one, Member) else []
+        problems += [] if isinstance(one, Member) else [one]
+    seen: dict[str, Member] = {}
+    for one in members:
+        # Folders of results may not tell capitals from others.
+        if (before := seen.setdefault(one.name.lower(), one)) is not one:
+            expected = f"every knee by a name of its own; {before.place} has it too"
+            problems.append(str(InputProblem(one.place, "name", one.name, expected)))
     if problems:
         raise CohortProblems(problems)
     return Cohort(title, tuple(members), os.fspath(own if os.path.isfile(own) else name_or_path))
 
 
-def _from_studies(pattern: str | os.PathLike[str]) -> Iterator[Member | str]:
+def _from_studies(pattern: Path) -> Iterator[Member | str]:
     """A member, or what is wrong with it, for every study that a folder or a pattern names."""
-    folder = Path(pattern)
-    if folder.is_dir():
-        files = [*folder.glob("*.yaml"), *folder.glob("*.yml"), *folder.glob(f"*/{_STUDY_FILE}")]
-        expected = f"{COHORT_FILE}, or studies as *.yaml or */{_STUDY_FILE} in this folder"
+    if pattern.is_dir():
+        names = ("*.yaml", "*.yml", f"*/{_STUDY_FILE}")
+        files = [file for name in names for file in pattern.glob(name)]
+        expected = f"{_COHORT_FILE}, or studies as *.yaml or */{_STUDY_FILE} in this folder"
     else:
         files = [Path(one) for one in glob.glob(os.fspath(pattern), recursive=True)]
         expected = "a pattern of at least one study file"
-    documents = {}
+    count = 0
     for file in sorted(files):
         try:
             document = load_yaml(file, "a study file")
         except InputProblem as problem:
-            documents[file] = problem
+            count += 1
+            yield str(problem)
             continue
-        # A knee may lie beside the study that begins with it.
-        if not (isinstance(document, dict) and "kneejax" in document):
-            documents[file] = document
-    if not documents:
-        raise InputProblem("cohort", "folder", os.fspath(pattern), expected)
-    for file, document in documents.items():
+        if isinstance(document, dict) and "kneejax" in document:
+            continue  # a knee may lie beside the study that begins with it
+        count += 1
         name = file.parent.name if file.name == _STUDY_FILE else file.stem
-        if isinstance(document, InputProblem):
-            yield str(document)
-        else:
-            yield from _member(name, Field(os.fspath(file), "", document), file.parent)
+        yield from _member(name, Field(os.fspath(file), "", document), file.parent)
+    if not count:
+        raise InputProblem("cohort", "folder", os.fspath(pattern), expected)
 
 
-def _from_file(path: Path) -> tuple[str, Iterator[Member | str]]:
-    """Title of a cohort file, and its members or what is wrong with them."""
-    whole = Field(os.fspath(path), "", load_yaml(path, "a cohort file"))
-    whole.mapping(("title", "study", "knees"), ("about",))
-    template, folder = _template(whole["study"], path.parent)
+def _from_rows(whole: Field, beside: Path) -> Iterator[Member | str]:
+    """A member, or what is wrong with it, for every row of a cohort file's knees."""
+    shared, folder = whole["study"], beside
+    if isinstance(shared.value, dict):
+        template = shared.value
+    else:
+        known, name = bundled_studies(), shared.text()
+        path = study_path(name) if name in known else beside / name
+        if not os.path.isfile(path):
+            expected = f"a study file, its fields, or a bundled study; not at {path}"
+            raise shared.problem(expected, known)
+        template, folder = load_yaml(path, "a study file"), path.parent
+        if not isinstance(template, dict):
+            raise InputProblem(path, "file", template, "a study file")
     about = [one.text() for one in whole["about"].items("columns")] if "about" in whole else []
-    rows = read_knees(whole["knees"], path.parent)
-    title = whole["title"].text()
-    return title, _from_rows(rows, template, folder, path.parent, about)
-
-
-def _from_rows(
-    rows: list[Row], template: dict[str, Any], folder: Path, beside: Path, about: list[str]
-) -> Iterator[Member | str]:
-    for row in rows:
+    for place, cells in _rows(whole["knees"], beside):
         try:
-            name, known, document = row.study(template, folder, beside, about)
+            name, known, document = _overlaid(place, cells, template, folder, beside, about)
         except InputProblem as problem:
             yield str(problem)
             continue
-        # Paths are those of the template's folder, or whole ones.
-        yield from _member(name, Field(row.place, "", document), folder, known)
+        yield from _member(name, Field(place, "", document), folder, known)
 
 
-def _template(field: Field, folder: Path) -> tuple[dict[str, Any], Path]:
-    """The fields that knees share, and the folder to which their paths are relative."""
-    if isinstance(field.value, dict):
-        return copy.deepcopy(field.value), folder
-    name = field.text()
-    known = bundled_studies()
-    path = study_path(name) if name in known else folder / name
+def _rows(field: Field, folder: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Place of each row for errors, and its cells by column, without empty ones."""
+    if isinstance(field.value, list):
+        for item in field.items("knees"):
+            if not isinstance(item.value, dict):
+                raise item.problem("a mapping with the field name, and what differs")
+            name = item.value.get("name", "")
+            yield f"{item.file}: {item.path}" + f" ({name})" * bool(name), item.value
+        return
+    path = folder / field.text()
     if not os.path.isfile(path):
-        expected = f"a study file, its fields, or a bundled study; not at {path}"
-        raise field.problem(expected, known)
-    document = load_yaml(path, "a study file")
-    if not isinstance(document, dict):
-        raise InputProblem(path, "file", document, "a study file")
-    return document, path.parent
+        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
+        raise field.problem(expected)
+    header, rows = read_rows(os.fspath(path), ["name"])
+    for number, (_, texts) in enumerate(rows, 1):
+        cells = {column: _value(x) for column, x in zip(header, texts, strict=True) if x.strip()}
+        # A name may be a number, or the word no.
+        cells["name"] = name = texts[header.index("name")].strip()
+        yield f"{path}: row {number}" + f" ({name})" * bool(name), cells
+
+
+def _value(cell: str) -> Any:
+    """A cell as a YAML file would give it: a number, a truth value, or a text."""
+    text = cell.strip()
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
+    number = plain_number(text)
+    if number is None:
+        return text
+    return int(text) if text.lstrip("+-").isdigit() else number
+
+
+def _overlaid(
+    place: str, cells: Mapping[str, Any], template: Mapping[str, Any], folder: Path, beside: Path,
+    about: Sequence[str],
+) -> tuple[str, dict[str, float | str], dict[str, Any]]:  # fmt: skip
+    """Name of a row's knee, what else is known of it, and the fields of its study.
+
+    Files of the row are relative to the folder `beside`, those of the template to `folder`, and so
+    are those of the study.
+    """
+    if not str(cells.get("name", "")).strip():
+        raise InputProblem(place, "name", "missing", "a name for this knee")
+    known, document = {}, copy.deepcopy(dict(template))
+    document["title"] = f"{document.get('title', 'Knee')}: {cells['name']}"
+    listed = document.get("tests")
+    tests = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
+    named = {one["name"]: one for one in tests if isinstance(one.get("name"), str)}
+    bundled = {**bundled_knees(), **bundled_measurements()}
+    for column, value in cells.items():
+        if column in about:
+            if not isinstance(value, str | int | float):
+                raise InputProblem(place, column, value, "a number or a text")
+            known[column] = value
+        if column in (*about, "name", "side"):
+            continue
+        is_file = column in ("knee", "prior") or column.endswith(".file")
+        if is_file and isinstance(value, str) and value not in bundled:
+            value = os.path.relpath(beside / value, folder)
+        first, _, rest = column.partition(".")
+        test = next((name for name in named if column.startswith(f"{name}.")), None)
+        if test is not None:
+            named[test][column[len(test) + 1 :]] = value
+        elif column in STUDY_FIELDS:
+            document[column] = value
+        elif rest and first in _WITH_ENTRIES:
+            inner = document.setdefault(first, {})
+            if not isinstance(inner, dict):
+                raise InputProblem(place, column, value, f"{first} of the template as fields")
+            inner[rest] = value
+        else:
+            near = [*STUDY_FIELDS, "measured.file", *(f"{name}.file" for name in named)]
+            raise InputProblem(place, "column", column, f"no such column, but {_COLUMNS}", near)
+    if "side" in cells:
+        side = Field(place, "side", cells["side"]).choice(("right", "left", "r", "l"))
+        for one in (document.get("measured"), *tests):
+            # A left knee's tables are mirrored; what comes with the package is of right knees.
+            if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
+                one["mirror"] = side.startswith("l")
+    return str(cells["name"]), known, document
 
 
 def _member(
@@ -167,9 +279,8 @@ def _member(
         expected = "a name of letters, digits, ., _, + or -, which is that of its folder too"
         yield str(InputProblem(document.file, "name", name, expected))
         return
-    missing = [*_missing_files(document, folder)]
-    yield from map(str, missing)
-    if missing:
+    if missing := [*_missing_files(document, folder)]:
+        yield from map(str, missing)
         return
     try:
         yield Member(name, study_of(document, folder), dict(about or {}), document.file)
@@ -180,30 +291,16 @@ def _member(
 
 def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:
     """Every file that a study names and that is not there, at once."""
-    named = {"knee": bundled_knees(), "measured": bundled_measurements()}
     if not isinstance(document.value, dict):
         return
+    places = [(document, "knee", bundled_knees())]
     tests = document.value.get("tests")
-    places = [(document, "knee", named["knee"])]
-    if isinstance(document.value.get("measured"), dict):
-        places.append((document["measured"], "file", named["measured"]))
-    for number, test in enumerate(tests if isinstance(tests, list) else []):
-        one = Field(document.file, f"tests[{number}]", test)
-        if isinstance(test, dict):
-            places.append((one, "file", named["measured"]))
+    listed = [*enumerate(tests)] if isinstance(tests, list) else []
+    named = [Field(document.file, f"tests[{number}]", test) for number, test in listed]
+    if "measured" in document:
+        named.insert(0, document["measured"])
+    places += [(one, "file", bundled_measurements()) for one in named]
     for field, name, known in places:
-        value = field.value.get(name)
+        value = field.value.get(name) if isinstance(field.value, dict) else None
         if isinstance(value, str) and value not in known and not os.path.isfile(folder / value):
             yield field[name].problem(f"a file; not at {folder / value}", known)
-
-
-def _twice(members: list[Member]) -> list[str]:
-    """Names that two knees have; folders of results may not tell capitals from others."""
-    seen: dict[str, Member] = {}
-    found = []
-    for one in members:
-        before = seen.setdefault(one.name.lower(), one)
-        if before is not one:
-            expected = f"every knee by a name of its own; {before.place} has it too"
-            found.append(str(InputProblem(one.place, "name", one.name, expected)))
-    return found

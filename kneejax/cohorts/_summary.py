@@ -1,36 +1,77 @@
-"""What a cohort says together: parameters over knees, outliers, and a prior for the next knee."""
+"""What became of a cohort: each knee's answer, parameters over knees, outliers, the next prior."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
-from typing import Any
+import json
+import math
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kneejax.cohorts._answers import KneeAnswer, KneeEstimate
+from kneejax.cohorts._plan import KneeDone
+from kneejax.cohorts._reading import Cohort
+from kneejax.files.reading import read_text
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.population import Population, in_log, population
+from kneejax.numerics import check_installed
 from kneejax.parameters import MEANING
 
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: What the result of a knee says of a fit that leaves more than noise.
+POOR = "Poor fit"
 #: Half the width of a 95 % interval in standard errors.
 _HALF = 1.959964
 #: Deviations from the population beyond which a knee is said to be an outlier.
 OUTLIER = 3.0
-#: Draws of a bootstrap that tell limits.
-_FEWEST = 20
+#: Draws of a bootstrap that tell limits; knees that tell a correlation.
+_FEWEST, _FEWEST_KNEES = 20, 5
+_NUMBERS = ("value", "low", "high", "standard_error", "start")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Outlier:
-    """A parameter of a knee that is far from those of the others.
+class KneeAnswer:
+    """What became of a knee.
 
     Attributes:
-        knee: its name.
-        parameter: which.
-        value: its estimate.
-        deviations: from the population's mean, in standard deviations of a knee that is measured as
-            well as this one.
+        name: of the knee.
+        about: what else is known of it.
+        failed: why there is no answer; empty where there is one.
+        outcome: in words, as its own report says; empty where it failed.
+        seconds: that it took.
+        rmse: coordinate -> root mean square error of the poses, mm or degrees.
+        tests: test and coordinate -> root mean square error of its curves.
+        objective: weighted sum of squares.
+        parameters: name -> its estimate as in result.json, NaN for null: `value`, `low`, `high`
+            (95 % limits), `standard_error`, `start`, `interval` (which limits mean something, in
+            words), `at_bound`.
+        units: parameter -> unit.
+        correlation: of the estimates, `(p, p)`.
+        good: whether its search converged to a fit that is not poor: only such a knee counts in the
+            population.
     """
+
+    name: str
+    about: Mapping[str, float | str]
+    failed: str = ""
+    outcome: str = ""
+    seconds: float = math.nan
+    rmse: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    tests: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    objective: float = math.nan
+    parameters: Mapping[str, Mapping[str, Any]] = dataclasses.field(default_factory=dict)
+    units: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    correlation: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    good: bool = False
+
+
+class Outlier(NamedTuple):
+    """A parameter of a knee that is far from the population's mean: its estimate, and the distance
+    in standard deviations of a knee that is measured as well as this one."""
 
     knee: str
     parameter: str
@@ -40,13 +81,13 @@ class Outlier:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class CohortSummary:
-    """What a cohort says together.
+    """What the knees of a cohort say together.
 
     Attributes:
         title: of the cohort.
         answers: of each knee.
         units: parameter -> unit, in the order of the first knee.
-        populations: parameter -> what is known of it over knees; those of fewer than three are not
+        populations: parameter -> its distribution over knees; those of fewer than three are not
             there.
         correlation: of the estimates over knees, `(p, p)` in the order of `units`; NaN where fewer
             than five knees have both.
@@ -60,20 +101,19 @@ class CohortSummary:
     populations: Mapping[str, Population]
     correlation: np.ndarray
     outliers: tuple[Outlier, ...]
-    draws: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    draws: Mapping[str, np.ndarray]
 
     def redrawn(self, knee: str, parameter: str) -> tuple[float, float, float]:
         """Standard deviation and 95 % limits of a parameter over a knee's bootstrap; NaN without
         one, or with fewer than twenty draws that converged."""
-        every, answer = self.draws.get(knee), {one.name: one for one in self.answers}.get(knee)
-        if every is None or answer is None or parameter not in answer.parameters:
-            return np.nan, np.nan, np.nan
-        own = every[:, list(answer.parameters).index(parameter)]
-        own = own[np.isfinite(own)]
-        if len(own) < _FEWEST:
-            return np.nan, np.nan, np.nan
-        low, high = np.percentile(own, [2.5, 97.5])
-        return float(own.std(ddof=1)), float(low), float(high)
+        answer = {one.name: one for one in self.answers}.get(knee)
+        if knee in self.draws and answer is not None and parameter in answer.parameters:
+            own = self.draws[knee][:, list(answer.parameters).index(parameter)]
+            own = own[np.isfinite(own)]
+            if len(own) >= _FEWEST:
+                low, high = np.percentile(own, [2.5, 97.5])
+                return float(own.std(ddof=1)), float(low), float(high)
+        return np.nan, np.nan, np.nan
 
     @property
     def fitted(self) -> tuple[KneeAnswer, ...]:
@@ -81,80 +121,101 @@ class CohortSummary:
         return tuple(one for one in self.answers if not one.failed)
 
 
+def read_answers(
+    cohort: Cohort, done: Mapping[str, KneeDone], folders: Path
+) -> tuple[KneeAnswer, ...]:
+    """Read what the tasks of a cohort have found.
+
+    Args:
+        cohort: whose knees.
+        done: name -> what became of it; knees that are missing are left out.
+        folders: in which each knee has a folder of its name.
+
+    Returns:
+        One a knee, in the order of the cohort.
+    """
+    found = []
+    for member in cohort.members:
+        if (one := done.get(member.name)) is None:
+            continue
+        if one.failed:
+            found.append(KneeAnswer(member.name, member.about, one.failed, seconds=one.seconds))
+            continue
+        text = read_text(folders / member.name / "result.json", "the result of a knee")
+        document = json.loads(text, object_hook=_without_null)
+        tests = {
+            f"{x['test']}, {x['coordinate']}": x["fitted"]
+            for x in document["tests"]
+            if math.isnan(x["flexion_deg"])
+        }
+        known = {name: document[name] for name in ("outcome", "rmse", "objective", "parameters",
+                                                   "units")}  # fmt: skip
+        found.append(
+            KneeAnswer(
+                member.name, member.about, seconds=one.seconds, tests=tests, **known,
+                correlation=np.array(document["correlation"]["matrix"], float),
+                good=bool(document["success"]) and document["outcome"] != POOR,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _without_null(read: dict[str, Any]) -> dict[str, Any]:
+    """Null is not a number; of words it is none."""
+    return {k: ("" if k == "interval" else math.nan) if v is None else v for k, v in read.items()}
+
+
 def summed_up(
-    title: str,
-    answers: Sequence[KneeAnswer],
-    units: Mapping[str, str],
-    draws: Mapping[str, np.ndarray] | None = None,
+    title: str, answers: Sequence[KneeAnswer], draws: Mapping[str, np.ndarray] | None = None
 ) -> CohortSummary:
     """Bring the answers of a cohort together.
 
     Args:
         title: of the cohort.
         answers: of each knee.
-        units: parameter -> unit.
         draws: knee -> values of its bootstrap.
     """
     fitted = [one for one in answers if not one.failed]
-    populations, outliers = {}, []
+    units: dict[str, str] = {}
+    for one in fitted:
+        units |= {name: unit for name, unit in one.units.items() if name not in units}
+    populations, outliers, middles = {}, [], []
     for name in units:
-        values, errors = _told(fitted, name)
-        found = population(values, errors, in_log(name))
-        if found is not None:
-            populations[name] = found
-            outliers += _outliers(fitted, name, values, errors, found)
+        pairs = [_told(one.parameters.get(name), in_log(name), one.good) for one in fitted]
+        values, errors = np.reshape(pairs, (-1, 2)).T
+        middles.append(values)
+        if (found := population(values, errors, in_log(name))) is None:
+            continue
+        populations[name] = found
+        with np.errstate(invalid="ignore"):
+            away = (values - found.mean) / np.sqrt(found.next_deviation**2 + errors**2)
+        outliers += [
+            Outlier(fitted[row].name, name, fitted[row].parameters[name]["value"], float(away[row]))
+            for row in np.flatnonzero(np.abs(np.nan_to_num(away)) > OUTLIER)
+        ]
     outliers.sort(key=lambda one: -abs(one.deviations))
+    correlation = np.full((len(units), len(units)), np.nan)
+    for i, one in enumerate(middles):
+        for j, other in enumerate(middles):
+            both = np.isfinite(one) & np.isfinite(other)
+            if both.sum() >= _FEWEST_KNEES and np.ptp(one[both]) > 0 and np.ptp(other[both]) > 0:
+                correlation[i, j] = np.corrcoef(one[both], other[both])[0, 1]
     return CohortSummary(
-        title, tuple(answers), dict(units), populations, _correlation(fitted, units),
-        tuple(outliers), dict(draws or {}),
-    )  # fmt: skip
+        title, tuple(answers), units, populations, correlation, tuple(outliers), dict(draws or {})
+    )
 
 
-def _told(answers: Sequence[KneeAnswer], name: str) -> tuple[np.ndarray, np.ndarray]:
-    """What each knee says of a parameter, or of its logarithm: value and standard error."""
-    pairs = [
-        _one(answer.parameters.get(name) if answer.good else None, in_log(name))
-        for answer in answers
-    ]
-    values, errors = np.reshape(pairs, (-1, 2)).T
-    return values, errors
-
-
-def _one(estimate: KneeEstimate | None, log: bool) -> tuple[float, float]:
-    """Value and standard error; nothing where the data give no two limits."""
-    if estimate is None or not np.isfinite([estimate.low, estimate.high]).all():
+def _told(estimate: Mapping[str, Any] | None, log: bool, good: bool) -> tuple[float, float]:
+    """Value and standard error of a parameter or its logarithm; NaN and infinite where the data
+    give no two limits."""
+    if estimate is None or not good:
         return np.nan, np.inf
-    ends = np.array([estimate.low, estimate.high])
-    if log and not (ends > 0).all():
+    ends = np.array([estimate["low"], estimate["high"]], float)
+    if not np.isfinite(ends).all() or (log and not (ends > 0).all()):
         return np.nan, np.inf
     ends = np.log(ends) if log else ends
     # Limits of a profile lie around where the likelihood is largest, to first order in the middle.
     return float(ends.mean()), float(np.ptp(ends) / (2.0 * _HALF))
-
-
-def _outliers(answers, name: str, values, errors, found: Population) -> list[Outlier]:
-    expected = np.sqrt(found.next_deviation**2 + errors**2)
-    with np.errstate(invalid="ignore"):
-        away = (values - found.mean) / expected
-    return [
-        Outlier(answers[row].name, name, answers[row].parameters[name].value, float(away[row]))
-        for row in np.flatnonzero(np.abs(np.nan_to_num(away)) > OUTLIER)
-    ]
-
-
-def _correlation(answers: Sequence[KneeAnswer], units: Mapping[str, str]) -> np.ndarray:
-    good, size = [one for one in answers if one.good], len(units)
-    table = np.array(
-        [[_one(one.parameters.get(name), in_log(name))[0] for one in good] for name in units]
-    ).reshape(size, len(good))
-    found = np.full((size, size), np.nan)
-    for i in range(size):
-        for j in range(size):
-            both = np.isfinite(table[i]) & np.isfinite(table[j])
-            spread = both.sum() >= 5 and np.ptp(table[i, both]) > 0 and np.ptp(table[j, both]) > 0
-            if spread:
-                found[i, j] = np.corrcoef(table[i, both], table[j, both])[0, 1]
-    return found
 
 
 def next_prior(summary: CohortSummary) -> dict[str, Any]:
@@ -173,3 +234,76 @@ def next_prior(summary: CohortSummary) -> dict[str, Any]:
         "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()},
         **MEANING,
     }
+
+
+def to_dataset(summary: CohortSummary) -> Dataset:
+    """Everything that a cohort found, over knees, parameters and coordinates.
+
+    Args:
+        summary: of the cohort.
+
+    Returns:
+        Of each knee: estimates with limits, their values shrunken towards the population
+        (`in_population`), correlation, errors, outcome; of each parameter mean and spread over
+        knees, of the logarithm where `logarithm` says so. Knees without an answer are NaN.
+
+    Raises:
+        MissingPackage: xarray is not installed.
+    """
+    check_installed("xarray", "cohorts")
+    import xarray
+
+    answers, names = summary.answers, list(summary.units)
+    over = [summary.populations.get(name) for name in names]
+    place = {one.name: row for row, one in enumerate(summary.fitted)}
+    size, count = len(answers), len(names)
+
+    def over_knees(number: Callable[[KneeAnswer, str], Any]) -> tuple[tuple[str, str], np.ndarray]:
+        rows = [[number(one, name) for name in names] for one in answers]
+        return ("knee", "parameter"), np.array(rows).reshape(size, count)
+
+    def estimated(field: str, without: Any = np.nan) -> Callable[[KneeAnswer, str], Any]:
+        return lambda one, name: one.parameters.get(name, {}).get(field, without)
+
+    def shrunken(field: str) -> Callable[[KneeAnswer, str], float]:
+        return lambda one, name: (
+            getattr(summary.populations[name], field)[place[one.name]]
+            if name in summary.populations and one.name in place
+            else np.nan
+        )
+
+    correlation = np.full((size, count, count), np.nan)
+    longest = max(map(len, summary.draws.values()), default=0)
+    redrawn = np.full((size, longest, count), np.nan)
+    for row, one in enumerate(answers):
+        own = [names.index(name) for name in one.parameters]
+        if own:
+            correlation[np.ix_([row], own, own)] = one.correlation
+        if one.name in summary.draws:
+            values = summary.draws[one.name][:, : len(own)]
+            redrawn[np.ix_([row], range(len(values)), own)] = values
+    rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
+    data: dict[str, Any] = {name: over_knees(estimated(name)) for name in _NUMBERS}
+    data |= {
+        "in_population": over_knees(shrunken("shrunk")),
+        "in_population_sd": over_knees(shrunken("deviation")),
+        "interval": over_knees(estimated("interval", "")),
+        "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
+        "correlation": (("knee", "parameter", "other_parameter"), correlation),
+        "objective": ("knee", [one.objective for one in answers]),
+        "outcome": ("knee", [one.outcome or "failed" for one in answers]),
+        "failed": ("knee", [one.failed for one in answers]),
+        "mean": ("parameter", [np.nan if x is None else x.mean for x in over]),
+        "spread": ("parameter", [np.nan if x is None else x.spread for x in over]),
+        "logarithm": ("parameter", [x is not None and x.log for x in over]),
+        "correlation_over_knees": (("parameter", "other_parameter"), summary.correlation),
+    }
+    if summary.draws:
+        data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
+    places = {
+        "knee": [one.name for one in answers], "parameter": names, "other_parameter": names,
+        "coordinate": list(FREE_COORDINATES),
+        "parameter_unit": ("parameter", list(summary.units.values())),
+        "coordinate_unit": ("coordinate", [COORDINATES[n].unit for n in FREE_COORDINATES]),
+    }  # fmt: skip
+    return xarray.Dataset(data, places, {"title": summary.title})

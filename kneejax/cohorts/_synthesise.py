@@ -8,7 +8,6 @@ is a convention that stands in `Spread`.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
 from collections.abc import Iterator
 from typing import Any
@@ -155,25 +154,33 @@ def _drawn(
 ) -> MadeUpKnee | None:
     """A knee and its data; None where there is no such knee, or it does not balance."""
     size = 1.0 + spread.size * _cut_normal(draws, ())
-    own = _grown(document, size, spread, draws)
+    own = _scaled(document, float(size))
+    for ligament in own["ligaments"].values():
+        for end in _ENDS:
+            moved = np.array(ligament[end]) + spread.attachment_mm * _cut_normal(draws, (3,))
+            ligament[end] = moved.round(4).tolist()
     own["description"] = (
         f"Made-up knee {name}: {document['name']}, {size:.4f} times as large, attachments moved"
     )
-    knee = build_knee(own, name).knee
-    truth = _truth(base, spread, draws)
+    names, count = base.ligaments.names, len(base.ligaments.names)
+    stiffness = np.exp(spread.stiffness * draws.standard_normal(count))
+    strains = base.reference_strain() + spread.reference_strain * draws.standard_normal(count)
+    pairs = {"stiffness": stiffness * base.ligaments.stiffness, "reference_strain": strains}
+    truth = {
+        f"{one}.{quantity}": float(x)
+        for quantity, values in pairs.items()
+        for one, x in zip(names, values, strict=True)
+    }
     try:
-        true = with_values(knee, truth)
+        true = with_values(build_knee(own, name).knee, truth)
     except Implausible:  # a strain or a length that no knee has
         return None
-    motion = passive_flexion(true, list(protocol.passive_deg))
-    curves = load_curves(true, protocol.tests())
-    noise = {"mm": spread.noise_mm, "deg": spread.noise_deg}
-    sd = np.array([noise["deg"], noise["deg"], noise["mm"], noise["mm"], noise["mm"]])
-    passive = np.array(motion.to_table())
-    measured = [MeasuredTest.of(one) for one in curves]
-    known = [passive, *(np.where(_asked(test), test.observed, 0.0) for test in measured)]
-    if not all(np.isfinite(one).all() for one in known):
+    passive = np.array(passive_flexion(true, list(protocol.passive_deg)).to_table())
+    measured = [MeasuredTest.of(one) for one in load_curves(true, protocol.tests())]
+    known = [x.observed[:, np.isin(FREE_COORDINATES, x.coordinates)] for x in measured]
+    if not all(np.isfinite(one).all() for one in (passive, *known)):
         return None
+    sd = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3)
     passive[:, 1:] += sd * draws.standard_normal((len(passive), 5))
     tests = [
         dataclasses.replace(
@@ -185,37 +192,12 @@ def _drawn(
     return MadeUpKnee(name, own, passive, tuple(tests), truth, float(size), 0)
 
 
-def _asked(test: MeasuredTest) -> np.ndarray:
-    return np.isin(FREE_COORDINATES, test.coordinates)
-
-
-def _truth(knee: Knee, spread: Spread, draws) -> dict[str, float]:
-    names = knee.ligaments.names
-    strains = np.asarray(knee.reference_strain())
-    stiffness = np.asarray(knee.ligaments.stiffness)
-    stiffness = stiffness * np.exp(spread.stiffness * draws.standard_normal(len(names)))
-    strains = strains + spread.reference_strain * draws.standard_normal(len(names))
-    pairs = [(f"{name}.stiffness", x) for name, x in zip(names, stiffness, strict=True)]
-    pairs += [(f"{name}.reference_strain", x) for name, x in zip(names, strains, strict=True)]
-    return {name: float(x) for name, x in pairs}
-
-
 def _cut_normal(draws, shape: tuple[int, ...]) -> np.ndarray:
     """Standard normal numbers, none beyond two standard deviations."""
     x = draws.standard_normal(shape)
     while (far := np.abs(x) > 2.0).any():
         x = np.where(far, draws.standard_normal(shape), x)
     return x
-
-
-def _grown(document: dict[str, Any], size: float, spread: Spread, draws) -> dict[str, Any]:
-    """A knee document of another size, its attachments moved."""
-    own = _scaled(copy.deepcopy(document), float(size))
-    for ligament in own["ligaments"].values():
-        for end in _ENDS:
-            moved = np.array(ligament[end]) + spread.attachment_mm * _cut_normal(draws, (3,))
-            ligament[end] = moved.round(4).tolist()
-    return own
 
 
 def _scaled(value: Any, size: float, length: bool = False) -> Any:

@@ -7,16 +7,7 @@ from kneejax.experiments._evaluate import evaluate as evaluate
 from kneejax.experiments._evaluate import status_of as status_of
 from kneejax.experiments._motion import Motion as Motion
 from kneejax.experiments._motion import passive_flexion as passive_flexion
-from kneejax.experiments._peak_pressure import PeakPressure as PeakPressure
-from kneejax.experiments._peak_pressure import peak_pressure as peak_pressure
 from kneejax.experiments._slack import slack_poses as slack_poses
-from kneejax.experiments._varus_valgus import BODY_WEIGHT_N as BODY_WEIGHT_N
-from kneejax.experiments._varus_valgus import DIRECTIONS as DIRECTIONS
-from kneejax.experiments._varus_valgus import VALGUS as VALGUS
-from kneejax.experiments._varus_valgus import VARUS as VARUS
-from kneejax.experiments._varus_valgus import VarusValgus as VarusValgus
-from kneejax.experiments._varus_valgus import VarusValgusRamp as VarusValgusRamp
-from kneejax.experiments._varus_valgus import varus_valgus as varus_valgus
 from kneejax.experiments._ways import Way as Way
 from kneejax.experiments._ways import flipped as flipped
 from kneejax.experiments._ways import near_flip as near_flip
@@ -36,8 +27,6 @@ from kneejax.experiments.extensor import extension_by_length as extension_by_len
 from kneejax.experiments.extensor import isometric_extension as isometric_extension
 from kneejax.experiments.extensor import leg_raise as leg_raise
 from kneejax.experiments.extensor import leg_raise_by_length as leg_raise_by_length
-from kneejax.experiments.extensor import on_path as on_path
-from kneejax.experiments.extensor import patella_path as patella_path
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
 from kneejax.experiments.in_time import Beginning as Beginning

@@ -76,6 +76,7 @@ _MODULES = {
     "import_osim": "kneejax.files.opensim",
     "read_activity": "kneejax.files.opensim",
     "InputProblem": "kneejax.files.reading",
+    "InputProblems": "kneejax.files.reading",
     "counted": "kneejax.files.reading",
     "nearest_name": "kneejax.files.reading",
     "write_bytes": "kneejax.files.reading",
@@ -168,6 +169,7 @@ if TYPE_CHECKING:
     from kneejax.files.opensim import registered as registered
     from kneejax.files.opensim import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
+    from kneejax.files.reading import InputProblems as InputProblems
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import nearest_name as nearest_name
     from kneejax.files.reading import write_bytes as write_bytes

@@ -9,6 +9,7 @@ from kneejax.inference.calibration import POSES as POSES
 from kneejax.inference.calibration import PROCEDURES as PROCEDURES
 from kneejax.inference.calibration import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration import Calibration as Calibration
+from kneejax.inference.calibration import CalibrationProblem as CalibrationProblem
 from kneejax.inference.calibration import Ending as Ending
 from kneejax.inference.calibration import Estimate as Estimate
 from kneejax.inference.calibration import Fault as Fault
@@ -17,7 +18,6 @@ from kneejax.inference.calibration import FittedTest as FittedTest
 from kneejax.inference.calibration import Iteration as Iteration
 from kneejax.inference.calibration import Misfit as Misfit
 from kneejax.inference.calibration import Motion as Motion
-from kneejax.inference.calibration import Question as Question
 from kneejax.inference.calibration import Stage as Stage
 from kneejax.inference.calibration import calibrate as calibrate
 from kneejax.inference.calibration import calibrate_side_by_side as calibrate_side_by_side

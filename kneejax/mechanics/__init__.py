@@ -28,8 +28,6 @@ from kneejax.mechanics._named_loads import load_called as load_called
 from kneejax.mechanics._named_loads import load_of as load_of
 from kneejax.mechanics._named_loads import load_opposite_to as load_opposite_to
 from kneejax.mechanics._named_loads import load_words as load_words
-from kneejax.mechanics._patella_path import PatellaOnPath as PatellaOnPath
-from kneejax.mechanics._patella_path import Strands as Strands
 from kneejax.mechanics._plausible import RANGES as RANGES
 from kneejax.mechanics._plausible import Implausible as Implausible
 from kneejax.mechanics._plausible import Range as Range

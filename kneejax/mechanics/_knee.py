@@ -15,9 +15,8 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
-from kneejax.mechanics._loads import ConstantTensionLine, Load, Support
+from kneejax.mechanics._loads import Line, Load, Support
 from kneejax.mechanics._muscles import QUADRICEPS, Muscles
-from kneejax.mechanics._patella_path import PatellaOnPath
 from kneejax.mechanics._step import TimeStep
 from kneejax.mechanics._wrench import Wrenches
 from kneejax.mechanics.contact import Contact, Foundation, PointFaults, Pressed, foundations_of
@@ -56,8 +55,8 @@ class Knee(eqx.Module):
         contacts: the compartments.
         contact_names: one name per compartment, e.g. `medial`.
         loads: wrenches on the tibia that act in every experiment on this knee.
-        lines: lines of constant tension whose upper end may travel with flexion, or a patella on a
-            path.
+        lines: lines of constant tension whose upper end may travel with flexion, or other parts
+            that pull by a potential between two bones.
         reference_pose: of the tibia, where reference strains and reference lengths are stated.
         other_bones: bone -> its pose there, of those that move besides the tibia.
         muscles: lines of given tension along courses; None without any.
@@ -71,7 +70,7 @@ class Knee(eqx.Module):
     ligaments: Ligaments
     contacts: tuple[Contact, ...]
     loads: tuple[Load | Support, ...]
-    lines: tuple[ConstantTensionLine | PatellaOnPath, ...]
+    lines: tuple[Line, ...]
     reference_pose: Pose
     contact_names: tuple[str, ...] = eqx.field(static=True)
     groups: tuple[tuple[str, tuple[str, ...]], ...] = eqx.field(static=True, default=())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Protocol
 
 import equinox as eqx
 import jax
@@ -148,6 +149,35 @@ class Support(eqx.Module):
         """Generalised force on some coordinates."""
         nothing = jnp.zeros(state.shape)
         return tuple(nothing + self.size if name == self.coordinate else nothing for name in names)
+
+
+class Line(Protocol):
+    """A part of a knee that pulls by a potential between two bones, as a `ConstantTensionLine`.
+
+    Attributes:
+        name: what reports call it.
+        tension: N, that a load can add to.
+    """
+
+    name: str
+    tension: Array
+
+    @property
+    def bodies(self) -> Pair:
+        """The two bones that it joins."""
+        ...
+
+    def energy(self, state: State) -> Array:
+        """N mm."""
+        ...
+
+    def wrench(self, state: State) -> Wrench:
+        """On the second bone, about its origin in femur axes."""
+        ...
+
+    def work_of_end(self, state: State) -> Array:
+        """Generalised force on flexion besides the wrench, N mm per rad."""
+        ...
 
 
 class ConstantTensionLine(eqx.Module):

@@ -149,6 +149,41 @@ def balance_lines(
     return batch.answer((lines, points))
 
 
+def balance_in_order(
+    knee: Knee, load_cases: LoadCases, first: int, q, contact_points
+) -> Equilibria:
+    """Balance a knee at load cases that follow each other, as the instants of a movement.
+
+    From one of them the knee is followed in both directions. What it does not hold is passed over
+    once; where the next one is lost too, the path ends.
+
+    Args:
+        knee: without a lane axis.
+        load_cases: in order of time, of any prescribed coordinates.
+        first: the one from which the others are reached.
+        q: free coordinates at which the knee balances there, `(free,)`, rad and mm.
+        contact_points: parameters of the contact points there, `(n, 2)`.
+
+    Returns:
+        The balances of one variant, with what holds them.
+
+    Raises:
+        RuntimeError: float64 is switched off.
+    """
+    needs_float64()
+    variants, load_cases = Variants.of(knee, itself, np.zeros((1, 0))), load_cases.of(knee).plain()
+    batch, count = _Batch(variants, load_cases, True), len(load_cases)
+    one, here = np.zeros(1, int), np.array([first])
+    batch.seek(one, here, q[None], contact_points[None], lambda _: None)
+    way = np.array([1, -1])
+    length = np.array([count - 1 - first, first])
+    steps = np.minimum(np.arange(1, max(count, 2)), length[:, None])
+    places = first + way[:, None] * steps
+    origin = np.zeros(2, int), np.full(2, first)
+    batch.follow(0 * places, places, length, origin, _WHILE_CHANGED, lambda _: None)
+    return batch.answer((1,))
+
+
 def balance_near(
     knee: Knee, vary: Vary, values: Any, load_cases: LoadCases, q, contact_points
 ) -> Equilibria:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files import (
+    Calibrated,
     KneeFile,
     bone_surface,
     knee_with,
@@ -19,7 +20,7 @@ from kneejax.files import (
 )
 from kneejax.files.reading import Field
 from kneejax.geometry import FEMUR, TIBIA
-from kneejax.mechanics import RANGES, Knee, Range
+from kneejax.mechanics import RANGES, Knee, Range, range_of_parameter
 from kneejax.parameters import UnknownParameter, fibre_rows
 from kneejax.planning import (
     DIRECTIONS,
@@ -42,8 +43,7 @@ from kneejax.planning import (
     footprint_of,
     reconstruction_of,
 )
-from kneejax.studies._drawn_knees import drawn_parameters
-from kneejax.studies._study_fields import parameter_values
+from kneejax.studies._checked import Mistakes, by_parameter
 
 _REQUIRED = ("title", "knee", "graft")
 _OPTIONAL = (
@@ -64,6 +64,8 @@ _USUAL: dict[str, Any] = {
     "laxity_band_mm": 2.0,
     "tension_range_N": (20.0, 150.0),
 }
+#: Tries for each draw before the nearest possible value is taken.
+_TRIES = 100
 #: Steps in which the force of a Lachman test grows; a path divides those that are too long.
 _STEPS = 1
 
@@ -150,7 +152,10 @@ def _read_knee(plan: Field, folder: Path) -> tuple[KneeFile, Path]:
 
 def _knee(plan: Field, read: Knee, path: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
     """The knee; those drawn from its calibration; parameters that no draw changes."""
-    own = parameter_values(plan["set"]) if "set" in plan else {}
+    own, mistakes = {}, Mistakes(plan.file)
+    with mistakes.gathered("set"):
+        own = by_parameter(Field.number)(plan["set"].value) if "set" in plan else {}
+    mistakes.check()
     knee = knee_with(read, own, plan.file)
     if "draws" not in plan:
         return knee, (), ()
@@ -328,3 +333,62 @@ def _map(plan: Field) -> tuple[int, dict[str, float]]:
         if f"{bone}_half_mm" in field:
             halves[bone] = field[f"{bone}_half_mm"].number(_HALF)
     return points, halves
+
+
+def drawn_parameters(
+    calibrated: Calibrated, count: int, seed: int = 0
+) -> tuple[list[dict[str, float]], tuple[str, ...]]:
+    """Draw parameters from the normal distribution about a fit.
+
+    Args:
+        calibrated: values, standard errors and their correlation.
+        count: of draws.
+        seed: of the random numbers.
+
+    Returns:
+        Parameter -> value of each draw; and the parameters without a standard error, which keep
+        their values. A draw that no knee can have is drawn anew.
+
+    Example:
+        >>> fit = Calibrated("k", {}, {"ACL.stiffness": 5000.0}, {}, "", {},
+        ...                  {"ACL.stiffness": 100.0})
+        >>> draws, held = drawn_parameters(fit, 1000)
+        >>> round(float(np.std([x["ACL.stiffness"] for x in draws])), -1), held
+        (100.0, ())
+    """
+    names = [name for name in calibrated.found if name in calibrated.standard_error]
+    held = tuple(name for name in calibrated.found if name not in names)
+    middle = np.array([calibrated.found[name] for name in names])
+    error = np.array([calibrated.standard_error[name] for name in names])
+    root = _root(_correlation(calibrated, names)) * error[:, None] if names else np.zeros((0, 0))
+    ranges = [range_of_parameter(name) for name in names]
+    draw, answer = np.random.default_rng(seed), []
+    for _ in range(count):
+        values = middle
+        for _ in range(_TRIES):
+            values = middle + root @ draw.standard_normal(len(names))
+            if all(one is None or one.holds(x) for one, x in zip(ranges, values, strict=True)):
+                break
+        else:
+            values = np.array([
+                x if one is None else np.clip(x, one.lower, one.upper)
+                for one, x in zip(ranges, values, strict=True)
+            ])  # fmt: skip
+        answer.append(dict(zip(names, values.tolist(), strict=True)))
+    return answer, held
+
+
+def _correlation(calibrated: Calibrated, names: list[str]) -> np.ndarray:
+    known, matrix = calibrated.correlation
+    if not known or any(name not in known for name in names):
+        return np.eye(len(names))
+    rows = [known.index(name) for name in names]
+    found = np.array(matrix)[np.ix_(rows, rows)]
+    np.fill_diagonal(found, 1.0)
+    return 0.5 * (found + found.T)
+
+
+def _root(matrix: np.ndarray) -> np.ndarray:
+    """A root of a correlation, whose smallest values may have been rounded below zero."""
+    values, vectors = np.linalg.eigh(matrix)
+    return vectors * np.sqrt(np.maximum(values, 0.0))

@@ -1,164 +1,138 @@
-"""A study from its file: what stands on disk, and what that means."""
+"""What a study names, read: its knee, its poses, the tables of its tests, a prior."""
 
 from __future__ import annotations
 
+import dataclasses
 import os
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.files import (
-    InputProblem,
-    bundled_knees,
-    bundled_measurements,
-    knee_with,
-    load_knee,
-    named_document,
-    read_loads,
-    read_poses,
+from kneejax.files import InputProblem
+from kneejax.files.reading import Field, load_yaml
+from kneejax.studies._checked import MIRROR, UNITS, Mistakes, by_parameter, deviation
+from kneejax.studies._lab_tests import (
+    COORDINATES,
+    PATELLA,
+    InTime,
+    StudyTest,
+    older_name,
+    published_laxity,
+    published_motions,
 )
-from kneejax.files.reading import Field
-from kneejax.geometry import COLUMNS, CONVENTIONS, FEMORAL
-from kneejax.mechanics import RANGES
-from kneejax.studies._field_names import AS_THEY_ARE, OPTIONAL, REQUIRED
-from kneejax.studies._prior_file import with_prior_file
-from kneejax.studies._reading_tests import MIRROR, read_tests
-from kneejax.studies._study import Study
-from kneejax.studies._study_fields import Synthetic, parameter_values
+from kneejax.studies._schema import Measured, StudyFields, StudyStage
+
+if TYPE_CHECKING:
+    from kneejax.experiments import Frames, MeasuredTest
+    from kneejax.files import LabTable
+    from kneejax.mechanics import Knee
+
+#: Words for the negative sense of a load or a coordinate.
+_OTHER_SENSE = re.compile(
+    r"posterior|medial|inferior|distal|distraction|valgus|abduction|external", re.IGNORECASE
+)
+#: Fields of a test that say what stands in a table of one's own.
+_OF_OWN_TABLES = ("columns", "ignore", "convention", "mirror", "at_deg")
 
 
-def read_study(name_or_path: str | os.PathLike[str]) -> Study:
-    """Read a study, its knee and its measured poses.
-
-    Args:
-        name_or_path: name of a bundled study, or a study file; paths in it are relative to its
-            folder.
-
-    Returns:
-        The study, checked whole.
-
-    Raises:
-        InputProblem: the file or one that it names cannot be read, or a field is missing,
-            unknown or out of range.
-        UnknownParameter: a name that the knee does not have.
-        UnsuitableData: bounds that exclude the start, or a method that is not installed.
-
-    Example:
-        >>> study = read_study("paper1")
-        >>> study.knee.name, study.parameters
-        ('four_ligament', ('*.stiffness', '*.reference_strain'))
-    """
-    return study_of(*named_document("studies", name_or_path))
+def usual_procedures(study: StudyFields) -> tuple[str, ...]:
+    """Procedures where none are named: the first is the answer, others are there to compare."""
+    return ("S",) if study.stages else ("II", "I", "III")
 
 
-def study_of(study: Field, folder: Path) -> Study:
-    """Make a study of what a file says.
+def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
+    """What fields say of each other."""
 
-    Args:
-        study: everything that the file says.
-        folder: to which paths in it are relative.
+    def refuse(field: str, value: Any, expected: str) -> None:
+        mistakes.keep(InputProblem("", field, value, expected))
 
-    Returns:
-        The study, checked whole.
-
-    Raises:
-        InputProblem: as `read_study`, and so do the others.
-        UnknownParameter: likewise.
-        UnsuitableData: likewise.
-    """
-    study.mapping(REQUIRED, OPTIONAL)
-    for name, value in study.value.items():
-        if value is None or (value == [] and name in AS_THEY_ARE):
-            raise study[name].problem("a value, or this field left out")
-    if "flexion_deg" in study and "synthetic" in study:
+    poses = {"measured": study.measured, "synthetic": study.synthetic}
+    given = [name for name, one in poses.items() if one is not None]
+    if len(given) > 1 or not (given or study.tests):
+        expected = "exactly one of measured, synthetic" + ", or tests" * (not given)
+        refuse("measured", " and ".join(given) or "neither", expected)
+    if study.flexion_limits_deg and study.synthetic:
         expected = "no limits beside synthetic poses, which have their own flexion_deg"
-        raise study["flexion_deg"].problem(expected)
-    origin: dict[str, Any] = {
-        "knee": _knee(study["knee"], folder),
-        "measured": None,
-        "flexion_deg": study["flexion_deg"].interval(RANGES["flexion_deg"])
-        if "flexion_deg" in study
-        else None,
-        "overrides": parameter_values(study["set"]) if "set" in study else {},
-    }
-    poses, acted = None, {}
-    if "measured" in study and "synthetic" not in study:
-        origin["measured"] = _measured(study["measured"], folder)
-        poses, acted = _read_poses(origin["measured"], origin["flexion_deg"], study.file)
-    if "patella" in study:
-        origin["patella"] = study["patella"].boolean()
-    whole = load_knee(origin["knee"], patella=origin.get("patella", False))
-    knee = knee_with(whole, origin["overrides"], study.file)
-    tests = read_tests(study["tests"], folder, knee.pullable) if "tests" in study else []
-    if acted and "loads" in study:
-        expected = f"no loads beside those of the measured table ({', '.join(acted)})"
-        raise study["loads"].problem(expected)
-    given: dict[str, Any] = {name: study[name].value for name in AS_THEY_ARE if name in study}
-    if isinstance(given.get("prior"), str):
-        given = with_prior_file(study, given, knee, folder)
-    return Study(
-        title=study["title"].value,
-        knee=knee,
-        parameters=study["parameters"].value,
-        measured=study["measured"].value if poses is None and "measured" in study else poses,
-        synthetic=_synthetic(study["synthetic"]) if "synthetic" in study else None,
-        **({"loads": acted} if acted else {}) | given,
-        tests=[test for test, _ in tests],
-        origin=origin | {"tests": [said for _, said in tests]},
-        file=study.file,
-    )
+        refuse("flexion_deg", [*study.flexion_limits_deg], expected)
+    procedures = study.procedures or usual_procedures(study)
+    if ("S" in procedures) != bool(study.stages):
+        refuse("procedures", [*procedures], "S among procedures and stages, or neither")
+    if study.starts > 1 and "III" not in procedures:
+        refuse("starts", study.starts, "1: only procedure III has several starts")
+    known = ["poses"] * bool(given) + [test.name for test in study.tests]
+    for number, stage in enumerate(study.stages):
+        for i, name in enumerate(stage.data):
+            with mistakes.gathered(f"stages[{number}].data[{i}]"):
+                Field("", "", name).choice(known)
 
 
-def _knee(field: Field, folder: Path) -> str:
-    name = field.text()
-    known = bundled_knees()
-    if name in known:
-        return name
-    path = folder / name
-    if not os.path.isfile(path):
-        expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
-        raise field.problem(expected, known)
-    return os.path.abspath(path)  # results are read elsewhere
+def objects_of(
+    study: StudyFields, fields: Mapping[str, Any], mistakes: Mistakes
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What the study names, for its record, and the objects that stand for it."""
+    from kneejax.files import load_knee
+    from kneejax.parameters import with_values
 
+    said: dict[str, Any] = {}
+    objects: dict[str, Any] = {"set": {}, "flexion_deg": None}
+    knee = study.knee
+    if isinstance(knee, str):
+        said["knee"] = knee
+        with mistakes.gathered():
+            knee = load_knee(knee, patella=bool(study.patella))
+    if study.flexion_limits_deg:
+        said["flexion_deg"] = study.flexion_limits_deg
+    if study.set:
+        said["overrides"] = study.set
+    if isinstance(study.measured, Measured):
+        said["measured"] = study.measured.model_dump()
+        with mistakes.gathered():
+            objects["measured"], acted = _read_poses(study.measured, study.flexion_limits_deg)
+            if acted and study.loads:
+                expected = f"no loads beside those of the measured table ({', '.join(acted)})"
+                raise InputProblem("", "loads", study.loads, expected)
+            objects |= {"loads": acted} if acted else {}
+    if study.patella is not None:
+        said["patella"] = study.patella
+    mistakes.check()
+    with mistakes.gathered():
+        objects["knee"] = knee = with_values(knee, study.set)
+    if any(isinstance(test, StudyTest) for test in study.tests):
+        objects["tests"], said["tests"] = [], []
+        for number, test in enumerate(study.tests):
+            with mistakes.gathered(f"tests[{number}]"):
+                if isinstance(test, StudyTest):
+                    record = older_name(fields["tests"][number])
+                    said["tests"].append(record | {"file": test.file})
+                    test = measured_test_of(test, knee.pullable)
+                objects["tests"].append(test)
+    if isinstance(study.prior, str):
+        with mistakes.gathered():
+            objects |= _prior_of_cohort(study, knee)
+    if study.stages:
+        from kneejax.inference import Stage
 
-def _measured(field: Field, folder: Path) -> dict[str, Any]:
-    """Which table was measured, what its columns mean, and who says so."""
-    field.mapping(("file", "source"), ("convention", "columns", "mirror"))
-    columns = {}
-    if "columns" in field:
-        renamed = field["columns"].mapping((), COLUMNS)
-        columns = {name: renamed[name].text() for name in renamed.value}
-    return {
-        "file": os.fspath(_table(field["file"], folder)),
-        "convention": field["convention"].choice(CONVENTIONS) if "convention" in field else FEMORAL,
-        "columns": columns,
-        "source": field["source"].text(),
-        "mirror": field["mirror"].boolean() if "mirror" in field else False,
-    }
-
-
-def _table(field: Field, folder: Path) -> Path:
-    path = folder / field.text()
-    if os.path.isfile(path):
-        return path
-    every = bundled_measurements()
-    known = {name: one for name, one in every.items() if one.use == "poses"}
-    if field.value in known:
-        return known[field.value].path
-    if field.value in every:
-        other = "a table under tests" if every[field.value].use == "test" else "conditions alone"
-        raise field.problem(f"measured poses; {field.value} is {other}")
-    raise field.problem(f"a CSV table or a bundled measurement; not at {path}", known)
+        objects["stages"] = [
+            Stage(one.parameters, one.data) if isinstance(one, StudyStage) else one
+            for one in study.stages
+        ]
+    if not study.procedures:
+        objects["procedures"] = usual_procedures(study)
+    return said, objects
 
 
 def _read_poses(
-    measured: dict[str, Any], limits: tuple[float, float] | None, file: str
+    measured: Measured, limits: tuple[float, float] | None
 ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """Measured poses within limits of flexion, `(n, 6)`, degrees and mm, and loads that acted."""
-    table = read_poses(measured["file"], measured["convention"], measured["columns"])
-    loads = read_loads(measured["file"])
-    if measured["mirror"]:
+    """Poses within limits of flexion, `(n, 6)`, degrees and mm, and loads that acted."""
+    from kneejax.files import read_loads, read_poses
+
+    table = read_poses(measured.file, measured.convention, measured.columns)
+    loads = read_loads(measured.file)
+    if measured.mirror:
         table = table * MIRROR
         # Of a left knee medial and lateral change sides; varus and inwards stay what they are.
         loads |= {"lateral_N": -loads["lateral_N"]} if "lateral_N" in loads else {}
@@ -169,10 +143,217 @@ def _read_poses(
     inside = (table[:, 0] >= lower - 1e-6) & (table[:, 0] <= upper + 1e-6)
     if not inside.any():
         expected = f"limits within {table[:, 0].min():g} and {table[:, 0].max():g}, as measured"
-        raise InputProblem(file, "flexion_deg", f"{lower:g} to {upper:g}", expected)
+        raise InputProblem("", "flexion_deg", f"{lower:g} to {upper:g}", expected)
     return table[inside], {name: sizes[inside] for name, sizes in loads.items()}
 
 
-def _synthetic(field: Field) -> Synthetic:
-    field.mapping(("parameters", "flexion_deg"), ("noise_mm", "noise_deg", "seed"))
-    return Synthetic(**field.value)
+def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
+    """Start and prior of the parameters that are free, from what a cohort wrote.
+
+    Raises:
+        InputProblem: it is no such file, the study states a start that the file states too, or the
+            file is so old that the stiffness of a structure is the mean of its fibres.
+        UnknownParameter: the study frees what its knee does not have.
+    """
+    from kneejax.parameters import MEANING, fibres_summed, select
+
+    path = str(study.prior)
+    file = Field(path, "", load_yaml(path, "the prior.yaml of a cohort"))
+    ((mark, meaning),) = MEANING.items()
+    file.mapping(("start", "prior"), (mark,))
+    if mark in file:
+        file[mark].choice((meaning,))
+    said = Mistakes(path)
+    with said.gathered("start"):
+        means = by_parameter(Field.number)(file["start"].value)
+    with said.gathered("prior"):
+        deviations = by_parameter(deviation)(file["prior"].value)
+    said.check()
+    free = select(knee, study.parameters).names
+    for name, value in study.start.items():
+        if name in deviations:
+            expected = f"this start left out: {Path(path).name} says around what {name} lies"
+            raise InputProblem("", f"start.{name}", value, expected)
+    means = {name: means[name] for name in free if name in means}
+    chosen = {name: deviations[name] for name in free if name in deviations}
+    for name in means | chosen:
+        if mark not in file and (count := fibres_summed(knee, name)) > 1:
+            section = file["start" if name in means else "prior"]
+            raise section[name].problem(
+                f"the sum over the structure's {count} fibres; this file is older and has their "
+                "mean: run its cohort again, or multiply values and deviations of structures by "
+                f"their numbers of fibres and add {mark}: {meaning}"
+            )
+    return {"start": {**study.start, **means}, "prior": chosen}
+
+
+def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest:
+    """The test that a study names, from its table.
+
+    Args:
+        test: of it.
+        lines: of constant tension and muscles that the knee has (`Knee.pullable`); a table's column
+            of such a tension is added to it.
+
+    Raises:
+        InputProblem: a field or a table is not what it should be; likewise `WrongValue`.
+    """
+    from kneejax.experiments import MeasuredTest, against_load, weights_by_load
+
+    table, counted_from = _table_of(test)
+    table = _limited(test, table)
+    flexion, loads, observed = table[:3]
+    constant = dict(test.loads)
+    if test.mirror:
+        observed = observed * MIRROR[1:]
+        for acting in (loads, constant):
+            if "lateral_N" in acting:
+                acting["lateral_N"] = -acting["lateral_N"]
+        turned = dict(zip((f"patella_{name}" for name in PATELLA), MIRROR, strict=True))
+        readings = {k: x * turned.get(k.rsplit("_", 1)[0], 1.0) for k, x in table.readings.items()}
+        table = table._replace(readings=readings)
+    if test.coordinates:
+        table, observed = _that_count(test, table, observed)
+    tensions, readings = _pulls(table, lines)
+    if test.weight and table.weight is not None:
+        raise test.wrong("weight", "this field left out: the table has a column weight")
+    frames = None
+    if test.in_time is not None:
+        if table.time_s is None:
+            raise test.wrong("file", "a column time_s too, or columns: {time_s: ...}")
+        frames = _frames(test.in_time, table.time_s, flexion)
+    own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut"}
+    counted_from = test.counted_from or counted_from or "unloaded"
+    made = MeasuredTest(
+        test.name, flexion, loads, observed, counted_from=counted_from, constant=constant,
+        tensions=tensions, readings=readings, weight=table.weight, frames=frames,
+        **test.model_dump(include=own & test.model_fields_set),
+    )  # fmt: skip
+    if test.weight:
+        made = dataclasses.replace(made, weight=weights_by_load(made.loads[made.driven_by]))
+    if (found := against_load(made)) is not None:
+        raise _of_the_other_sense(test, found)
+    return made
+
+
+def _frames(said: InTime, time_s: np.ndarray, flexion_deg: np.ndarray) -> Frames:
+    """The frames of a knee in motion."""
+    from kneejax.dynamics import gravity_of
+    from kneejax.experiments import Frames, leg_of_person
+    from kneejax.numerics import WrongValue
+
+    own = {"critical", "damping_N_s_per_mm", "period_s", "harmonics", "cycles_before"}
+    asked = said.model_dump(include=own, exclude_none=True)
+    if said.error_mm is not None:
+        asked["most_mm"] = said.error_mm
+    if said.femur_deg is not None:
+        asked["gravity_m_s2"] = gravity_of(said.femur_deg)
+    leg = leg_of_person(said.body_kg, said.height_m, said.ankle_kg)
+    try:
+        return Frames(time_s, flexion_deg, leg, **asked)
+    except WrongValue as problem:
+        place = f"in_time.{problem.field}"
+        raise InputProblem("", place, problem.found, problem.expected) from None
+
+
+def _of_the_other_sense(test: StudyTest, found: Any) -> InputProblem:
+    """A curve along which the tibia moves against its load, by the column suspected."""
+    from kneejax.geometry import COORDINATES
+    from kneejax.mechanics import NAMED_LOADS
+
+    moved = COORDINATES[found.coordinate].column
+    columns = {name: test.columns.get(name, name) for name in (moved, found.load)}
+    # A column whose own name speaks of the other sense, unless it was turned round already.
+    other = [
+        name for name, column in columns.items()
+        if _OTHER_SENSE.search(column) and not column.lstrip().startswith("-")
+    ]  # fmt: skip
+    name = other[0] if len(other) == 1 else moved
+    column = columns[name]
+    turned = column.lstrip()[1:].lstrip() if column.lstrip().startswith("-") else f"-{column}"
+    (least, most), (low, high) = found.loads, found.values
+    unit = NAMED_LOADS[found.load].unit
+    return InputProblem(
+        test.file,
+        column,
+        f"{moved} from {low:g} to {high:g} at {found.flexion_deg:g} degrees",
+        f"a coordinate that rises with its load, {found.load} from {least:g} to {most:g} {unit}: "
+        f'a column of the other sense is suspected; write {name}: "{turned}" under columns, or '
+        "turn the other column round",
+    )
+
+
+def _that_count(
+    test: StudyTest, table: LabTable, observed: np.ndarray
+) -> tuple[LabTable, np.ndarray]:
+    """Without the coordinates, of any bone, that shall not count."""
+    seen = dict(zip(UNITS, observed.T, strict=True))
+    others = {column: column.rsplit("_", 1)[0] for column in table.readings}
+    others = {column: name for column, name in others.items() if name in COORDINATES}
+    seen |= {name: table.readings[column] for column, name in others.items()}
+    for name in test.coordinates:
+        if np.isnan(seen.get(name, np.nan)).all():
+            expected = f"coordinates that the table has; not {name}"
+            raise test.wrong("coordinates", expected, [*test.coordinates])
+    kept = {
+        name: sizes for name, sizes in table.readings.items()
+        if others.get(name, name) in test.coordinates or name not in others
+    }  # fmt: skip
+    observed = np.where([name in test.coordinates for name in UNITS], observed, np.nan)
+    return table._replace(readings=kept), observed
+
+
+def _pulls(table: LabTable, lines: Sequence[str]) -> tuple[dict, dict]:
+    """Tensions that act along lines of the knee, and what was read of its parts."""
+    acting, read = {}, dict(table.readings)
+    for line in lines:
+        tension = read.pop(f"{line}.tension_N", None)
+        if tension is not None:
+            acting[line] = tension
+            if np.isnan(tension).any():
+                row = int(np.flatnonzero(np.isnan(tension))[0]) + 1
+                place, expected = f"file: {line}.tension_N, row {row}", "a tension in every row"
+                raise InputProblem("", place, "empty", f"{expected}, since it acts on the knee")
+    return acting, read
+
+
+def _limited(test: StudyTest, table: LabTable) -> LabTable:
+    """The rows at flexions that count."""
+    if test.flexion_deg is None:
+        return table
+    wanted = test.flexion_deg
+    inside = np.isclose(table.flexion_deg[:, None], wanted, atol=1e-6)
+    if not inside.any(axis=0).all():
+        absent = wanted[~inside.any(axis=0)][0]
+        measured = ", ".join(f"{x:g}" for x in np.unique(table.flexion_deg))
+        expected = f"of the flexions that were measured, {measured}; not {absent:g}"
+        raise test.wrong("flexion_deg", expected, wanted.tolist())
+    return table.take(inside.any(axis=1))
+
+
+def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
+    """The table that a test names, published or not, and what a published one is counted from."""
+    from kneejax.experiments import WITHOUT_LOADS
+    from kneejax.files import bundled_bands, read_lab_table
+
+    given, name = test.model_fields_set, test.file
+    if os.path.isabs(name):
+        if "load" in given:
+            expected = "no load of a published table: this one has columns of loads"
+            raise test.wrong("load", expected)
+        unloaded = test.counted_from in WITHOUT_LOADS
+        return read_lab_table(
+            name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded
+        ), None
+    published = published_motions()
+    for field in _OF_OWN_TABLES:
+        if field in given and not (field == "ignore" and name in published):
+            raise test.wrong(field, f"this field left out: {name} comes with the package")
+    if name not in published:
+        return published_laxity(test, bundled_bands(name=name))
+    for field in ("load", "counted_from"):
+        if field in given:
+            raise test.wrong(field, f"this field left out: {name} says it itself")
+    own = published[name]
+    table = read_lab_table(own.path, own.columns, ignore=test.ignore, unloaded=True)
+    return table, own.counted_from

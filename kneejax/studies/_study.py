@@ -5,80 +5,39 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
 
 import numpy as np
+from pydantic import PrivateAttr
 
-from kneejax.experiments import MeasuredTest
-from kneejax.files import knee_with, said_of
+from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Field
-from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import METHODS, Stage, procedures_of
-from kneejax.mechanics import Knee, Load, load_of
-from kneejax.numerics import check_installed
-from kneejax.parameters import (
-    QUANTITIES,
-    Selection,
-    doubt_prior,
-    select,
-    start_within,
-    stated,
-    stated_bounds,
-)
-from kneejax.statics import Status, failures_of
-from kneejax.studies._study_fields import Synthetic, checked, plain
+from kneejax.studies._checked import UNITS, Mistakes, found_in, plain
+from kneejax.studies._reading import check_fields, objects_of
+from kneejax.studies._schema import Fault, StudyFields
+
+if TYPE_CHECKING:
+    from kneejax.inference.calibration import CalibrationProblem
+    from kneejax.mechanics import Knee, Load
+    from kneejax.parameters import Selection
+    from kneejax.statics import Status
+
+#: What a balance may be at fault for, and a study may count as a failure.
+FAULTS = get_args(Fault)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Study:
-    """What is asked of a knee and a motion: all that a study file says, as objects.
+class Study(StudyFields):
+    """What is asked of a knee and a motion: all that a study file says.
 
     Everything is checked when a study is made: names are those of the knee, numbers are in their
-    ranges, bounds hold the start. `kneejax.read_study` makes one from a file, and `kneejax.run`
-    runs it.
-
-    Attributes:
-        title: for reports.
-        knee: with the values that stay fixed.
-        parameters: names or wildcards of what is free.
-        measured: measured poses, `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and
-            mm; None for synthetic ones.
-        synthetic: poses to be made; at most one of the two is given, and neither needs to be where
-            there are tests.
-        tests: under load that were made (`kneejax.MeasuredTest`), each by a name of its own.
-        start: name or wildcard -> value where the search begins; the knee's own otherwise.
-        bounds: name, `*.quantity` or quantity -> lower and upper bound; a name counts before a
-            wildcard, that before a quantity, and usual bounds hold for the rest. What is said of a
-            place (`ACL.femoral_attachment`), here and in `prior`, holds for each coordinate.
-        weights: free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per
-            degree^2; those of paper 1 otherwise. Later: one for each free coordinate.
-        procedures: of `I`, `II`, `III`, `S`; the first is the answer, others are there to compare.
-            `S` alone where there are stages, unless others are named.
-        stages: of procedure S, in turn: `parameters` that are free and `data` that count in each,
-            `poses` or names of tests (`kneejax.Stage`, or a mapping); all where left out.
-        starts: number of starts of procedure III: the knee's own, then draws from the prior, or
-            between the bounds where there is none.
-        seed: of the further starts.
-        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
-            start, of a calibration. Needs `noise_mm` and `noise_deg`; of weights then counts only
-            which are zero.
-        noise_mm: standard deviation of the measurement's displacements; None where it is not known
-            and must be estimated. Synthetic poses know their own.
-        noise_deg: of its rotations; likewise.
-        frame_offset: free coordinates whose constant offset between measured and model frames is
-            free too; True for all five.
-        method: `least_squares` or `lbfgsb`.
-        failures: words of statuses for which a pose counts for nothing and a command ends with
-            exit status 1; empty for the package's choice.
-        loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size at each pose, or one
-            for all, in the unit of its name. Poses were measured, or are made, under them.
-        origin: what else a file says, recorded with results: `knee`, `patella`, `measured`,
-            `tests`, `flexion_deg`, `overrides`.
-        file: where the study stands, for errors.
+    ranges, bounds hold the start. `kneejax.read_study` makes one from a file. What a file names (a
+    knee, a table) may be named in Python too, or be given: a `Knee`, poses `(n, 6)`, a
+    `MeasuredTest`. A study that is made has these objects, whatever it was made of.
 
     Raises:
-        InputProblem: a field is not what it should be.
+        InputProblem: a field is not what it should be; `InputProblems` where several are.
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: bounds that exclude the start, or a method that is not installed.
 
@@ -87,90 +46,75 @@ class Study:
             that of the structure drawn as several fibres that it is said of.
 
     Example:
-        >>> import kneejax as kj
         >>> poses = [[30.0, 0.0, 2.0, 1.0, 0.0, 0.5], [60.0, 1.0, 4.0, 2.0, -1.0, 0.5]]
-        >>> study = Study("Two poses", kj.load_knee("four_ligament"), ["*.stiffness"], poses)
-        >>> study.limits["ACL.stiffness"], study.frame_offset
-        ((300.0, 10000.0), ())
+        >>> study = Study(title="Two poses", knee="four_ligament", parameters=["*.stiffness"],
+        ...               measured=poses)
+        >>> study.knee.name, study.limits["ACL.stiffness"], study.frame_offset
+        ('four_ligament', (300.0, 10000.0), ())
     """
 
-    title: str
-    knee: Knee = dataclasses.field(repr=False)
-    parameters: Sequence[str]
-    measured: np.ndarray | None = None
-    synthetic: Synthetic | None = None
-    tests: Sequence[MeasuredTest] = ()
-    start: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    bounds: Mapping[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
-    weights: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    procedures: Sequence[str] = ()
-    stages: Sequence[Stage] = ()
-    starts: int = 1
-    seed: int = 0
-    prior: Mapping[str, float] = dataclasses.field(default_factory=dict)
-    noise_mm: float | None = None
-    noise_deg: float | None = None
-    frame_offset: bool | Sequence[str] = ()
-    method: str = next(iter(METHODS))
-    failures: Sequence[str] = ()
-    loads: Mapping[str, float | Sequence[float]] = dataclasses.field(default_factory=dict)
-    origin: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    file: str = "study"
+    #: What a file says of what is kept as objects, and where it stands.
+    _origin: dict[str, Any] = PrivateAttr(default_factory=dict)
+    _file: str = PrivateAttr("study")
 
-    def __post_init__(self) -> None:
+    def __init__(self, **fields: Any):
         """Check everything; what is given is kept in one form."""
-        given = {f.name: plain(getattr(self, f.name)) for f in dataclasses.fields(self)}
-        if given["procedures"] == []:
-            given["procedures"] = list(procedures_of((), self.stages))
-        place = Field(self.file, "", given)
-        for name, value in checked(place).items():
-            object.__setattr__(self, name, value)
-        for name, sizes in self.loads.items():
-            if len(sizes) not in (1, len(self.flexion_deg)):
-                place = Field(self.file, f"loads.{name}", f"{len(sizes)} sizes")
-                raise place.problem(f"one for all poses, or {len(self.flexion_deg)}, one for each")
-        if ("S" in self.procedures) != bool(self.stages):
-            expected = "S among procedures and stages, or neither"
-            raise place["procedures"].problem(expected)
-        if self.starts > 1 and "III" not in self.procedures:
-            raise place["starts"].problem("1: only procedure III has several starts")
-        with said_of(self.file):
-            bounded = [name for name in self.bounds if name not in QUANTITIES]
-            for name in (*self.truth, *self.start, *bounded):
-                select(self.knee, [name])
-            # Of these, too, a value may lead to a knee that there is not.
-            knee_with(self.knee, self.truth, self.file)
-            knee, selection = self.knee_at_start, self.selection
-            start_within(knee, selection, *stated_bounds(knee, selection, self.bounds))
-            for name, sd in zip(
-                selection.names, stated(selection, self.prior, "prior"), strict=True
-            ):
-                if sd is not None:
-                    doubt_prior(knee, name, sd)
-            if self.prior and None in self.noise:
-                expected = "noise_mm and noise_deg too, against which a prior counts"
-                raise Field(self.file, "prior", ", ".join(self.prior)).problem(expected)
-            for number, stage in enumerate(self.stages):
-                for name in stage.parameters:
-                    if not any(Stage((name,)).frees(own) for own in self.selection.names):
-                        own = Field(self.file, f"stages[{number}].parameters", name)
-                        raise own.problem("of the parameters that the study frees")
-            if self.method == "lbfgsb":
-                check_installed("jaxopt", "lbfgsb")
+        self._fill(fields, Mistakes("study"))
+
+    def _fill(
+        self,
+        fields: dict[str, Any],
+        mistakes: Mistakes,
+        folder: Path = Path(),
+        origin: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Check fields by themselves, then read what they name, then check them with the knee."""
+        fields, context = plain(fields), {"folder": folder}
+        for problem in found_in(self, fields, context):
+            mistakes.keep(problem)
+        if not mistakes:
+            check_fields(self, mistakes)
+        mistakes.check()
+        said, objects = objects_of(self, fields, mistakes)
+        mistakes.check()
+        for problem in found_in(self, self.given() | objects, context):
+            mistakes.keep(problem)
+        mistakes.check()
+        self._origin, self._file = {**(origin or {}), **said}, mistakes.file
+        _check_with_knee(self, mistakes)
+        mistakes.check()
+
+    def replace(self, **changes: Any) -> Study:
+        """The same study with other values, checked anew."""
+        other = Study.__new__(Study)
+        origin = {name: said for name, said in self._origin.items() if name not in changes}
+        other._fill(self.given() | changes, Mistakes(self.file), origin=origin)
+        return other
+
+    @property
+    def file(self) -> str:
+        """Where the study stands, for errors; `study` of one made in Python."""
+        return self._file
 
     @functools.cached_property
     def selection(self) -> Selection:
         """The free parameters."""
-        return select(self.knee, tuple(self.parameters))
+        from kneejax.parameters import select
+
+        return select(self.knee, self.parameters)
 
     @functools.cached_property
     def knee_at_start(self) -> Knee:
         """The knee where a search begins."""
-        return knee_with(self.knee, self.start, self.file)
+        from kneejax.parameters import with_values
+
+        return with_values(self.knee, dict(self.start))
 
     @functools.cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
         """Free parameter -> lower and upper bound, in its own unit."""
+        from kneejax.parameters import stated_bounds
+
         lower, upper = stated_bounds(self.knee_at_start, self.selection, self.bounds)
         pairs = zip(lower.tolist(), upper.tolist(), strict=True)
         return dict(zip(self.selection.names, pairs, strict=True))
@@ -190,44 +134,229 @@ class Study:
     @property
     def acting(self) -> tuple[Load, ...]:
         """The loads at the poses; none where none acts."""
+        from kneejax.mechanics import load_of
+
         sizes = {name: np.asarray(numbers) for name, numbers in self.loads.items()}
         return (load_of(**sizes),) if sizes else ()
 
     @property
     def noise(self) -> tuple[float | None, float | None]:
         """Standard deviations in mm and degrees: as stated, or as synthetic poses are made."""
-        made = self.synthetic or Synthetic({}, np.empty(0))
-        pairs = ((self.noise_mm, made.noise_mm), (self.noise_deg, made.noise_deg))
-        mm, deg = ((own or None) if stated is None else stated for stated, own in pairs)
-        return mm, deg
+        made = self.synthetic
+        mm, deg = (0.0, 0.0) if made is None else (made.noise_mm, made.noise_deg)
+        return self.noise_mm or mm or None, self.noise_deg or deg or None
 
     @property
     def weight_vector(self) -> np.ndarray:
         """Weights in the order of the free coordinates, `(5,)`, per degree^2 and per mm^2."""
-        return np.array([self.weights[name] for name in FREE_COORDINATES])
+        return np.array([self.weights[name] for name in UNITS])
 
     @property
     def counted_failures(self) -> tuple[Status, ...]:
         """Statuses of balances that count for nothing."""
+        from kneejax.statics import failures_of
+
         return failures_of(self.failures)
 
     @property
     def knee_name(self) -> str:
         """Name or file of the knee, as the study states it."""
-        return str(self.origin.get("knee", self.knee.name))
+        return str(self._origin.get("knee", self.knee.name))
+
+    def poses(self) -> np.ndarray:
+        """The poses that the knee is compared with; synthetic ones take a motion of the knee.
+
+        Returns:
+            Shape `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; no row where
+            a study has only tests.
+
+        Raises:
+            UnsuitableData: the knee that should make the data does not balance.
+        """
+        made = self.synthetic
+        if made is None:
+            return np.empty((0, 6)) if self.measured is None else self.measured
+        from kneejax.inference import synthetic_motion
+
+        return synthetic_motion(
+            self.knee, made.parameters, made.flexion_deg, noise_mm=made.noise_mm,
+            noise_deg=made.noise_deg, loads=self.acting, seed=made.seed,
+        )  # fmt: skip
+
+    def problem(self, *, nameless: bool = False) -> CalibrationProblem:
+        """The study as arrays: what `kneejax.calibrate` solves; synthetic poses take a motion.
+
+        Args:
+            nameless: whether the knee loses its name and side, which steer compiling alone: knees
+                that differ in nothing else share their programs.
+
+        Raises:
+            UnsuitableData: the knee that should make the data does not balance, or data that tell
+                nothing of what is free.
+        """
+        from kneejax.inference.calibration import CalibrationProblem
+        from kneejax.inference.intervals import stated_noise
+        from kneejax.parameters import select
+
+        knee = self.knee_at_start
+        if nameless:
+            knee = dataclasses.replace(knee, name="knee", side="right")
+        return CalibrationProblem.of(
+            knee,
+            select(knee, self.parameters),
+            self.poses(),
+            bounds=self.bounds,
+            weights=self.weight_vector,
+            stated=stated_noise(*self.noise),
+            offsets=self.frame_offset,
+            loads=self.acting,
+            tests=self.tests,
+            prior=self.prior,
+            procedures=self.procedures,
+            stages=self.stages,
+            starts=self.starts,
+            seed=self.seed,
+            method=self.method,
+            cycles=self.cycles,
+            truth=self.truth,
+            title=self.title,
+            settings=self.settings(),
+        )
 
     def settings(self) -> dict[str, Any]:
         """Everything needed to run the study again, as plain numbers and words."""
+        elsewhere = {"knee", "patella", "measured", "tests", "flexion_limits_deg", "set"}
         mm, deg = self.noise
-        elsewhere = {
-            "origin", "file", "measured", "tests", "noise_mm", "noise_deg", "flexion_deg",
-        }  # fmt: skip
-        names = [f.name for f in dataclasses.fields(self) if f.name not in elsewhere]
-        kept = {name: plain(getattr(self, name)) for name in names}
         named = [{"name": test.name} for test in self.tests]
         origin = {"measured": None, "tests": named, "flexion_deg": None, "overrides": {}}
-        origin |= dict(self.origin)
-        return kept | {
-            "noise_mm": mm, "noise_deg": deg, **plain(origin), "knee": self.knee_name,
+        return plain(self.model_dump(exclude=elsewhere) | origin | self._origin) | {
+            "noise_mm": mm, "noise_deg": deg, "knee": self.knee_name,
             "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
         }  # fmt: skip
+
+
+def _check_tests(study: Study, mistakes: Mistakes) -> None:
+    """Of tests no two have one name, and none is better known than the poses can say."""
+    from kneejax.inference.fit import check_readable
+    from kneejax.parameters import cut
+
+    stated = {"mm": study.noise_mm, "deg": study.noise_deg}
+    for number, test in enumerate(study.tests):
+        place = f"tests[{number}]"
+        with mistakes.gathered(place):
+            cut(study.knee, test.cut)
+            check_readable(study.knee, test.readings)
+            if test.name in [one.name for one in study.tests[:number]]:
+                raise InputProblem("", "name", test.name, "every name once")
+            for unit, noise in stated.items():
+                if test.readings and noise is None:
+                    expected = f"noise_{unit} of the study too, against which it counts"
+                    raise InputProblem("", "", next(iter(test.readings)), expected)
+                if (sd := getattr(test, f"sd_{unit}")) is None:
+                    continue
+                if not (np.isfinite(sd) and sd > 0):
+                    expected = "a standard deviation above 0"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)
+                if noise is None and study.synthetic is None:
+                    expected = f"noise_{unit} of the study too, against which tests are weighed"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)
+
+
+def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
+    """Names, bounds and data that must suit the knee."""
+    from kneejax.numerics import check_installed
+    from kneejax.parameters import (
+        QUANTITIES,
+        doubt_prior,
+        select,
+        start_within,
+        stated,
+        stated_bounds,
+        with_values,
+    )
+
+    for name, sizes in study.loads.items():
+        if len(sizes) not in (1, len(study.flexion_deg)):
+            expected = f"one for all poses, or {len(study.flexion_deg)}, one for each"
+            mistakes.keep(InputProblem("", f"loads.{name}", f"{len(sizes)} sizes", expected))
+    _check_tests(study, mistakes)
+    if study.prior and None in study.noise:
+        expected = "noise_mm and noise_deg too, against which a prior counts"
+        mistakes.keep(InputProblem("", "prior", ", ".join(study.prior), expected))
+    bounded = [name for name in study.bounds if name not in QUANTITIES]
+    for name in dict.fromkeys((*study.parameters, *study.truth, *study.start, *bounded)):
+        with mistakes.gathered():
+            select(study.knee, [name])
+    mistakes.check()
+    with mistakes.gathered():
+        # Of these, too, a value may lead to a knee that there is not.
+        with_values(study.knee, study.truth)
+    with mistakes.gathered():
+        knee, selection = study.knee_at_start, study.selection
+        start_within(knee, selection, *stated_bounds(knee, selection, study.bounds))
+        deviations = stated(selection, study.prior, "prior")
+        for name, sd in zip(selection.names, deviations, strict=True):
+            if sd is not None:
+                doubt_prior(knee, name, sd)
+        for number, stage in enumerate(study.stages):
+            for name in stage.parameters:
+                alone = dataclasses.replace(stage, parameters=(name,))
+                if not any(map(alone.frees, selection.names)):
+                    place, expected = f"stages[{number}].parameters", "of the parameters that"
+                    raise InputProblem("", place, name, f"{expected} the study frees")
+    with mistakes.gathered():
+        if study.method == "lbfgsb":
+            check_installed("jaxopt", "lbfgsb")
+
+
+#: Names that a study file may hold.
+STUDY_FIELDS = tuple(field.alias or name for name, field in Study.model_fields.items())
+
+
+def read_study(name_or_path: str | os.PathLike[str]) -> Study:
+    """Read a study, its knee and its measured poses.
+
+    Args:
+        name_or_path: name of a bundled study, or a study file; paths in it are relative to its
+            folder.
+
+    Returns:
+        The study, checked whole.
+
+    Raises:
+        InputProblem: the file or one that it names cannot be read, or a field is missing,
+            unknown or out of range; `InputProblems` where several are.
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: bounds that exclude the start, or a method that is not installed.
+
+    Example:
+        >>> study = read_study("paper1")
+        >>> study.knee.name, study.parameters
+        ('four_ligament', ('*.stiffness', '*.reference_strain'))
+    """
+    return study_of(*named_document("studies", name_or_path))
+
+
+def study_of(document: Field, folder: Path) -> Study:
+    """Make a study of what a file says.
+
+    Args:
+        document: everything that the file says.
+        folder: to which paths in it are relative.
+
+    Returns:
+        The study, checked whole; it raises as `read_study` does.
+    """
+    mistakes, fields = Mistakes(document.file), document.value
+    if isinstance(fields, dict):
+        fields = dict(fields)
+        for name in [name for name, value in fields.items() if value is None or value == []]:
+            if name in STUDY_FIELDS:
+                problem = document[name].problem("a value, or this field left out")
+                needed = Study.model_fields.get(name)
+                if not (needed and needed.is_required()):
+                    mistakes.keep(problem)
+                    del fields[name]
+    study = Study.__new__(Study)
+    study._fill(fields, mistakes, folder)
+    return study

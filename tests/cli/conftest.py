@@ -10,4 +10,4 @@ def unmeasured(monkeypatch):
     def never(*_, **__):
         raise AssertionError("the knee has moved before the mistake was said")
 
-    monkeypatch.setattr("kneejax.studies._poses.synthetic_motion", never)
+    monkeypatch.setattr("kneejax.inference.synthetic_motion", never)

@@ -181,7 +181,7 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     said = capsys.readouterr()
     assert "ACL.stiffness" in said.out and "read from the cache" in said.err
     # One call in Python does the same.
-    own, names = kj.run(kj.read_study("paper1")), ("*.stiffness", "*.reference_strain")
+    own, names = kj.calibrate(kj.read_study("paper1")), ("*.stiffness", "*.reference_strain")
     parameters = {name: one["value"] for name, one in result["parameters"].items()}
     assert {e.name: e.value for e in own.fit.estimates} == parameters
     assert [fit.evaluations for fit in own.fits] == [

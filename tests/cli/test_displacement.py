@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kneejax.cli._displacement import displacement, displacement_lines, pose_lines
 from kneejax.geometry import CONVENTION_WORDS, CONVENTIONS, convert_table
+from kneejax.report import change_table, displacement, pose_table, text_of
 from kneejax.statics import Status
 
 #: Bent by a right angle, unloaded; then drawn 0.9 mm forwards, which is down the femur, and turned.
@@ -24,8 +24,8 @@ def test_a_drawer_is_read_along_the_floating_axis():
     assert moved[1, [0, 1, 2]] == pytest.approx([0.5, -0.25, 0.9], abs=1e-12)
     # In extension the femur's and the floating axis are one.
     assert moved[0, [0, 1, 2]] == pytest.approx([0.0, -1.0, 2.0], abs=1e-12)
-    lines = displacement_lines(FREE[:, 0], moved)
-    assert "its own axes" in lines[1] and lines[-1].split() == [
+    lines = text_of(change_table(FREE[:, 0], moved)).splitlines()
+    assert "its own axes" in lines[0] and lines[-1].split() == [
         "90.0", "0.50", "-0.25", "0.90", f"{moved[1, 3]:.2f}", f"{moved[1, 4]:.2f}",
     ]  # fmt: skip
 
@@ -40,7 +40,8 @@ def test_where_either_knee_does_not_balance_nothing_is_known():
 @pytest.mark.parametrize("convention", CONVENTIONS)
 def test_poses_are_printed_with_their_convention_and_units(convention):
     table = convert_table(FREE, "femoral", convention)
-    lines = pose_lines(table, np.array([Status.BALANCED] * 2), convention)
+    shown = pose_table(FREE, [Status.BALANCED] * 2, convention)
+    lines = text_of(shown).splitlines()
     said = " ".join(lines)
     assert f"Poses, {convention}: {CONVENTION_WORDS[convention]}" in said
     units = next(line for line in lines if line.split()[:1] == ["deg"])

@@ -25,6 +25,8 @@ def test_import_then_export(straight, tmp_path, capsys):
     out = tmp_path / "imported"
     assert main(["import", "osim", str(straight), "--side", "r", "--out", str(out)]) == 0
     assert "Oberschenkel_r" in (out / "import_report.md").read_text(encoding="utf-8")
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert ">Band1</td>" in page and "Oberschenkel_r taken as the femur" in page
     knee = load_knee_file(out / "knee.yaml")
     assert knee.knee.ligaments.names == ("Band1",)
     assert main(["describe", str(out / "knee.yaml")]) == 0

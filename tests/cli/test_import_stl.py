@@ -45,6 +45,8 @@ def test_contacts_alone(words, tmp_path, capsys):
     assert main(["describe", str(out / "knee.yaml")]) == 0
     assert "Surface of the patella, not in contact: plateau, " in capsys.readouterr().out
     assert "| medial condyle |" in (out / "fit_report.md").read_text()
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert ">medial condyle</td>" in page and "<svg" in page and "http" not in page.split("<svg")[0]
     assert (out / "figures" / "surface_fits.png").stat().st_size > 10000
 
 

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 from kneejax.cli import main
-from kneejax.cli.papers import _paper2, _paper3
 from kneejax.geometry import Pose
+from kneejax.papers import paper2, paper3
+from kneejax.papers.claims import VERDICTS
+from kneejax.papers.paper2 import Lachman, LachmanStudy
+from kneejax.papers.paper2_grafts import TOTALS, Octagon
+from kneejax.papers.paper3 import TORSION_DEG, LaxityStudy
+from kneejax.papers.paper3_leg import RaisedLeg
+from kneejax.papers.rigid_leg import RigidLeg
 from kneejax.planning import Outcome
-from kneejax.reproduction import VERDICTS, Paper2Study, Paper3Study, RaisedLeg
-from kneejax.reproduction.paper2 import Lachman, Octagon
-from kneejax.reproduction.paper2._octagon_claims import TOTALS
-from kneejax.reproduction.paper3 import TORSION_DEG, RigidLeg
 from kneejax.statics import Status
 
 
@@ -25,7 +27,7 @@ def lachman_study(status):
         for name, end in ends.items()
     }
     longer = {-0.03: tests["two bundles"], 0.03: tests["one bundle"]}
-    return Paper2Study(loads, tests, tests, {0.0: tests["deficient"]}, 0.1, longer)
+    return LachmanStudy(loads, tests, tests, {0.0: tests["deficient"]}, 0.1, longer)
 
 
 def drawer_study(status, flexion):
@@ -33,7 +35,7 @@ def drawer_study(status, flexion):
     force = np.tile(moved**3, (len(flexion), 1))
     turned = 5.0 + np.array(TORSION_DEG)
     turned[-1] = np.nan
-    return Paper3Study(
+    return LaxityStudy(
         flexion, moved, force, {"ACL": np.abs(force), "PCL": np.abs(force)},
         np.array(TORSION_DEG), turned, -5.0 - np.array(TORSION_DEG),
         np.tile([-3.0, 2.0], (len(TORSION_DEG), 1)), 3.0, {0.0: status},
@@ -70,13 +72,13 @@ def raised():
 @pytest.mark.parametrize(("status", "code"), [(Status.GIVES_WAY, 0), (Status.OUTSIDE_REGION, 1)])
 def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, monkeypatch, capsys):
     asked = []
-    monkeypatch.setattr(_paper2, "paper2_study", lambda knee: lachman_study(status))
-    monkeypatch.setattr(_paper2, "octagon_study", lambda knee: octagon_of())
+    monkeypatch.setattr(paper2, "lachman_study", lambda knee: lachman_study(status))
+    monkeypatch.setattr(paper2, "octagon_study", lambda knee: octagon_of())
     monkeypatch.setattr(
-        _paper3, "paper3_study",
+        paper3, "laxity_study",
         lambda knee, flexion, mm, Nm: asked.append((mm, Nm)) or drawer_study(status, flexion),
     )  # fmt: skip
-    monkeypatch.setattr(_paper3, "raised_leg", lambda knee, with_patella: raised())
+    monkeypatch.setattr(paper3, "raise_leg", lambda knee, with_patella: raised())
     assert main(["reproduce", paper, "--out", str(tmp_path)]) == code
     with (tmp_path / "reproduction.csv").open() as file:
         rows = list(csv.DictReader(file))

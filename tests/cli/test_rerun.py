@@ -35,12 +35,15 @@ def edited(folder, **changes):
 def test_a_folder_says_what_was_asked_for(evaluated):
     settings = settings_of(evaluated)
     assert settings.pop("versions")["kneejax"] == __version__
-    assert {*settings.pop("written")} == {"ligaments.csv", "contact.csv", "checksum"}
+    assert {*settings.pop("written")} == {
+        "ligaments.csv", "contact.csv", "report.html", "checksum",
+    }  # fmt: skip
     assert settings == {
         "command": "evaluate",
         "knee": "four_ligament",
         "poses": "poses.csv",
         "convention": "femoral",
+        "svg": False,
         "stiffness_of": "structure",
         "working_folder": os.fspath(evaluated.parent),
     }

@@ -62,7 +62,7 @@ def test_everything_is_written(done):
         "morris_fit.png",
         "morris_poses.png",
     }
-    assert f"written: {out}/sweeps.csv" in printed
+    assert f"written: {out}/report.html, sweeps.csv" in printed
     result = json.loads((out / "result.json").read_text())
     assert result["doubts"] == [] and result["own_motion"] == ["balanced"] * 3
     assert {"jax", "numpy", "SALib"} <= set(result["versions"])

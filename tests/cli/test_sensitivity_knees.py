@@ -6,10 +6,10 @@ import json
 import pytest
 import yaml
 
-from kneejax.cli import _sensitivity_knees, main
-from kneejax.cli.papers import _paper4 as _reproduce_paper4
+from kneejax.cli import main
 from kneejax.files import bundled_path
-from tests.reproduction.paper4.compared_knees import comparison, study
+from kneejax.papers import knee_comparison, paper4
+from tests.papers.compared_knees import comparison, study
 
 
 def rows(path):
@@ -19,7 +19,7 @@ def rows(path):
 
 def test_knees_side_by_side_are_written_and_printed(tmp_path, monkeypatch, capsys):
     found = comparison(study("one"), study("two"))
-    monkeypatch.setattr(_sensitivity_knees, "compare_knees", lambda knees, progress: found)
+    monkeypatch.setattr(knee_comparison, "compare_knees", lambda knees, progress: found)
     out = tmp_path / "out"
     assert main(["sensitivity", "--knees", "four_ligament", "--out", str(out), "--svg"]) == 0
     assert "MCL.prestretch" in capsys.readouterr().out
@@ -32,8 +32,7 @@ def test_knees_side_by_side_are_written_and_printed(tmp_path, monkeypatch, capsy
 
 
 def test_a_doubt_is_said_and_makes_the_status_1(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(_sensitivity_knees, "compare_knees", lambda knees, progress: comparison())
-    monkeypatch.setattr(_sensitivity_knees, "_draw", lambda found, out, svg: None)
+    monkeypatch.setattr(knee_comparison, "compare_knees", lambda knees, progress: comparison())
     assert main(["sensitivity", "--knees", "four_ligament", "--out", str(tmp_path / "o")]) == 1
     assert "it holds 30 of 40 N m" in capsys.readouterr().out
 
@@ -41,8 +40,7 @@ def test_a_doubt_is_said_and_makes_the_status_1(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize("doubtful", [False, True])
 def test_claims_that_fail_are_an_answer_and_doubts_are_not(tmp_path, monkeypatch, capsys, doubtful):
     found = comparison(study("one"), study("two", lost=doubtful))
-    monkeypatch.setattr(_reproduce_paper4, "_knees", dict)
-    monkeypatch.setattr(_reproduce_paper4, "compare_knees", lambda knees, progress: found)
+    monkeypatch.setattr(paper4, "compare_knees", lambda knees, progress: found)
     out = tmp_path / "out"
     assert main(["reproduce", "4", "--out", str(out)]) == doubtful
     claims = rows(out / "reproduction.csv")

@@ -42,16 +42,16 @@ def test_a_name_given_twice_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("question", "field", "option"),
+    ("asked", "field", "option"),
     [
-        (Identify(), "next_tests", "--next-tests"),
-        (Sensitivity(), "indices", "--global"),
-        (Sensitivity(), "study.yaml", "study.yaml"),
+        (Identify, "next_tests", "--next-tests"),
+        (Sensitivity, "indices", "--global"),
+        (Sensitivity, "study.yaml", "study.yaml"),
     ],
 )
-def test_a_problem_of_a_question_names_the_option(question, field, option):
+def test_a_problem_of_a_question_names_the_option(asked, field, option):
     with pytest.raises(InputProblem, match=f"^{option}: place: 3: expected more; did you mean 4"):
-        with said_of_options(question):
+        with said_of_options(asked):
             raise InputProblem(field, "place", 3, "more", "4")
 
 

@@ -18,16 +18,18 @@ def test_a_fit_passes_readings_at_their_limit_points(number):
     varied = "made up", base.document, base.knee, _synthesise.Spread(), _synthesise.Protocol()
     while (made := _synthesise._drawn(*varied, draws)) is None:
         pass
-    found = kj.calibrate(
-        build_knee(made.document, made.name).knee,
-        made.passive,
-        ["*.stiffness", "*.reference_strain"],
+    study = kj.Study(
+        title=made.name,
+        knee=build_knee(made.document, made.name).knee,
+        measured=made.passive,
+        parameters=["*.stiffness", "*.reference_strain"],
         bounds={"stiffness": (300.0, 30000.0), "reference_strain": (-0.25, 0.25)},
-        weights=np.full(5, 25.0),
+        weights={"mm": 25.0, "deg": 25.0},
         procedures=["III"],
         noise_mm=0.2,
         noise_deg=0.2,
         tests=made.tests,
     )
+    found = kj.calibrate(study)
     numbers = 5 * len(made.passive) + 120  # readings of three tests at four flexions
     assert found.fit.success and found.fit.objective < 1.2 * numbers

@@ -11,7 +11,6 @@ from kneejax.cli import main
 from kneejax.experiments import MeasuredTest, lab_tests, load_curves, passive_flexion
 from kneejax.files import write_poses
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference import Question
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks, curves_of
 from kneejax.inference.bootstrap._answered import Answered
 from kneejax.inference.fit import rows_of_tests
@@ -44,9 +43,10 @@ def asked():
         for one in load_curves(knee, tests)
     ]
     poses = np.array(passive_flexion(knee, [0.0, 30.0, 60.0, 90.0]).to_table())
-    return Question(
-        knee, poses, PARAMETERS, weights=np.full(5, NOISE**-2), procedures=("III",),
-        noise_mm=NOISE, noise_deg=NOISE, tests=tuple(measured),
+    return kj.Study(
+        title="ten curves", knee=knee, measured=poses, parameters=PARAMETERS,
+        weights={"mm": NOISE**-2, "deg": NOISE**-2}, procedures=["III"], noise_mm=NOISE,
+        noise_deg=NOISE, tests=measured,
     )  # fmt: skip
 
 
@@ -59,7 +59,7 @@ def test_a_curve_is_the_passive_motion_or_a_test_at_one_flexion(asked, truth):
     passive, *others = curves_of(4, asked.tests)
     assert passive.tolist() == [0, 1, 2, 3]
     assert [len(one) for one in others] == [6] * 9  # a row without load tells nothing
-    flexion = Answered.of(asked, truth).cases.load_cases.flexion
+    flexion = Answered.of(asked.problem(), truth).cases.load_cases.flexion
     assert [np.ptp(np.asarray(flexion)[one]) for one in others] == [0.0] * 9
     # Flexions that a rig does not hold to a degree are one, and so is what shares a constant.
     rows = np.full((4, 5), np.nan)
@@ -73,7 +73,7 @@ def test_a_curve_is_the_passive_motion_or_a_test_at_one_flexion(asked, truth):
 @pytest.fixture(scope="module")
 def linear(asked, truth):
     """What the model gives, how residuals depend on the parameters, and the curves."""
-    answered = Answered.of(asked, truth)
+    answered = Answered.of(asked.problem(), truth)
     model = answered.cases.observed(answered.first)[0][0]
     slope = answered.cases.residual(answered.first)[1][0]
     return model, slope.reshape(*model.shape, -1), curves_of(4, asked.tests)
@@ -101,7 +101,7 @@ def redrawn(slope, error, curves, draws):
 def test_draws_of_curves_are_those_of_the_linear_model(asked, truth, linear):
     model, slope, curves = linear
     error = scattered(curves, model.shape, np.random.default_rng(1))
-    found = bootstrap_by_blocks(with_data(asked, model + NOISE * error), truth, range(10))
+    found = bootstrap_by_blocks(with_data(asked, model + NOISE * error).problem(), truth, range(10))
     expected = redrawn(slope, error, curves, (np.random.default_rng([0, k]) for k in range(10)))
     np.testing.assert_allclose(found - truth, expected, rtol=0.02, atol=0.02 * expected.std())
 
@@ -116,7 +116,7 @@ def test_errors_of_whole_curves_are_felt_by_blocks_alone(asked, truth, linear):
     of_curves = known @ np.einsum("rcp,rs,scq->pq", slope, shared, slope) @ known
     by_readings, true = (np.sqrt(np.diag(x)) for x in (known, known + of_curves))
 
-    made = np.std(bootstrap(asked, truth, np.full(5, NOISE), range(100)), axis=0)
+    made = np.std(bootstrap(asked.problem(), truth, np.full(5, NOISE), range(100)), axis=0)
     np.testing.assert_allclose(made, by_readings, rtol=0.25)
     assert (made < 0.65 * true).all()
     draws = np.random.default_rng(0)
@@ -129,19 +129,19 @@ def test_errors_of_whole_curves_are_felt_by_blocks_alone(asked, truth, linear):
 
 
 def with_data(asked, table):
-    """The same question of other data, a row for each load case."""
+    """The same study of other data, a row for each load case."""
     own = []
     for test, rows in zip(asked.tests, rows_of_tests(4, asked.tests), strict=True):
         seen = table[rows.start : rows.start + len(test.flexion_deg)]
         seen = np.where(np.isnan(test.observed), np.nan, seen)
         own.append(dataclasses.replace(test, observed=seen))
     poses = np.column_stack([asked.measured[:, 0], table[:4]])
-    return dataclasses.replace(asked, measured=poses, tests=tuple(own))
+    return asked.replace(measured=poses, tests=own)
 
 
 def test_draws_depend_on_their_own_number_alone(asked, truth):
-    several = bootstrap_by_blocks(asked, truth, range(3))
-    alone = bootstrap_by_blocks(asked, truth, range(1, 2))
+    several = bootstrap_by_blocks(asked.problem(), truth, range(3))
+    alone = bootstrap_by_blocks(asked.problem(), truth, range(1, 2))
     np.testing.assert_allclose(several[1], alone[0], rtol=1e-9)
     # Data without errors have one answer, whichever of their curves are drawn.
     np.testing.assert_allclose(several, np.tile(truth, (3, 1)), rtol=1e-5)
@@ -149,7 +149,7 @@ def test_draws_depend_on_their_own_number_alone(asked, truth):
 
 def test_too_few_curves_and_what_is_not_drawn_again_are_refused(asked, truth, tmp_path, capsys):
     with pytest.raises(UnsuitableData, match="4 curves: expected at least 6"):
-        bootstrap_by_blocks(dataclasses.replace(asked, tests=asked.tests[:1]), truth, range(1))
+        bootstrap_by_blocks(asked.replace(tests=asked.tests[:1]).problem(), truth, range(1))
     write_poses(tmp_path / "poses.csv", asked.measured)
     (tmp_path / "knees.csv").write_text("name,measured.file\nA1,poses.csv\nA2,poses.csv\n")
     study = {

@@ -210,13 +210,13 @@ def test_a_held_leg_inside_a_program_is_refused(knee):
 
 def test_tables_and_figures_tell_what_was_found(tracked):
     status = np.asarray(tracked.motion.status)
-    rows = list(report.extensor_rows(tracked, status))
-    named = [dict(zip(report.EXTENSOR_COLUMNS, row, strict=True)) for row in rows]
+    table = report.extensor_table(tracked, status)
+    named = table.records()
     assert [row["flexion_deg"] for row in named] == pytest.approx(list(FLEXION))
     assert named[0]["tendon_by_quadriceps"] == pytest.approx(tracked.tendon_N[0] / PULL_N)
     assert named[1]["patella_flexion_deg"] == pytest.approx(tracked.patella[1, 0])
     assert {row["status"] for row in named} == {"balanced"}
-    assert len(report.extensor_lines(tracked, status)) == 2 + len(FLEXION)
+    assert len(table.terminal().splitlines()) == 2 + len(FLEXION)
     figure = report.extensor_figure(tracked, status, "a ball: tracking")
     assert [axes.get_ylabel() for axes in figure.axes][3] == "Patella, deg"
     lines = report.shear_figure(tracked).axes[0].get_lines()
@@ -311,7 +311,7 @@ def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
     assert 5.0 * slow.farthest < quick.farthest < 5.0
     pulls = slow.transient.quadriceps["quadriceps_N"]
     np.testing.assert_allclose(pulls[slow.rows], slow.held.quadriceps_N, rtol=5e-3)
-    lines = list(report.motor_raise_lines(slow))
+    lines = report.raised_leg_answer("a ball", slow).text.splitlines()
     assert any("farthest from a leg that is held" in line for line in lines)
     data = slow.transient.to_dataset()
     np.testing.assert_allclose(data["quadriceps_force"], pulls)

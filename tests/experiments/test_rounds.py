@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import Round, weights
-from kneejax.report import ROUND_COLUMNS, round_lines, round_rows
+from kneejax.report import round_table
 
 FLEXION = np.array([0.0, 20.0, 40.0])
 GOAL = np.outer([1.0, 2.0, 3.0], [1.0, -2.0, 0.5, 0.1, 4.0])
@@ -33,10 +33,9 @@ def test_the_residual_is_the_change_of_each_coordinate():
     rms, largest = one.residual
     assert rms == pytest.approx(np.sqrt(14.0 / 3.0) * np.abs(GOAL[0]))
     assert largest == pytest.approx(3.0 * np.abs(GOAL[0]))
-    (line,) = round_lines([one])
-    assert "6 deg (internal rotation) and 12 mm (lateral); 3 of 3 instants" in line
-    rows = [dict(zip(ROUND_COLUMNS, row, strict=True)) for row in round_rows([one])]
+    rows = round_table([one]).records()
     assert [row["coordinate"] for row in rows] == [
         "adduction_deg", "internal_rotation_deg", "anterior_mm", "superior_mm", "lateral_mm",
     ]  # fmt: skip
     assert rows[1]["residual_largest"] == pytest.approx(6.0)
+    assert (rows[4]["residual_largest"], rows[4]["balanced_instants"]) == (pytest.approx(12.0), 3)

@@ -80,10 +80,11 @@ def test_leaves_are_calibrated_without_a_line_written_for_them(knee):
     truth = begin + 0.5 * width
     near = dict(zip(LEAVES, zip(begin - width, begin + width, strict=True), strict=True))
     made = kj.passive_flexion(selection.apply(knee, jnp.asarray(truth)), FLEXION)
-    found = kj.calibrate(
-        knee, np.asarray(made.to_table()), LEAVES, bounds=near, procedures=("III",),
-        noise_mm=0.1, noise_deg=0.1,
+    study = kj.Study(
+        title="leaves", knee=knee, measured=made.to_table(), parameters=LEAVES, bounds=near,
+        procedures=["III"], noise_mm=0.1, noise_deg=0.1,
     )  # fmt: skip
+    found = kj.calibrate(study)
     for name, value, size in zip(LEAVES, truth, width, strict=True):
         assert found[name].value == pytest.approx(value, abs=1e-4 * size), name
 

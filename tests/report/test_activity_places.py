@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import Cycle
-from kneejax.report import PLACE_COLUMNS, place_lines, place_rows, places_figure
+from kneejax.report import place_table, places_figure
 from kneejax.statics import Status
 
 COUNT = 20
@@ -44,19 +44,19 @@ def found():
 
 
 def test_the_ligament_counts_where_it_acts_and_the_graft_elsewhere(found):
-    rows = {row[0]: dict(zip(PLACE_COLUMNS, row, strict=True)) for row in place_rows(found)}
+    rows = {row["knee"]: row for row in place_table(found).records()}
     peak = WAVE.max()
     assert rows["intact"]["graft_peak_N"] == pytest.approx(100.0 * peak)
     assert rows["planned"]["graft_peak_N"] == pytest.approx(80.0 * peak)
     assert rows["planned"]["graft_peak_strain"] == pytest.approx(0.08 * peak)
-    assert np.isnan(rows["without ACL"]["graft_peak_N"])
+    assert rows["without ACL"]["graft_peak_N"] is None
     assert rows["without ACL"]["anterior_rms_from_intact_mm"] == pytest.approx(3.0)
     assert rows["without ACL"]["internal_rotation_rms_from_intact_deg"] == pytest.approx(6.0)
     assert all(row["contact_peak_N"] == pytest.approx(500.0) for row in rows.values())
 
 
 def test_every_knee_has_its_line_and_its_curve(found):
-    lines = [*place_lines(found)]
+    lines = place_table(found).terminal().splitlines()
     assert len(lines) == 2 + len(found) and max(map(len, lines)) <= 98
     cycle = Cycle(np.linspace(0.0, 100.0, COUNT), 60.0, "from heel strike to heel strike")
     figure = places_figure(found, cycle, "ten_bundle")
@@ -74,10 +74,10 @@ def test_knees_that_do_not_balance_are_counted_and_have_no_numbers(found):
                        one.mechanics.contact_force):  # fmt: skip
             values[lost] = np.nan
     found["octagon 3"].motion.status[5:7] = Status.OVERSTRETCHED
-    rows = {row[0]: row[1:] for row in place_rows(found)}
+    rows = {row[0]: row[1:] for row in place_table(found).rows}
     assert rows["without ACL"][:2] == [0, 0] and np.isnan(rows["without ACL"][2:]).all()
     assert rows["octagon 3"][:2] == [COUNT - 5, 2] and np.isfinite(rows["octagon 3"][2:]).all()
-    assert [*place_lines(found)][3].split()[2:] == ["0", "0", *"-----"]
+    assert place_table(found).terminal().splitlines()[3].split()[2:] == ["0", "0", *"-----"]
     cycle = Cycle(np.linspace(0.0, 100.0, COUNT), np.nan, "the whole record")
     for one in found.values():
         one.holds[-1] = False

@@ -15,12 +15,11 @@ from kneejax.files import (
     write_poses,
     write_rows,
 )
-from kneejax.files.reading import Field
 from kneejax.geometry import CLINICAL, FREE_COORDINATES, convert_table
 from kneejax.inference.fit import observations
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Identify, Sensitivity, check
-from kneejax.studies._published_tests import published_test
+from kneejax.studies._lab_tests import StudyTest, published_laxity
 
 ANTERIOR = FREE_COORDINATES.index("anterior")
 
@@ -380,10 +379,10 @@ def test_every_published_table_is_read_and_cites():
 
 
 def test_a_published_laxity_of_cut_knees_is_read_by_what_was_cut():
-    said = {"name": "robot", "file": "robot_anterior_90N", "cut": "PCL"}
-    item = Field("study.yaml", "tests[0]", said)
-    table, counted_from = published_test(item, cut=("ACL",))
+    bands = bundled_bands(name="robot_anterior_90N")
+    said = StudyTest(name="robot", file="robot_anterior_90N", cut="ACL")
+    table, counted_from = published_laxity(said, bands)
     assert counted_from == "intact"
     assert table.observed[2, ANTERIOR] == 13.2
     with pytest.raises(InputProblem, match="robot_anterior_90N with ACL or nothing cut"):
-        published_test(item, cut=("PCL",))
+        published_laxity(said.replace(cut=["PCL"]), bands)

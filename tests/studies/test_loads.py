@@ -13,19 +13,19 @@ FREE = ["PCL.stiffness"]
 
 
 def study(knee, **fields):
-    return kj.studies.Study("Drawer", knee, FREE, **fields)
+    return kj.Study(title="Drawer", knee=knee, parameters=FREE, **fields)
 
 
 @pytest.fixture(scope="module")
 def drawer(knee):
     """A made drawer test, and what a calibration of one stiffness makes of it."""
     truth = {"PCL.stiffness": 6000.0}
-    made = kj.studies.Synthetic(truth, np.array(FLEXION))
+    made = kj.Synthetic(parameters=truth, flexion_deg=np.array(FLEXION))
     asked = study(
         knee, synthetic=made, loads={"anterior_N": SIZES}, procedures=["III"], noise_mm=0.1,
         noise_deg=0.1, weights={"mm": 1.0, "deg": 1.0},
     )  # fmt: skip
-    return truth, asked, kj.run(asked)
+    return truth, asked, kj.calibrate(asked)
 
 
 @pytest.mark.long
@@ -88,7 +88,7 @@ def test_a_question_of_passive_motion_refuses_loads(knee):
     """Maps are made at a study's own load cases; sensitivities are of its passive motion."""
     under_load = study(knee, measured=POSES, loads={"anterior_N": 50.0})
     with pytest.raises(kj.InputProblem, match="passive motion"):
-        kj.run(under_load, kj.Sensitivity())
+        kj.sensitivity(under_load)
 
 
 def test_load_columns_by_other_names_are_not_passed_over(tmp_path):

@@ -6,8 +6,7 @@ import yaml
 
 from kneejax.files import InputProblem, write_poses
 from kneejax.parameters import MEANING, DoubtfulValue, UnsuitableData
-from kneejax.studies import Map, Study, read_study
-from kneejax.studies._answer_map import fingerprint
+from kneejax.studies import Map, Study, fingerprint, read_study
 
 #: ACL and MCL of this knee are two and three lines: 9840 and 8000 N.
 KNEE = "lenhart2015_reduced"
@@ -75,5 +74,5 @@ def test_kept_parts_of_maps_are_of_one_meaning(study, monkeypatch):
     question = Map(pair=(("ACL.stiffness", "ACL.reference_strain"),))
     read = study()
     now = fingerprint(read, question)
-    monkeypatch.setattr("kneejax.studies._answer_map.MEANING", {})
+    monkeypatch.setattr("kneejax.studies._maps.MEANING", {})
     assert now != fingerprint(read, question)

@@ -1,17 +1,26 @@
 """Study files: what they mean, and one line for everything that they cannot mean."""
 
+import pickle
 import shutil
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 import yaml
 
-from kneejax.files import InputProblem, bundled_measurements, bundled_path, write_poses
+from kneejax.files import (
+    InputProblem,
+    InputProblems,
+    bundled_measurements,
+    bundled_path,
+    write_poses,
+)
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.statics import Status
-from kneejax.studies import FAULTS, read_study
+from kneejax.studies import FAULTS, Study, read_study
 
 TABLE = np.array([[x, 1.0, -2.0, 3.0, -20.0, 2.0] for x in (0.0, 30.0, 60.0, 90.0)])
 
@@ -236,3 +245,68 @@ def test_a_study_may_choose_what_counts_as_a_failure(folder):
     assert "failures" in line and "dislocated" in line
     # Those are the faults that a balance can have.
     assert FAULTS == tuple(s.word for s in Status if s.converged and s is not Status.BALANCED)
+
+
+def test_all_mistakes_of_a_file_are_said_at_once(folder):
+    wrong = study(
+        knee="four_ligamen", weigths={"mm": 1}, starts=0, noise_mm=-3, failures=["dislocatd"],
+        start={"ACL.stiffness": -1, "PCL.stiffness": "high"},
+        tests=[{"name": 3, "file": "nowhere.csv", "sd_m": 0.1}, {"nme": "a", "file": "walker1988"}],
+    )  # fmt: skip
+    with pytest.raises(InputProblems) as caught:
+        read(folder, wrong)
+    lines = str(caught.value).splitlines()
+    file = folder / "studies" / "study.yaml"
+    assert len(lines) == len(caught.value.problems) == 11
+    assert all(line.startswith(f"{file}: ") and "expected " in line for line in lines)
+    for words in (
+        "weigths: {'mm': 1}: expected no such field", "did you mean weights?",
+        "knee: four_ligamen: ", "did you mean four_ligament?", "start.ACL.stiffness: -1: ",
+        "start.PCL.stiffness: high: ", "starts: 0: ", "noise_mm: -3: ", "did you mean dislocated?",
+        "tests[0].name: 3: expected a text", "tests[0].file: nowhere.csv: ",
+        "tests[0].sd_m: 0.1: ", "did you mean sd_mm?", "did you mean name?",
+    ):  # fmt: skip
+        assert words in str(caught.value)
+    # A field that is only misspelt is not missing too.
+    assert "missing" not in str(caught.value)
+
+
+def test_all_that_does_not_suit_the_knee_is_said_at_once(folder):
+    fields = {"parameters": ["ACL.stifness", "*.stiffness"], "start": {"ALC.stiffness": 300.0}}
+    with pytest.raises(InputProblems) as caught:
+        read(folder, study(**fields, prior={"stiffness": 500.0}))
+    prior, first, second = str(caught.value).splitlines()
+    assert "prior: stiffness: expected noise_mm and noise_deg too" in prior
+    assert "'ACL.stifness'; did you mean 'ACL.stiffness'?" in first and "'ALC.stiff" in second
+
+
+def test_a_study_in_python_may_name_what_a_file_names(folder):
+    table = {"file": str(folder / "measured" / "poses.csv"), "source": "us", "convention": "tibial"}
+    named = Study(
+        title="named", knee="four_ligament", parameters=["ACL.stiffness"], measured=table,
+        tests=[{"name": "walker", "file": "walker1988"}], set={"PCL.stiffness": 4000.0},
+    )  # fmt: skip
+    np.testing.assert_allclose(named.measured, TABLE, atol=1e-11)
+    assert named.tests[0].counted_from == "extension" and named.knee_name == "four_ligament"
+    assert float(named.knee.ligaments.stiffness[1]) == 4000.0
+    again = named.replace(seed=5)
+    assert again.settings() == named.settings() | {"seed": 5}
+    assert pickle.loads(pickle.dumps(named)).settings() == named.settings()
+
+
+def test_what_is_wrong_by_itself_is_answered_without_jax(folder):
+    path = folder / "studies" / "study.yaml"
+    path.write_text(yaml.safe_dump(study(weigths={"mm": 1}, starts=0)))
+    said = subprocess.run([sys.executable, "-c", SCRIPT, path], capture_output=True, text=True)
+    assert said.stdout.split() == ["2", "False"], said.stderr
+
+
+SCRIPT = """
+import sys
+from kneejax.files import InputProblems
+from kneejax.studies import Identify, Map, Sensitivity, read_study
+try:
+    read_study(sys.argv[1])
+except InputProblems as problem:
+    print(len(problem.problems), "jax" in sys.modules)
+"""

@@ -17,7 +17,7 @@ from kneejax.files import (
     read_mesh_points,
     read_tibia_landmarks,
 )
-from kneejax.geometry import COORDINATES, Placement, Pose
+from kneejax.geometry import COORDINATES, Pose
 from kneejax.joints import (
     EXTENSION_DEG,
     FLEXION_DEG,
@@ -98,18 +98,29 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
     epicondyles = _given_epicondyles(arguments, side)
     if arguments.landmarks is not None:
-        frame, epicondyles = _femur_placed(arguments.landmarks, side, points, epicondyles)
-        points, normals = in_frame(frame, points), _turned_back(frame, normals)
-        epicondyles = in_frame(frame, epicondyles)
+        known = read_femur_landmarks(arguments.landmarks, side)
+        epicondyles = known.epicondyles if epicondyles is None else epicondyles
+        try:
+            (hip,) = _centers(points, known.hip_center[None], (known.head_within,))
+            frame = femur_frame(hip, *epicondyles, anterior=None)
+        except UnsuitableLandmarks as error:
+            raise problem(arguments.landmarks, error) from None
+        points, epicondyles = in_frame(frame, points), in_frame(frame, epicondyles)
+        normals = np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)
     if arguments.tibia is None:
         axes = _fitted(arguments, arguments.femur, points, normals, epicondyles)
         return lambda _: axes
     tibia, within = _tibia(arguments, side), arguments.touching_within or TOUCHING_MM
 
     def touched(poses: Pose) -> FemurAxes:
-        touching = _touching(arguments.tibia, points, tibia, poses, within)
+        ends = [Pose.from_table(row) for row in np.asarray(poses.to_table())[[0, -1]]]
+        try:
+            met = tuple(touching_rows(points, tibia, pose, within) for pose in ends)
+        except UnsuitableMesh as error:
+            expected = f"{error.expected} Bones without cartilage want a larger --touching-within"
+            raise InputProblem(arguments.tibia, error.field, error.found, expected) from None
         first, last = np.rad2deg(np.asarray(poses.flexion)[[0, -1]])
-        axes = _fitted(arguments, arguments.femur, points, normals, epicondyles, touching)
+        axes = _fitted(arguments, arguments.femur, points, normals, epicondyles, met)
         regions = f"within {within:g} mm of the tibia at {first:.1f} and {last:.1f} degrees"
         return dataclasses.replace(axes, regions=regions)
 
@@ -163,7 +174,7 @@ def _fitted(
     points: np.ndarray,
     normals: np.ndarray,
     epicondyles: np.ndarray | None,
-    touching: tuple[np.ndarray, np.ndarray] | None = None,
+    touching: tuple[np.ndarray, ...] | None = None,
 ) -> FemurAxes:
     extension = tuple(arguments.extension_facet or EXTENSION_DEG)
     flexion = tuple(arguments.flexion_facet or FLEXION_DEG)
@@ -189,21 +200,6 @@ def _fitted(
     return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions, doubts)
 
 
-def _touching(
-    file: Path, points: np.ndarray, tibia: np.ndarray, poses: Pose, within: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Which points meet the tibia at the first and at the last calibration pose."""
-    table = np.asarray(poses.to_table())
-    try:
-        first, last = (
-            touching_rows(points, tibia, Pose.from_table(row), within) for row in table[[0, -1]]
-        )
-    except UnsuitableMesh as error:
-        expected = f"{error.expected} Bones without cartilage want a larger --touching-within"
-        raise InputProblem(file, error.field, error.found, expected) from None
-    return first, last
-
-
 def _tibia(arguments: JointFit, side: str) -> np.ndarray:
     """Points of the tibia's mesh, in its anatomical frame if there are landmarks."""
     mesh = read_mesh_points(arguments.tibia, arguments.unit or "auto")
@@ -217,19 +213,6 @@ def _tibia(arguments: JointFit, side: str) -> np.ndarray:
     except UnsuitableLandmarks as error:
         raise problem(arguments.landmarks, error) from None
     return in_frame(frame, points)
-
-
-def _femur_placed(
-    file: Path, side: str, points: np.ndarray, epicondyles: np.ndarray | None
-) -> tuple[Placement, np.ndarray]:
-    """The anatomical frame of the femur in its mesh's, and the epicondyles in the mesh's."""
-    known = read_femur_landmarks(file, side)
-    epicondyles = known.epicondyles if epicondyles is None else epicondyles
-    try:
-        (hip,) = _centers(points, known.hip_center[None], (known.head_within,))
-        return femur_frame(hip, *epicondyles, anterior=None), epicondyles
-    except UnsuitableLandmarks as error:
-        raise problem(file, error) from None
 
 
 def _centers(mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]) -> np.ndarray:
@@ -251,7 +234,3 @@ def _given_epicondyles(arguments: JointFit, side: str) -> np.ndarray | None:
 
 def _mirror(side: str) -> np.ndarray:
     return _MIRROR if side == "left" else np.ones(3)
-
-
-def _turned_back(frame: Placement, normals: np.ndarray) -> np.ndarray:
-    return np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
+from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._models import (
     Modelled,
@@ -17,8 +16,7 @@ from kneejax.cli.joint._models import (
     knee_model,
 )
 from kneejax.cli.options import JointCompare
-from kneejax.files import InputProblem, counted, read_poses, write_rows, write_text
-from kneejax.inference import versions
+from kneejax.files import InputProblem, counted, read_poses
 from kneejax.joints import (
     Comparison,
     UnsuitableMotions,
@@ -27,10 +25,11 @@ from kneejax.joints import (
     is_tested,
 )
 from kneejax.parameters import UnsuitableData
+from kneejax.report import comparison_answer
 
 
 def run(arguments: JointCompare) -> int:
-    """Compare, print tables, write them with a figure."""
+    """Compare models with what was measured."""
     _check_tests(arguments)
     tables = _measured(arguments)
     flexion = tables[..., 0]
@@ -49,7 +48,14 @@ def run(arguments: JointCompare) -> int:
     for title, (read, name) in knees.items():
         models[title] = knee_model(read, name, flexion)
     found = _compared(arguments, tables, models, used)
-    return 1 if _write(arguments, found, models, flexion) else 0
+    settings = arguments.options()
+    settings["measured"] = [str(file) for file in arguments.measured]
+    settings["sources"] = {name: one.source for name, one in models.items()}
+    answer = comparison_answer(
+        found, {name: one.curve for name, one in models.items()}, curve_flexion(flexion), flexion,
+        doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
+    )  # fmt: skip
+    return deliver(answer, arguments)
 
 
 def _check_tests(arguments: JointCompare) -> None:
@@ -142,44 +148,3 @@ def _compared(
     except UnsuitableMotions as problem:
         files = ", ".join(str(file) for file in arguments.measured)
         raise UnsuitableData(f"{files}: {problem}") from problem
-
-
-def _write(
-    arguments: JointCompare,
-    found: Comparison,
-    models: dict[str, Modelled],
-    flexion: np.ndarray,
-) -> list[str]:
-    """Write and print everything; returns what is in doubt."""
-    from kneejax.report import joint_comparison_figure, save_figure
-    from kneejax.report import joint_comparison_text as text
-
-    out = arguments.out
-    tables = {
-        "summary.csv": (text.SUMMARY_COLUMNS, text.summary_rows),
-        "differences.csv": (text.DIFFERENCE_COLUMNS, text.difference_rows),
-        "predictions.csv": (text.PREDICTION_COLUMNS, text.prediction_rows),
-    }
-    if found.tests:
-        tables["tests.csv"] = (text.TEST_COLUMNS, text.test_rows)
-    for name, (columns, rows) in tables.items():
-        write_rows(out / name, list(columns), rows(found))
-    settings = arguments.options()
-    settings["measured"] = [str(file) for file in arguments.measured]
-    settings["sources"] = {name: one.source for name, one in models.items()}
-    document = text.joint_comparison_document(found, settings, versions())
-    of_models = [doubt for one in models.values() for doubt in one.doubts]
-    document["doubts"] = of_models + document["doubts"]
-    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    figure = joint_comparison_figure(
-        found,
-        curve_flexion(flexion),
-        {name: one.curve for name, one in models.items()},
-        flexion,
-    )
-    save_figure(figure, out / "figures", "joints", svg=arguments.svg)
-    print(text.joint_comparison_summary(found))
-    for doubt in of_models:
-        print(f"! {doubt}")
-    print(f"written: {out}/{', '.join(tables)}, result.json, settings.json, figures/joints.png")
-    return document["doubts"]

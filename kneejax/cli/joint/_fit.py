@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 
 import numpy as np
 
 from kneejax.cli import options
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import (
     FemurAxes,
@@ -22,27 +22,14 @@ from kneejax.files import (
     AxisPoints,
     InputProblem,
     JointFile,
-    counted,
     parse_flexion,
     read_poses,
     write_axis_points,
     write_joint,
-    write_poses,
-    write_rows,
-    write_text,
 )
-from kneejax.geometry import FREE_COORDINATES, Pose
-from kneejax.inference import versions
+from kneejax.geometry import Pose
 from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_rows, fit_joints
-from kneejax.report import (
-    FACET_COLUMNS,
-    facet_rows,
-    joint_axes_figure,
-    joint_fit_summary,
-    joint_kind,
-    joint_motion_figure,
-    save_figure,
-)
+from kneejax.report import joint_fit_answer
 from kneejax.statics import Status
 
 
@@ -68,7 +55,7 @@ class _Motion:
 
 
 def run(arguments: options.JointFit) -> int:
-    """Calibrate the joints, write them, their motion and figures, print a summary."""
+    """Calibrate the joints, and say what they keep of the motion."""
     flexion = parse_flexion(arguments.flexion)
     # All that can be at fault is read before a knee is bent, which takes long.
     read = None if arguments.knee is None else read_contact_knee(arguments.knee)
@@ -85,14 +72,21 @@ def run(arguments: options.JointFit) -> int:
         raise problem(motion.source, error) from None
     except JointProblem as error:
         raise problem(arguments.femur or arguments.axes or arguments.knee, error) from None
-    files = _write(arguments, fit, axes, motion, flexion, side)
-    over = _held_against(motion)
-    print(joint_fit_summary(fit, over, axes.hinge_source, axes.facets, axes.regions))
-    doubts = (*motion.doubts, *axes.doubts)
-    for doubt in doubts:
-        print(f"! {doubt}")
-    print(f"written to {arguments.out}:\n{', '.join(files)}, settings.json, figures/")
-    return 1 if doubts else 0
+    origin = arguments.femur or arguments.axes
+    whence = "its condyles" if origin is None else origin.name
+    written = _write(arguments, fit, axes, motion, side, whence)
+    answer = joint_fit_answer(
+        fit, motion.name, motion.table, flexion, status=motion.status, hinge=axes.hinge_source,
+        facets=axes.facets, regions=axes.regions, surface=axes.surface,
+        doubts=(*motion.doubts, *axes.doubts),
+        document={
+            "poses": None if arguments.poses is None else arguments.poses.name,
+            "knee": motion.name if motion.status else None,
+            "convention": arguments.convention or "femoral", "side": side, "axes": whence,
+            "facets": axes.regions or None, "settings": arguments.options(),
+        },
+    )  # fmt: skip
+    return deliver(answer, arguments, written)
 
 
 def _side(arguments: options.JointFit, read: ContactKnee | None) -> str:
@@ -142,17 +136,10 @@ def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -
 
 
 def _write(
-    arguments: options.JointFit,
-    fit: JointFit,
-    axes: FemurAxes,
-    motion: _Motion,
-    flexion: np.ndarray,
-    side: str,
+    arguments: options.JointFit, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence
 ) -> list[str]:
-    """Write everything; the names of the files."""
+    """Write the joints, and axis points that were found; the names of the files."""
     out, name = arguments.out, arguments.out.name or "joint"
-    origin = arguments.femur or arguments.axes
-    whence = "its condyles" if origin is None else origin.name
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
     table = arguments.poses
     whose = f"{motion.name}, passive flexion" if table is None else table.name
@@ -161,56 +148,7 @@ def _write(
         (fit.hinge, "hinge.yaml", f"{name} hinge", f"{whose}; axis through {axes.hinge_source}"),
     ):
         write_joint(JointFile(joint, title, side, source), out / file)
-    for joint, file in ((fit.moving, "poses.csv"), (fit.hinge, "hinge_poses.csv")):
-        write_poses(out / file, np.asarray(joint.pose(np.deg2rad(flexion)).to_table()))
-    files = ["joint.yaml", "hinge.yaml", "poses.csv", "hinge_poses.csv", "result.json"]
-    if motion.status:
-        write_poses(out / "knee_poses.csv", motion.table, status=motion.status)
-        files.append("knee_poses.csv")
-    if axes.facets is not None:
-        write_rows(out / "facets.csv", list(FACET_COLUMNS), facet_rows(axes.facets))
-        write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
-        files += ["facets.csv", "axes.csv"]
-    document = _document(arguments, fit, axes, motion, side, whence)
-    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    _write_figures(arguments, fit, axes, motion, flexion)
-    return files
-
-
-def _document(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence) -> dict:
-    return {
-        "poses": None if arguments.poses is None else arguments.poses.name,
-        "knee": motion.name if motion.status else None,
-        "convention": arguments.convention or "femoral",
-        "side": side,
-        "axes": whence,
-        "facets": axes.regions or None,
-        "calibration_flexion_deg": fit.poses[:, 0].tolist(),
-        "interpolation": fit.moving.interpolation,
-        "hinge": axes.hinge_source,
-        "rmse": {
-            joint: dict(zip(FREE_COORDINATES, row.tolist(), strict=True))
-            for joint, row in zip(("moving", "hinge"), fit.rmse, strict=True)
-        },
-        "doubts": [*motion.doubts, *axes.doubts],
-        "settings": arguments.options(),
-        "versions": versions(),
-    }
-
-
-def _write_figures(arguments, fit: JointFit, axes: FemurAxes, motion: _Motion, flexion) -> None:
-    folder, svg = arguments.out / "figures", arguments.svg
-    drawn = joint_axes_figure(fit.moving, fit.hinge, axes.surface, axes.facets)
-    save_figure(drawn, folder, "axes", svg=svg)
-    dense = np.linspace(flexion.min(), flexion.max(), 241)
-    joints = {joint_kind(fit): fit.moving, "hinge": fit.hinge}
-    drawn = joint_motion_figure(joints, motion.table, fit.rows, dense, motion.name)
-    save_figure(drawn, folder, "motion", svg=svg)
-
-
-def _held_against(motion: _Motion) -> str:
-    known = motion.table[np.isfinite(motion.table).all(axis=1), 0]
-    if not motion.status:
-        return f"{len(known)} measured poses"
-    ends = f"{known.min():g} to {known.max():g} degrees"
-    return f"passive flexion of {motion.name}, {counted(len(known), 'pose')} from {ends}"
+    if axes.facets is None:
+        return ["joint.yaml", "hinge.yaml"]
+    write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
+    return ["joint.yaml", "hinge.yaml", "axes.csv"]

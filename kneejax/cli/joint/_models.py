@@ -158,22 +158,18 @@ def _fitted(file: str, axes: AxisPoints, table: Path, poses: np.ndarray) -> dict
 def _of_joints(
     joints: Sequence[Joint], flexion_deg: np.ndarray, source: tuple[str, ...]
 ) -> Modelled:
-    over = curve_flexion(flexion_deg)
-
-    def said(joint: Joint, angles: np.ndarray) -> np.ndarray:
+    def measures(joint: Joint, angles: np.ndarray) -> np.ndarray:
         return clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
 
-    def exact(joint: Joint, angles: np.ndarray) -> np.ndarray:
-        off = np.abs(angles[:, None] - np.rad2deg(joint.flexion))
-        return (off < _SAME_FLEXION_DEG).any(axis=1)
-
-    subjects = list(zip(joints, flexion_deg, strict=True))
+    over, subjects = curve_flexion(flexion_deg), list(zip(joints, flexion_deg, strict=True))
+    exact = [
+        np.abs(angles[:, None] - np.rad2deg(joint.flexion)).min(axis=1) < _SAME_FLEXION_DEG
+        for joint, angles in subjects
+    ]
     return Modelled(
-        np.array([said(*one) for one in subjects]),
-        np.array([said(joint, over) for joint in joints]),
-        source,
-        np.any([exact(*one) for one in subjects], axis=0),
-    )
+        np.array([measures(*one) for one in subjects]),
+        np.array([measures(joint, over) for joint in joints]), source, np.any(exact, axis=0),
+    )  # fmt: skip
 
 
 def knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:

@@ -15,7 +15,6 @@ from kneejax.cli._command import (
     Group,
     Only,
     Place,
-    Written,
 )
 from kneejax.cli._words import Split
 from kneejax.cli.options._common import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
@@ -79,7 +78,7 @@ class Describe(Command):
     )
 
 
-class Evaluate(Written):
+class Evaluate(Drawn):
     """Compute ligaments and contact at given poses; nothing is solved."""
 
     command: ClassVar = "evaluate"
@@ -127,7 +126,7 @@ class View(Drawn):
     convention: Convention = Field("femoral", description="of the poses")
 
 
-class ImportOsim(Written):
+class ImportOsim(Drawn):
     """Make a knee from an OpenSim model, schema 3 or 4."""
 
     command: ClassVar = "import osim"

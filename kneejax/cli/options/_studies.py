@@ -25,12 +25,12 @@ class Calibrate(Drawn):
     """Identify the parameters of ligaments from measured motion."""
 
     command: ClassVar = "calibrate"
-    example: ClassVar = "kneejax calibrate paper1"
+    example: ClassVar = "kneejax calibrate passive_flexion"
     body: ClassVar = "kneejax.cli._calibrate"
     folder: ClassVar = "kneejax-calibration"
 
     study: Annotated[str, Place("STUDY"), Bundled("studies", others=True)] = Field(
-        "paper1",
+        "passive_flexion",
         description=f"{STUDY}; or a cohort: a folder of studies, a pattern in quotes, or a file "
         "that names its knees",
     )
@@ -95,7 +95,7 @@ class Map(Drawn):
     body: ClassVar = "kneejax.cli._map"
     folder: ClassVar = "kneejax-map"
 
-    study: Study = Field("paper1", description=STUDY)
+    study: Study = Field("passive_flexion", description=STUDY)
     pair: Annotated[list[tuple[str, str]], Form("X Y")] = Field(
         [],
         description="two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
@@ -121,7 +121,7 @@ class Sensitivity(Drawn):
     body: ClassVar = "kneejax.cli._sensitivity"
     folder: ClassVar = "kneejax-sensitivity"
 
-    study: Study = Field("paper1", description=STUDY)
+    study: Study = Field("passive_flexion", description=STUDY)
     sweep: Annotated[
         dict[str, tuple[float, ...] | None], Form("NAME[=LOW:HIGH[:COUNT]]"), STUDIED
     ] = Field(
@@ -164,7 +164,7 @@ class Identify(Drawn):
     body: ClassVar = "kneejax.cli._identify"
     folder: ClassVar = "kneejax-identify"
 
-    study: Study = Field("paper1", description=STUDY)
+    study: Study = Field("passive_flexion", description=STUDY)
     noise_mm: float | None = Field(None, description="standard deviation of measured positions")
     noise_deg: float | None = Field(None, description="standard deviation of measured rotations")
     prior: Annotated[

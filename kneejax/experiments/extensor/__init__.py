@@ -13,5 +13,3 @@ from kneejax.experiments.extensor._held_leg import at_rest as at_rest
 from kneejax.experiments.extensor._held_leg import held_leg as held_leg
 from kneejax.experiments.extensor._mechanism import TENDON as TENDON
 from kneejax.experiments.extensor._mechanism import tendon_of as tendon_of
-from kneejax.experiments.extensor._on_path import on_path as on_path
-from kneejax.experiments.extensor._on_path import patella_path as patella_path

@@ -27,6 +27,7 @@ _MODULES = {
     "OsimImport": "kneejax.files.opensim._import",
     "import_osim": "kneejax.files.opensim._import",
     "format_import_report": "kneejax.files.opensim._report",
+    "import_sections": "kneejax.files.opensim._report",
 }
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._registration import Registration as Registration
     from kneejax.files.opensim._registration import registered as registered
     from kneejax.files.opensim._report import format_import_report as format_import_report
+    from kneejax.files.opensim._report import import_sections as import_sections
     from kneejax.files.opensim._spatial_transform import transform_axes as transform_axes
     from kneejax.files.opensim._whole_body import WholeBody as WholeBody
     from kneejax.files.opensim._whole_body import WholeBodyForces as WholeBodyForces

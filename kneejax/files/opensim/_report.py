@@ -36,16 +36,27 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
         "",
         f"File {model.file.path.name}, version {model.version} of OpenSim's format.",
     ]
-    _section(lines, "What was taken as what", [*knee.findings, *knee.unusual, *model.notes])
+    sections = import_sections(read, geometry)
+    for title in ("What was taken as what", "Joint"):
+        _section(lines, title, sections.pop(title))
+    _ligaments(lines, read)
+    for title, items in sections.items():
+        _section(lines, title, items)
+    return "\n".join(lines) + "\n"
+
+
+def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
+    """Sentences of an import report, by the titles of its sections.
+
+    Args:
+        read: what a model gave.
+        geometry: sentences of the fit of its meshes; without any, how to add contacts is said.
+    """
+    model, knee = read.model, read.knee
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [
         f"{joint.name} ({joint.kind}): {text}" for joint in knee.joints for text in joint.describe()
     ]
-    reference = f"Reference pose, from the coordinates' defaults: {', '.join(pose)}"
-    _section(lines, "Joint", [reference, *joints])
-    _ligaments(lines, read)
-    _section(lines, "Patella and muscles read", _patella(read), "None.")
-    _section(lines, "Wrap objects read", [_wrap(read, wrap) for wrap in read.wraps])
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
     if geometry:
         contacts += geometry
@@ -61,16 +72,21 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
             f"The model has no {FORCE} between femur and tibia; `kneejax import stl --knee "
             "knee.yaml ...` adds contacts to this knee."
         )
-    _section(lines, "Contact", contacts)
-    _section(lines, "Not supported", list(read.doubts))
-    _section(lines, "Left out", _left_out(read))
-    _section(lines, "Notes", [*dict.fromkeys(read.found.notes), *_notes(read)])
-    return "\n".join(lines) + "\n"
+    return {
+        "What was taken as what": [*knee.findings, *knee.unusual, *model.notes],
+        "Joint": [f"Reference pose, from the coordinates' defaults: {', '.join(pose)}", *joints],
+        "Patella and muscles read": _patella(read),
+        "Wrap objects read": [_wrap(read, wrap) for wrap in read.wraps],
+        "Contact": contacts,
+        "Not supported": list(read.doubts),
+        "Left out": _left_out(read),
+        "Notes": [*dict.fromkeys(read.found.notes), *_notes(read)],
+    }
 
 
-def _section(lines: list[str], title: str, items: list[str], empty: str = "None.") -> None:
+def _section(lines: list[str], title: str, items: list[str]) -> None:
     lines += ["", f"## {title}", ""]
-    lines += [f"- {item}" for item in items] or [empty]
+    lines += [f"- {item}" for item in items] or ["None."]
 
 
 def _ligaments(lines: list[str], read: OsimImport) -> None:

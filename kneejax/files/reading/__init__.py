@@ -7,8 +7,10 @@ from kneejax._lazy import lazy_names
 #: Public name -> its module: what a mistake is called is said without a reader of YAML.
 _MODULES = {
     "InputProblem": "kneejax.files.reading._problem",
+    "InputProblems": "kneejax.files.reading._problem",
     "counted": "kneejax.files.reading._problem",
     "nearest_name": "kneejax.files.reading._problem",
+    "MOST": "kneejax.files.reading._schema",
     "Field": "kneejax.files.reading._schema",
     "load_json": "kneejax.files.reading._text",
     "neighbour": "kneejax.files.reading._text",
@@ -23,8 +25,10 @@ _MODULES = {
 
 if TYPE_CHECKING:
     from kneejax.files.reading._problem import InputProblem as InputProblem
+    from kneejax.files.reading._problem import InputProblems as InputProblems
     from kneejax.files.reading._problem import counted as counted
     from kneejax.files.reading._problem import nearest_name as nearest_name
+    from kneejax.files.reading._schema import MOST as MOST
     from kneejax.files.reading._schema import Field as Field
     from kneejax.files.reading._text import load_json as load_json
     from kneejax.files.reading._text import neighbour as neighbour

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 #: Characters of a value, of a place and of what is expected that are shown at most.
@@ -67,6 +67,25 @@ class InputProblem(ValueError):
     def __reduce__(self):
         arguments = (self.file, self.field, self.value, self.expected, self.nearest)
         return type(self), arguments
+
+
+class InputProblems(InputProblem):
+    """Several mistakes of one input, a line each.
+
+    Attributes:
+        problems: every mistake; the attributes of the whole are those of the first `InputProblem`.
+    """
+
+    def __init__(self, problems: Sequence[ValueError]):
+        """Keep the mistakes in their order."""
+        self.problems = tuple(problems)
+        ValueError.__init__(self, "\n".join(map(str, problems)))
+        first = next((one for one in problems if isinstance(one, InputProblem)), None)
+        for name in ("file", "field", "value", "expected", "nearest"):
+            setattr(self, name, getattr(first, name, ""))
+
+    def __reduce__(self):
+        return type(self), (self.problems,)
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:

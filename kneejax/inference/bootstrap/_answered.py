@@ -1,4 +1,4 @@
-"""A question with its answer, from which fits to other data begin."""
+"""A problem with its answer, from which fits to other data begin."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.inference.calibration import Question, Ready, ready
+from kneejax.inference.calibration import CalibrationProblem
 from kneejax.inference.fit import Observations, fit_lanes
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -20,37 +20,36 @@ _MOST_EVALUATIONS = 100
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Answered:
-    """A question, and balances of its answer.
+    """A problem, and balances of its answer.
 
     Attributes:
-        own: the question, ready to be computed.
+        own: the problem.
         cases: load cases that count: those at which the answer balances.
         first: balances of the answer.
     """
 
-    own: Ready
+    own: CalibrationProblem
     cases: Observations
     first: Slopes
 
     @classmethod
-    def of(cls, question: Question, answer: Sequence[float]) -> Answered:
+    def of(cls, problem: CalibrationProblem, answer: Sequence[float]) -> Answered:
         """Balance an answer.
 
         Args:
-            question: that was answered.
+            problem: that was solved.
             answer: values of its parameters, then of constants between frames, `(p,)`.
 
         Raises:
             UnsuitableData: forces were read beside poses, which are not drawn again, or the answer
                 has no balance.
         """
-        check_redrawn(question.tests)
-        own = ready(question)
-        problem = own.problem
-        first = problem.begin(np.asarray(answer, float)[None])
+        check_redrawn(problem.fitted.tests)
+        fitted = problem.fitted
+        first = fitted.begin(np.asarray(answer, float)[None])
         if not first.converged[0].any():
             raise UnsuitableData("bootstrap: the answer has no balance")
-        return cls(own, problem.with_used(first.converged[0] & problem.used).cases, first)
+        return cls(problem, fitted.with_used(first.converged[0] & fitted.used).cases, first)
 
     def fitted(
         self, draws: Sequence[int], data: Callable[[Sequence[int]], Observations]
@@ -71,7 +70,7 @@ class Answered:
             begin = self.first.take(np.zeros(count, int))
             box = [np.tile(bound, (count, 1)) for bound in (self.own.lower, self.own.upper)]
             fits = fit_lanes(
-                self.own.problem.balance, data(some), begin, begin.values, *box,
+                self.own.fitted.balance, data(some), begin, begin.values, *box,
                 most=_MOST_EVALUATIONS,
             )  # fmt: skip
             found.append(np.where(fits.converged[:, None], fits.values, np.nan))

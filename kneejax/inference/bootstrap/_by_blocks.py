@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.bootstrap._answered import Answered
-from kneejax.inference.calibration import Question
+from kneejax.inference.calibration import CalibrationProblem
 from kneejax.inference.fit import Observations, rows_of_tests
 from kneejax.parameters import UnsuitableData
 
@@ -46,7 +46,7 @@ def curves_of(poses: int, tests: Sequence[MeasuredTest]) -> list[np.ndarray]:
 
 
 def bootstrap_by_blocks(
-    question: Question, answer: Sequence[float], draws: Sequence[int], seed: int = 0
+    problem: CalibrationProblem, answer: Sequence[float], draws: Sequence[int], seed: int = 0
 ) -> np.ndarray:
     """Fit as many of the measured curves as there are, drawn with replacement, many times.
 
@@ -55,7 +55,7 @@ def bootstrap_by_blocks(
     number alone, begins at the answer, and is fitted with all parameters free.
 
     Args:
-        question: that was answered (`calibrate`).
+        problem: that was solved (`calibrate`).
         answer: values of its parameters, then of constants between frames, `(p,)`.
         draws: numbers of the draws, from zero.
         seed: of the draws.
@@ -70,9 +70,9 @@ def bootstrap_by_blocks(
     Source: A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application (1997),
     section 3.8.
     """
-    answered = Answered.of(question, answer)
+    answered = Answered.of(problem, answer)
     cases = answered.cases
-    curves = curves_of(int(cases.posed.sum()), question.tests)
+    curves = curves_of(int(cases.posed.sum()), problem.fitted.tests)
     check_curves(curves)
     count, shape = len(curves), cases.target.shape
     spread = np.ones(shape) if cases.spread is None else cases.spread

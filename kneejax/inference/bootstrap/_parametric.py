@@ -8,12 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.inference.bootstrap._answered import Answered
-from kneejax.inference.calibration import Question
+from kneejax.inference.calibration import CalibrationProblem
 from kneejax.inference.fit import Observations
 
 
 def bootstrap(
-    question: Question,
+    problem: CalibrationProblem,
     answer: Sequence[float],
     noise: Sequence[float],
     draws: Sequence[int],
@@ -25,7 +25,7 @@ def bootstrap(
     with all parameters free, whatever the procedure; a prior stays as it is.
 
     Args:
-        question: that was answered (`calibrate`).
+        problem: that was solved (`calibrate`).
         answer: values of its parameters, then of constants between frames, `(p,)`.
         noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
         draws: numbers of the draws, from zero.
@@ -40,7 +40,7 @@ def bootstrap(
 
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
     """
-    answered = Answered.of(question, answer)
+    answered = Answered.of(problem, answer)
     cases = answered.cases
     model, spread = cases.observed(answered.first)[0][0], np.asarray(noise, float)
     spread = np.where(np.isfinite(spread), spread, 0.0)

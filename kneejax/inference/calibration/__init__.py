@@ -1,13 +1,10 @@
 """The procedures of a calibration, its search and its answers."""
 
 from kneejax.inference.calibration._answers import motion_at as motion_at
-from kneejax.inference.calibration._calibrate import calibrate as calibrate
+from kneejax.inference.calibration._calibrate import CalibrationProblem as CalibrationProblem
 from kneejax.inference.calibration._fitted_test import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Fault as Fault
 from kneejax.inference.calibration._quality import Misfit as Misfit
-from kneejax.inference.calibration._question import Question as Question
-from kneejax.inference.calibration._question import Ready as Ready
-from kneejax.inference.calibration._question import ready as ready
 from kneejax.inference.calibration._result import Calibration as Calibration
 from kneejax.inference.calibration._result import Ending as Ending
 from kneejax.inference.calibration._result import Estimate as Estimate
@@ -21,6 +18,7 @@ from kneejax.inference.calibration._search import USUAL_PROCEDURES as USUAL_PROC
 from kneejax.inference.calibration._search import Stage as Stage
 from kneejax.inference.calibration._search import procedures_of as procedures_of
 from kneejax.inference.calibration._search import run_procedure as run_procedure
+from kneejax.inference.calibration._side_by_side import calibrate as calibrate
 from kneejax.inference.calibration._side_by_side import (
     calibrate_side_by_side as calibrate_side_by_side,
 )

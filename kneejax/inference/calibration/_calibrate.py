@@ -2,94 +2,132 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.inference.calibration._question import Question
-from kneejax.inference.calibration._result import Calibration
-from kneejax.inference.calibration._search import USUAL_CYCLES, Stage
-from kneejax.inference.calibration._side_by_side import calibrate_side_by_side
-from kneejax.inference.fit import Progress
+from kneejax.inference.calibration._search import METHODS, USUAL_CYCLES, Stage, procedures_of
+from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, check_finite
+from kneejax.inference.intervals import check_all_stated, stated_noise
 from kneejax.mechanics import Knee, Load
+from kneejax.parameters import Selection, UnsuitableData, start_within, stated_bounds
 
 
-def calibrate(
-    knee: Knee,
-    measured: np.ndarray,
-    parameters: tuple[str, ...] = ("*.stiffness", "*.reference_strain"),
-    *,
-    bounds: dict[str, tuple[float, float]] | None = None,
-    weights: np.ndarray | None = None,
-    procedures: Sequence[str] = (),
-    stages: Sequence[Stage] = (),
-    noise_mm: float | None = None,
-    noise_deg: float | None = None,
-    offsets: tuple[str, ...] = (),
-    starts: int = 1,
-    seed: int = 0,
-    method: str = "least_squares",
-    cycles: int = USUAL_CYCLES,
-    truth: dict[str, float] | None = None,
-    title: str = "Calibration",
-    settings: dict[str, Any] | None = None,
-    loads: Sequence[Load] = (),
-    tests: Sequence[MeasuredTest] = (),
-    prior: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
-) -> Calibration:
-    """Identify parameters of a knee from measured poses, and from how far it gave under load.
+@dataclasses.dataclass(frozen=True, eq=False)
+class CalibrationProblem:
+    """What a calibration fits, between which bounds, and how it searches.
 
-    Args:
-        knee: gives everything that is not free, and the start of what is.
-        measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; flexion is
-            prescribed, the other five are compared. It may be empty where there are tests.
-        parameters: names, with `*` for every ligament.
-        bounds: by name; those of paper 1 for stiffness and reference strain by default.
-        weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
-        procedures: any of `I`, `II`, `III`, `S`; the first is reported as the answer, and alone
-            gets error bars. By default `S` where there are stages, otherwise `II`, `I` and `III`.
+    Attributes:
+        fitted: the problem of least squares.
+        stated: standard deviations of the free coordinates, NaN where none is stated, `(5,)`.
+        weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
+        start: values where the search begins, parameters, then constants between frames, `(p,)`.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        procedures: any of `PROCEDURES`; the first is reported as the answer, and alone gets error
+            bars.
         stages: of procedure `S`, in turn. Error bars are those of all data together.
-        noise_mm: standard deviation of measured displacements; by default estimated from what the
-            likeliest fit leaves.
-        noise_deg: of measured rotations; likewise.
-        offsets: free coordinates whose constant difference between measured and model frame is
-            unknown too.
         starts: number of starts of procedure III, besides the knee's own drawn from the prior, or
             between the bounds where there is none.
         seed: of those draws.
-        method: `least_squares`, or `lbfgsb` to minimise the objective by jaxopt's L-BFGS-B, which
-            takes seconds for each step of a procedure.
-        cycles: how often procedures I and II may go through their two steps: once, as paper 1, by
-            default.
-        truth: values that made the data, for synthetic studies.
+        method: one of `METHODS`; `lbfgsb` takes seconds for each step of a procedure.
+        cycles: how often procedures I and II may go through their two steps.
+        truth: values that made the data, where they were made.
         title: for the report.
         settings: recorded with the result.
-        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
-        tests: under load that were made; they count like poses, each by its standard deviation.
-        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
-            start's value. Weights are one over the noise's variances then, which must be stated.
-        progress: called now and then with what is computed and, of a search, how far off the knee
-            still is.
-
-    Returns:
-        The `Calibration`.
-
-    Raises:
-        UnknownParameter: a name that the knee does not have.
-        UnsuitableData: bounds that exclude the start, numbers that are not finite,
-            no pose that balances, a method that is unknown or not installed, or a test that says
-            how well it was measured where nobody says so of the poses.
-
-    Source: paper 1, sections 2.3 and 3.4.
     """
-    question = Question(
-        knee, measured, parameters, bounds, weights, procedures, stages, noise_mm, noise_deg,
-        offsets, starts, seed, method, cycles, truth, title, settings, loads, tests, prior,
-    )  # fmt: skip
-    (found,) = calibrate_side_by_side([question], progress=progress)
-    if isinstance(found, Exception):
-        raise found
-    return found
+
+    fitted: Problem
+    stated: np.ndarray
+    weights: np.ndarray
+    start: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    procedures: tuple[str, ...]
+    stages: tuple[Stage, ...] = ()
+    starts: int = 1
+    seed: int = 0
+    method: str = "least_squares"
+    cycles: int = USUAL_CYCLES
+    truth: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    title: str = "Calibration"
+    settings: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+
+    @classmethod
+    def of(
+        cls,
+        knee: Knee,
+        selection: Selection,
+        measured: np.ndarray,
+        *,
+        bounds: Mapping[str, tuple[float, float]] | None = None,
+        weights: np.ndarray | None = None,
+        stated: np.ndarray | None = None,
+        offsets: tuple[str, ...] = (),
+        loads: Sequence[Load] = (),
+        tests: Sequence[MeasuredTest] = (),
+        prior: Mapping[str, float] | None = None,
+        **search: Any,
+    ) -> CalibrationProblem:
+        """Lay out what is fitted; data and bounds are held against the knee.
+
+        Args:
+            knee: gives everything that is not free, and the start of what is.
+            selection: the free parameters.
+            measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; flexion
+                is prescribed, the other five are compared. It may be empty where there are tests.
+            bounds: by name; those of paper 1 for stiffness and reference strain by default.
+            weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
+            stated: standard deviations of the free coordinates, `(5,)`, NaN where unknown.
+            offsets: free coordinates whose constant difference between measured and model frame is
+                unknown too.
+            loads: on the tibia while the poses were measured, each one for all or one per pose.
+            tests: under load that were made; they count like poses, each by its deviation.
+            prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around
+                the start's value. Weights are one over the noise's variances then.
+            **search: the attributes from `procedures` on.
+
+        Raises:
+            UnknownParameter: a prior of what is not free.
+            UnsuitableData: bounds that exclude the start, numbers that are not finite, an unknown
+                method, or a prior or readings where nobody states the noise.
+        """
+        stages = search.get("stages", ())
+        search["procedures"] = procedures_of(search.get("procedures", ()), stages)
+        if search.get("method", "least_squares") not in METHODS:
+            known = ", ".join(METHODS)
+            raise UnsuitableData(f"unknown method {search['method']!r}: expected one of {known}")
+        stated = stated_noise(None, None) if stated is None else stated
+        if prior or any(test.readings for test in tests):
+            check_all_stated(stated, "prior" if prior else "readings")
+            # One over the variances: against these, what is not of a pose counts in its own.
+            counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
+            weights = np.where(counts, stated**-2.0, 0.0)
+        weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
+        fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
+        check_finite(fitted.measured)
+        _check_offsets(fitted)
+        lower, upper = stated_bounds(knee, selection, bounds or {})
+        start = start_within(knee, selection, lower, upper)
+        # A frame is rarely off by more than 10 mm or 10 degrees.
+        wide = np.full(len(offsets), 10.0)
+        start, lower, upper = np.r_[start, 0.0 * wide], np.r_[lower, -wide], np.r_[upper, wide]
+        if prior:
+            fitted = fitted.with_prior(start, prior)
+        fitted = fitted.stepping(start)
+        return cls(fitted, stated, weights, start, lower, upper, **search)
+
+
+def _check_offsets(problem: Problem) -> None:
+    """Refuse constants between frames that absorb all that was measured."""
+    poses = np.asarray(problem.cases.load_cases.flexion)[problem.cases.posed]
+    angles = len(np.unique(np.round(poses, 12)))
+    if problem.offsets and angles < 2:
+        raise UnsuitableData(
+            f"frame_offset: {', '.join(problem.offsets)} with {angles} measured "
+            f"pose{'s' * (angles != 1)}; expected two poses or more, since an unknown constant "
+            "absorbs a single one"
+        )

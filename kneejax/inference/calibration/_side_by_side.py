@@ -1,4 +1,4 @@
-"""Calibrations of several knees at once: questions of one form are lanes of one search."""
+"""Calibrations of several knees at once: problems of one form are lanes of one search."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from kneejax.inference.calibration._answers import (
     starts_of,
     sureties_of,
 )
+from kneejax.inference.calibration._calibrate import CalibrationProblem
 from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
 from kneejax.inference.calibration._quality import misfits
-from kneejax.inference.calibration._question import Question, Ready, ready
 from kneejax.inference.calibration._result import Calibration, Fit
 from kneejax.inference.calibration._search import Trail, run_side_by_side
 from kneejax.inference.calibration._versions import versions
 from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of, several_starts
 from kneejax.inference.intervals import Surety
 from kneejax.numerics import adding_up, lap, stopwatch
-from kneejax.parameters import UnknownParameter, UnsuitableData
+from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
 
 #: Chi squared, as the fit leaves it, by which a path to the same answer must fit better for it to
@@ -40,30 +40,47 @@ _FARTHER_DOWN = 0.1
 _BLOCKED, _SOFT, _FEW = 4.0, 0.2, 0.15
 #: How often steps through time are chosen anew for an answer.
 _STEPPINGS = 2
-#: What the data of one knee explain: the others go on.
-_EXPLAINED = (UnsuitableData, UnknownParameter)
+
+
+def calibrate(
+    problem: CalibrationProblem, *, progress: Progress | None = None
+) -> Calibration:
+    """Identify parameters of a knee from measured poses, and from how far it gave under load.
+
+    Args:
+        problem: of one knee; `kneejax.Study.problem` makes one.
+        progress: called now and then with what is computed and, of a search, how far off the knee
+            still is.
+
+    Returns:
+        The `Calibration`.
+
+    Raises:
+        UnsuitableData: no pose that balances.
+
+    Source: paper 1, sections 2.3 and 3.4.
+    """
+    (found,) = calibrate_side_by_side([problem], progress=progress)
+    if isinstance(found, Exception):
+        raise found
+    return found
 
 
 def calibrate_side_by_side(
-    questions: Sequence[Question], *, progress: Progress | None = None
-) -> list[Calibration | UnsuitableData | UnknownParameter]:
-    """Calibrate several knees, those whose questions have one form in lanes of one search.
+    problems: Sequence[CalibrationProblem], *, progress: Progress | None = None
+) -> list[Calibration | UnsuitableData]:
+    """Calibrate several knees, those whose problems have one form in lanes of one search.
 
     Args:
-        questions: one a knee.
+        problems: one a knee.
         progress: called now and then with what is computed.
 
     Returns:
         A `Calibration` each, or why there is none; those of one form share the seconds equally.
     """
-    found: dict[int, Calibration | UnsuitableData | UnknownParameter] = {}
-    forms: dict[object, list[tuple[int, Ready]]] = {}
-    for place, question in enumerate(questions):
-        try:
-            one = ready(question)
-        except _EXPLAINED as problem:
-            found[place] = problem
-            continue
+    found: dict[int, Calibration | UnsuitableData] = {}
+    forms: dict[object, list[tuple[int, CalibrationProblem]]] = {}
+    for place, one in enumerate(problems):
         forms.setdefault(_form(place, one), []).append((place, one))
     for members in forms.values():
         places, alike = zip(*members, strict=True)
@@ -75,36 +92,36 @@ def calibrate_side_by_side(
             for one in answers
         ]
         found |= dict(zip(places, answers, strict=True))
-    return [found[place] for place in range(len(questions))]
+    return [found[place] for place in range(len(problems))]
 
 
-def _form(place: int, one: Ready) -> object:
-    """What questions have in common that are answered side by side."""
-    form, asked = form_of(one.problem), one.question
+def _form(place: int, one: CalibrationProblem) -> object:
+    """What problems have in common that are solved side by side."""
+    form = form_of(one.fitted)
     if form is None:
         return place
     numbers = (one.stated, one.weights, one.lower, one.upper)
     return (
-        form, *(x.tobytes() for x in numbers), one.procedures, tuple(asked.stages), asked.starts,
-        asked.seed, asked.method, asked.cycles,
+        form, *(x.tobytes() for x in numbers), one.procedures, one.stages, one.starts, one.seed,
+        one.method, one.cycles,
     )  # fmt: skip
 
 
-def _with_short_steps(members: Sequence[Ready], progress: Progress | None) -> list:
+def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress | None) -> list:
     """Answers whose motions through time have steps that are short enough there too."""
     answers = _of_one_form(members, progress)
-    if not members[0].problem.cases.passages:
+    if not members[0].fitted.cases.passages:
         return answers
     for left in reversed(range(_STEPPINGS + 1)):
         (one,), (answer,) = members, answers
         if not isinstance(answer, Calibration) or not answer.fit.success:
             break
-        there = one.problem.stepping(_values(answer))
+        there = one.fitted.stepping(_values(answer))
         answers = [_with_restless(answer, there.restless)]
-        if there.steps <= one.problem.steps or not left:
+        if there.steps <= one.fitted.steps or not left:
             break
         _tell(progress, "shorter steps through time: once more")
-        members = (dataclasses.replace(one, problem=there),)
+        members = (dataclasses.replace(one, fitted=there),)
         answers = _of_one_form(members, progress)
     return answers
 
@@ -119,16 +136,16 @@ def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibr
     return dataclasses.replace(answer, fits=(fit, *answer.fits[1:]))
 
 
-def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
-    """Answers of knees whose questions have one form."""
+def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress | None) -> list:
+    """Answers of knees whose problems have one form."""
     _tell(progress, "first balances")
-    knees = SeveralKnees.of([one.problem for one in members])
+    knees = SeveralKnees.of([one.fitted for one in members])
     first = knees.begin(np.stack([one.start for one in members]))
     lap("start")
     found, sets = {}, {}
     for row, one in enumerate(members):
         try:
-            one.problem.balanced_by(first.take([row]))
+            one.fitted.balanced_by(first.take([row]))
         except UnsuitableData as problem:
             found[row] = problem
         else:
@@ -137,7 +154,7 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
         # What has no balance counts for nothing; knees of one set of load cases go on together.
         some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)
         own = [
-            dataclasses.replace(members[row], problem=problem)
+            dataclasses.replace(members[row], fitted=problem)
             for row, problem in zip(rows, some.problems, strict=True)
         ]
         found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
@@ -145,7 +162,10 @@ def _of_one_form(members: Sequence[Ready], progress: Progress | None) -> list:
 
 
 def _answers(
-    knees: SeveralKnees, members: Sequence[Ready], first: Slopes, progress: Progress | None
+    knees: SeveralKnees,
+    members: Sequence[CalibrationProblem],
+    first: Slopes,
+    progress: Progress | None,
 ) -> list[Calibration]:
     """Answers of knees whose load cases that count are the same.
 
@@ -188,14 +208,14 @@ def _answers(
 
 
 def _past_what_blocks(
-    problem: Problem, one: Ready, there: Slopes, variance: float
+    problem: Problem, one: CalibrationProblem, there: Slopes, variance: float
 ) -> Slopes | None:
     """Balances where the fit ends that begins at the one without what may block the search: load
     cases near a limit point, or those that are far off.
 
     Args:
         problem: of one knee.
-        one: what is asked of it.
+        one: the whole problem.
         there: balances at its answer.
         variance: of the residuals, as the fit leaves it.
 
@@ -244,22 +264,22 @@ def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
 
 def _fits(
     knees: SeveralKnees,
-    members: Sequence[Ready],
+    members: Sequence[CalibrationProblem],
     first: Sequence[Slopes],
     progress: Progress | None,
 ) -> tuple[list[list[Fit]], list[Surety]]:
     """The answers of each procedure from given balances, and how sure that of the first is, a knee
     each."""
-    one, asked = members[0], members[0].question
+    one = members[0]
     lower, upper = one.lower, one.upper
-    search = {"cycles": asked.cycles, "method": asked.method, "stages": asked.stages,
+    search = {"cycles": one.cycles, "method": one.method, "stages": one.stages,
               "unit": _unit(one), "progress": progress}  # fmt: skip
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
         begin, reached = list(first), []
-        if asked.starts > 1 and procedure == "III":
-            _tell(progress, f"procedure III, {asked.starts} starts side by side")
+        if one.starts > 1 and procedure == "III":
+            _tell(progress, f"procedure III, {one.starts} starts side by side")
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
             begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
@@ -273,7 +293,10 @@ def _fits(
             lap("limits")
         for row, trail in enumerate(trails):
             own = members[row]
-            fit = _fit(knees.problems[row], procedure, trail, own, None if number else sure[row])
+            fit = fit_of(
+                knees.problems[row], procedure, trail, own.start, own.lower, own.upper,
+                None if number else sure[row],
+            )  # fmt: skip
             if reached:
                 starts = starts_of(knees.problems[row], fit, *reached[row])
                 fit = dataclasses.replace(fit, starts=starts)
@@ -281,7 +304,7 @@ def _fits(
     return fits, sure
 
 
-def _unit(one: Ready) -> float:
+def _unit(one: CalibrationProblem) -> float:
     """What the objective rises by where chi squared of the stated noise does by one, if stated."""
     return chi_squared_unit(one.weights, np.asarray(one.stated, float)) or np.inf
 
@@ -304,18 +327,14 @@ def _at_the_bottom(knees: SeveralKnees, first, trails, sure, box, search) -> lis
     return found
 
 
-def _fit(problem, procedure: str, trail: Trail, one: Ready, surety: Surety | None) -> Fit:
-    return fit_of(problem, procedure, trail, one.start, one.lower, one.upper, surety)
-
-
-def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
+def _from_several(problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
     """Where the starts of one knee end, and their objectives.
 
     Besides the knee's own they are drawn from what is believed, where there is a prior, otherwise
     between the bounds.
     """
-    shape = one.question.starts - 1, len(one.start)
-    draws = np.random.default_rng(one.question.seed)
+    shape = one.starts - 1, len(one.start)
+    draws = np.random.default_rng(one.seed)
     more = draws.uniform(one.lower, one.upper, shape)
     if problem.cases.prior is not None:
         mean, deviation = problem.cases.prior
@@ -331,9 +350,9 @@ def _from_several(problem, one: Ready) -> tuple[np.ndarray, np.ndarray]:
     return ends, reached
 
 
-def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:
+def _answer(one: CalibrationProblem, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:
     """What is reported of one knee; seconds are those of all, and follow."""
-    problem, asked = one.problem, one.question
+    problem = one.fitted
     error = problem.error(first)
     start_rmse, start_tests = rmse_of(problem, error), fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())
@@ -341,8 +360,8 @@ def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calib
     for own, before in zip(fits[0].tests, start_tests, strict=True):
         poor += misfits_of_test(own, before, one.stated, one.weights)
     return Calibration(
-        title=asked.title,
-        knee=asked.knee.name,
+        title=one.title,
+        knee=problem.knee.name,
         measured=problem.measured,
         start=motion_of(problem, first),
         start_rmse=start_rmse,
@@ -350,9 +369,9 @@ def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calib
         start_objective=objective_of(problem, first),
         start_tests=start_tests,
         fits=tuple(fits),
-        ligaments=asked.knee.ligaments.names,
-        contacts=asked.knee.contact_names,
-        truth=dict(asked.truth or {}),
+        ligaments=problem.knee.ligaments.names,
+        contacts=problem.knee.contact_names,
+        truth=dict(one.truth),
         noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
         noise_estimated=surety.noise_estimated,
         misfits=poor,
@@ -360,7 +379,7 @@ def _answer(one: Ready, first: Slopes, fits: list[Fit], surety: Surety) -> Calib
         left_out=int((~problem.used).sum()),
         seconds={},
         versions=versions(),
-        settings=dict(asked.settings or {}),
+        settings=dict(one.settings),
     )
 
 

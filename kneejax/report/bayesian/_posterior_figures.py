@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import textwrap
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +18,7 @@ from kneejax.report.look import (
     SHOWN,
     VERMILLION,
     WIDTH,
+    Drawing,
     readable,
     styled,
 )
@@ -295,8 +297,8 @@ def predictive_figure(found: Posterior) -> Figure:
     return figure
 
 
-def posterior_figures(found: Posterior) -> dict[str, Figure]:
-    """Draw all figures of a posterior.
+def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
+    """All figures of a posterior, with captions.
 
     Args:
         found: the posterior.
@@ -304,7 +306,20 @@ def posterior_figures(found: Posterior) -> dict[str, Figure]:
     Returns:
         File name, without ending -> figure; pairs only where there are two parameters or more.
     """
-    figures = {"posterior": marginals_figure(found), "predictive": predictive_figure(found)}
+    one = functools.partial
+    drawings = {
+        "posterior": Drawing(
+            one(marginals_figure, found),
+            "Posterior of each parameter beside its prior and the normal approximation.",
+        ),
+        "predictive": Drawing(
+            one(predictive_figure, found),
+            "Motion that the posterior predicts, and how far the measurement is from its median.",
+        ),
+    }
     if len(found.names) > 1:
-        figures["posterior_pairs"] = pairs_figure(found)
-    return figures
+        drawings["posterior_pairs"] = Drawing(
+            one(pairs_figure, found),
+            "Draws of each pair of parameters with the ellipse of the normal approximation.",
+        )
+    return drawings

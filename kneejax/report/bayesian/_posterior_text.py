@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.report.look import aligned, number, with_error, wrapped
+from kneejax.report.look import Column, Table, number, wrapped
 
 if TYPE_CHECKING:
     from kneejax.inference import Posterior
@@ -25,25 +26,60 @@ POSTERIOR_COLUMNS = (
 )  # fmt: skip
 
 
-def posterior_rows(found: Posterior) -> list[dict[str, Any]]:
-    """List a posterior's parameters, for a table.
+def posterior_table(found: Posterior) -> Table:
+    """What the draws say of each parameter.
 
     Args:
         found: the posterior.
 
     Returns:
-        One dictionary per parameter, with the keys `POSTERIOR_COLUMNS` in that order.
+        A row per parameter under the columns `POSTERIOR_COLUMNS`; people see mean, spread, 95 %
+        limits, the spread of the normal approximation at the most probable parameters (Laplace),
+        R-hat and the effective number of draws.
     """
     low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
     laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
-    columns = (
+    values = (
         found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
         laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
         [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
         found.effective_sample_size, found.tail_effective_sample_size,
     )  # fmt: skip
-    plain = [[x if isinstance(x, str) else float(x) for x in column] for column in columns]
-    return [dict(zip(POSTERIOR_COLUMNS, row, strict=True)) for row in zip(*plain, strict=True)]
+    two = functools.partial(number, digits=2)
+    seen = {
+        "name": ("parameter", None), "unit": ("unit", None), "mean": ("mean", None),
+        "sd": ("sd", two), "quantile_025": ("2.5 %", None), "quantile_975": ("97.5 %", None),
+        "laplace_sd": ("Laplace sd", two), "r_hat": ("R-hat", lambda value: f"{value:.3f}"),
+        "effective_sample_size": ("eff.", lambda value: f"{value:.0f}"),
+    }  # fmt: skip
+    columns = [
+        Column(name, *seen.get(name, ("", None)), name in ("name", "unit"), name in seen)
+        for name in POSTERIOR_COLUMNS
+    ]
+    plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
+    return Table(columns, list(zip(*plain, strict=True)))
+
+
+def draws_table(found: Posterior) -> Table:
+    """Every draw of every chain, the table of posterior.csv."""
+    columns = [Column(name) for name in ("chain", "draw", *found.names)]
+    rows = [
+        [chain, number, *draw]
+        for chain, draws in enumerate(found.draws)
+        for number, draw in enumerate(draws)
+    ]
+    return Table(columns, rows)
+
+
+def sampling_words(found: Posterior) -> str:
+    """How the posterior was sampled."""
+    chains, draws, _ = found.draws.shape
+    return (
+        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
+        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
+        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
+        f"({number(found.seconds['compile'], 3)} s until the first draws)"
+    )
 
 
 def posterior_summary(found: Posterior) -> str:
@@ -53,34 +89,9 @@ def posterior_summary(found: Posterior) -> str:
         found: the posterior.
 
     Returns:
-        Lines of fewer than 100 columns, without a final line break; `Laplace sd` is that of the
-        normal approximation at the most probable parameters, `eff.` the effective number of draws.
+        Lines of fewer than 100 columns, without a final line break.
     """
-    chains, draws, _ = found.draws.shape
-    lines = wrapped(
-        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
-        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
-        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
-        f"({number(found.seconds['compile'], 3)} s until the first draws)"
-    )
-    rows = [("parameter", "mean", "sd", "2.5 %", "97.5 %", "unit", "Laplace sd", "R-hat", "eff.")]
-    for row in posterior_rows(found):
-        mean, sd = with_error(row["mean"], row["sd"])
-        decimals = len(mean.partition(".")[2])
-        rows.append(
-            (
-                row["name"],
-                mean,
-                sd,
-                f"{row['quantile_025']:.{decimals}f}",
-                f"{row['quantile_975']:.{decimals}f}",
-                row["unit"],
-                with_error(row["laplace_mean"], row["laplace_sd"])[1],
-                f"{row['r_hat']:.3f}",
-                f"{row['effective_sample_size']:.0f}",
-            )
-        )
-    lines += aligned(rows, (0, 5))
+    lines = [*wrapped(sampling_words(found)), posterior_table(found).terminal()]
     for sentence in posterior_doubts(found):
         lines += wrapped(sentence, "warning: ")
     return "\n".join(lines)

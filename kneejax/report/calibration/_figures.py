@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax.report.calibration._estimates import undetermined
-from kneejax.report.calibration._verdict import PAPER_COUNTS
 from kneejax.report.look import (
     BLUE,
     FITS,
@@ -32,24 +31,6 @@ if TYPE_CHECKING:
     from kneejax.inference import Calibration, Estimate
 
 
-def _plain_log_axis(axis, decades: float = 7.0) -> None:
-    """Numbers without exponents; between the powers of ten too where there are few decades."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
-
-    subs = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
-    axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
-    axis.set_minor_locator(NullLocator())
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-
-
-def _quantities(estimates: tuple[Estimate, ...]) -> dict[tuple[str, str], list[Estimate]]:
-    groups: dict[tuple[str, str], list[Estimate]] = {}
-    for e in estimates:
-        quantity = e.name.partition(".")[2] or e.name
-        groups.setdefault((quantity, e.unit), []).append(e)
-    return groups
-
-
 @styled
 def parameters_figure(calibration: Calibration) -> Figure:
     """Draw each parameter between its bounds: start, estimate with its error, truth if known.
@@ -62,7 +43,9 @@ def parameters_figure(calibration: Calibration) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    groups = _quantities(calibration.fit.estimates)
+    groups: dict[tuple[str, str], list[Estimate]] = {}
+    for e in calibration.fit.estimates:
+        groups.setdefault((e.name.partition(".")[2] or e.name, e.unit), []).append(e)
     columns = min(2, len(groups)) or 1
     rows = -(-len(groups) // columns) or 1
     sizes = [len(group) for group in groups.values()] or [1]
@@ -86,67 +69,50 @@ def parameters_figure(calibration: Calibration) -> Figure:
     for axes in panels.flat[len(groups) :]:
         axes.set_axis_off()
     figure.legend(
-        list(handles.values()),
-        list(handles),
-        loc="upper left",
-        bbox_to_anchor=(0.06, 1.0),
-        ncols=len(handles),
-        columnspacing=1.5,
-        handletextpad=0.5,
-        handlelength=1.4,
-        fontsize=7.5,
+        list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.06, 1.0),
+        ncols=len(handles), columnspacing=1.5, handletextpad=0.5, handlelength=1.4, fontsize=7.5,
         borderaxespad=0.2,
-    )
+    )  # fmt: skip
     return figure
 
 
 def _parameter_rows(
     axes: Axes, group: list[Estimate], calibration: Calibration, handles: dict
 ) -> None:
+    """The parameters of one quantity, a row each."""
     y = np.arange(len(group), dtype=float)
-    values = np.array([e.value for e in group])
-    starts = np.array([e.start for e in group])
+    names = ("value", "start", "lower", "upper")
+    values, starts, lower, upper = (np.array([getattr(e, n) for e in group]) for n in names)
     truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
-    seen = np.concatenate([values, starts, truth])
-    seen = seen[np.isfinite(seen)]
-    lower = np.array([e.lower for e in group])
-    upper = np.array([e.upper for e in group])
-    ends = np.concatenate([seen, lower, upper])
+    ends = np.concatenate([values, starts, truth, lower, upper])
     ends = ends[np.isfinite(ends)]
     low, high = (np.min(ends), np.max(ends)) if ends.size else (0.0, 1.0)
-    bounded = np.isfinite(lower) & np.isfinite(upper)
     pad = 0.04 * (high - low) or 1.0
+    bounded = np.isfinite(lower) & np.isfinite(upper)
     if bounded.any():
-        widths = (upper - lower)[bounded]
-        handles.setdefault(
-            "bounds", axes.barh(y[bounded], widths, left=lower[bounded], height=0.5, color=LIGHT)
+        bars = axes.barh(
+            y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5, color=LIGHT
         )
+        handles.setdefault("bounds", bars)
     (handles["start"],) = axes.plot(starts, y, "o", color=START, markersize=4.5)
     for row, e in enumerate(group):
         _limits_line(axes, row, e)
+        words = ["at bound"] * e.at_bound + ["not determined"] * undetermined(e)
+        axes.text(
+            high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION,
+            ha="right", va="bottom", style="italic",
+        )  # fmt: skip
     drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
     handles["estimate and 95 % limits"] = drawn[0]
+    hollow: dict[str, Any] = {"markerfacecolor": "none"}
     for i, fit in enumerate(calibration.fits[1:], 1):
         others = {e.name: e.value for e in fit.estimates}
         (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
-            [others.get(e.name, np.nan) for e in group],
-            y + 0.2,
-            "^" if i % 2 else "v",
-            color=FITS[i % len(FITS)],
-            markersize=3.5,
-            markerfacecolor="none",
-        )
+            [others.get(e.name, np.nan) for e in group], y + 0.2, "^" if i % 2 else "v",
+            color=FITS[i % len(FITS)], markersize=3.5, **hollow,
+        )  # fmt: skip
     if calibration.truth:
-        (handles["truth"],) = axes.plot(
-            truth, y, "D", color="black", markersize=6, markerfacecolor="none"
-        )
-    for row, e in enumerate(group):
-        words = ["at bound"] * e.at_bound + ["not determined"] * undetermined(e)
-        if words:
-            axes.text(
-                high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION,
-                ha="right", va="bottom", style="italic",
-            )  # fmt: skip
+        (handles["truth"],) = axes.plot(truth, y, "D", color="black", markersize=6, **hollow)
     axes.set_xlim(low - pad, high + pad)
     axes.set_ylim(len(group) - 0.5, -0.62)
     axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
@@ -164,19 +130,6 @@ def _limits_line(axes: Axes, row: int, e: Estimate) -> None:
     for end, closed, arrow in zip(ends, known, "<>", strict=True):
         marker = "|" if closed else arrow
         axes.plot(end, row, marker, color=VERMILLION, markersize=5, markeredgewidth=1.2)
-
-
-def correlation_figure(calibration: Calibration) -> Figure:
-    """Draw the correlation of the estimates; parameters not determined are hatched.
-
-    Args:
-        calibration: what to draw; the matrix is that of the answer.
-
-    Returns:
-        A matrix with numbers in its cells where they are readable.
-    """
-    estimates = calibration.fit.estimates
-    return correlation_matrix_figure([e.name for e in estimates], calibration.fit.correlation)
 
 
 @styled
@@ -208,13 +161,9 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     unknown = ~np.isfinite(matrix)
     axes.set_facecolor(LIGHT)
     axes.pcolormesh(
-        np.ma.masked_where(unknown | np.eye(n, dtype=bool), matrix),
-        cmap=colours,
-        vmin=-1,
-        vmax=1,
-        edgecolors="white",
-        linewidth=1,
-    )
+        np.ma.masked_where(unknown | np.eye(n, dtype=bool), matrix), cmap=colours, vmin=-1, vmax=1,
+        edgecolors="white", linewidth=1,
+    )  # fmt: skip
     hatched = None
     for i in np.flatnonzero(unknown.all(axis=1)):
         for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
@@ -257,82 +206,69 @@ def convergence_figure(calibration: Calibration) -> Figure:
     """Draw the objective against simulated motions, with a marker shape for each stage.
 
     Args:
-        calibration: what to draw; for synthetic data the published counts are thin lines.
+        calibration: what to draw.
 
     Returns:
         One curve per procedure, logarithmic in the objective.
     """
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
     figure = Figure(figsize=(WIDTH, 3.1))
     axes = figure.subplots()
     figure.subplots_adjust(left=0.095, right=0.985, top=0.9, bottom=0.15)
-    objectives = [step.objective for fit in calibration.fits for step in fit.history]
-    objectives.append(calibration.start_objective)
+    begun = calibration.start_objective
+    objectives = [begun, *(step.objective for fit in calibration.fits for step in fit.history)]
     positive = [value for value in objectives if math.isfinite(value) and value > 0] or [1.0]
-    shapes = "os^Dv"
-    handles, stages = [], 0
-    reached = 1
+    top, bottom = max(positive), min(positive)
+    shapes, reached = "os^Dv", 1
+    axes.plot(1, max(begun, bottom), "o", color=START, markersize=4.5)
+    handles = [Line2D([], [], color=START, marker="o", ls="none", ms=4.5, label="start")]
+    every: list[str] = []
     for i, fit in enumerate(calibration.fits):
         color = FITS[i % len(FITS)]
-        steps = [(1, calibration.start_objective)]
-        steps += [(max(step.evaluations, 1), step.objective) for step in fit.history]
-        x = [step[0] for step in steps]
-        y = [max(step[1], min(positive)) for step in steps]
+        x = [1, *(max(step.evaluations, 1) for step in fit.history)]
+        y = [max(value, bottom) for value in (begun, *(step.objective for step in fit.history))]
         reached = max(reached, x[-1])
         axes.plot(x, y, "-", color=color, linewidth=1.1, drawstyle="steps-post")
-        names = list(dict.fromkeys(step.stage for step in fit.history))
-        stages = max(stages, len(names))
-        for j, stage in enumerate(names):
-            rows = [k + 1 for k, step in enumerate(fit.history) if step.stage == stage]
+        stages = list(dict.fromkeys(step.stage for step in fit.history))
+        every = max(every, stages, key=len)
+        for k, step in enumerate(fit.history, 1):
+            j = stages.index(step.stage)
             axes.plot(
-                [x[k] for k in rows], [y[k] for k in rows], shapes[j % 5], color=color,
-                markersize=4, markerfacecolor="white" if j else color, linestyle="none",
+                x[k], y[k], shapes[j % 5], color=color, markersize=4,
+                markerfacecolor="white" if j else color,
             )  # fmt: skip
-        word = verbatim(f"procedure {fit.procedure}") + ("" if fit.success else " (not converged)")
+        word = verbatim(f"procedure {fit.procedure}") if len(calibration.fits) > 1 else "fit"
+        word += "" if fit.success else " (not converged)"
         handles.append(Line2D([], [], color=color, label=word))
-    axes.plot(1, max(calibration.start_objective, min(positive)), "o", color=START, markersize=4.5)
-    handles.insert(0, Line2D([], [], color=START, marker="o", ls="none", ms=4.5, label="start"))
-    for j in range(stages if stages > 1 else 0):
+    for j in range(len(every) if len(every) > 1 else 0):
         fill = "white" if j else GREY
         handles.append(
             Line2D([], [], color=GREY, marker=shapes[j % 5], ls="none", ms=4,
                    markerfacecolor=fill, label=f"stage {j + 1}")
         )  # fmt: skip
     axes.set_yscale("log")
-    top, bottom = max(positive), min(positive)
     axes.set_ylim(bottom / 1.6, top * 1.6)
-    _plain_log_axis(axes.yaxis, math.log10(top / bottom) + 0.4)
+    # Between the powers of ten too where there are few decades.
+    subs = (1.0, 2.0, 5.0) if math.log10(top / bottom) < 2.1 else (1.0,)
+    axes.yaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.set_xlabel("Simulated motions")
-    if calibration.truth:
-        _published_counts(axes, calibration)
-        reached = max(reached, 233)
-    axes.set_xscale("log" if calibration.truth or reached > 300 else "linear")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    if axes.get_xscale() == "log":
-        _plain_log_axis(axes.xaxis)
-        decades = [10**k for k in range(int(math.log10(reached)) + 1)]
-        ticks = sorted(t * d for t in (1, 2, 5) for d in decades if t * d <= reached * 1.15)
-        axes.set_xticks(ticks)
+    if reached > 300:
+        axes.set_xscale("log")
+        axes.xaxis.set_minor_locator(NullLocator())
+        ticks = sorted(t * 10**k for t in (1, 2, 5) for k in range(int(math.log10(reached)) + 1))
+        axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         axes.set_xlim(0.9, reached * 1.25)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_title("Objective (weighted sum of squares)")
     # Where curves are not: they fall at once on a linear axis.
-    corner = "lower left" if axes.get_xscale() == "log" else "upper right"
     axes.legend(
-        handles=handles, loc=corner, borderaxespad=0.8, fontsize=7.5, handlelength=1.5,
+        handles=handles, loc="lower left" if reached > 300 else "upper right", borderaxespad=0.8,
+        fontsize=7.5, handlelength=1.5,
     )  # fmt: skip
     return figure
-
-
-def _published_counts(axes: Axes, calibration: Calibration) -> None:
-    sides = {"I": ("left", 3), "II": ("right", -3), "III": ("left", 3)}
-    for procedure, (side, shift) in sides.items():
-        calls = PAPER_COUNTS[procedure][1]
-        axes.axvline(calls, color=GREY, linewidth=0.6, zorder=1)
-        axes.annotate(
-            f"published {procedure}: {calls}", (calls, 0.97), (shift, 0),
-            xycoords=axes.get_xaxis_transform(), textcoords="offset points",
-            rotation=90, ha=side, va="top", fontsize=6.5, color=GREY,
-        )  # fmt: skip

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+import functools
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from kneejax.experiments import counts_like_poses, reading_unit
 from kneejax.geometry import COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.report.look import GREY, WIDTH, styled, verbatim
+from kneejax.report.look import GREY, WIDTH, Column, Table, change, number, styled, verbatim
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from kneejax.experiments import MeasuredTest
     from kneejax.inference import Calibration, FittedTest
 
 #: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
@@ -61,25 +61,41 @@ def laxity_errors(calibration: Calibration) -> list[LaxityError]:
     return found
 
 
-def errors_to_show(calibration: Calibration) -> list[LaxityError]:
-    """The same without those of a single reading, which tests.csv has beside the reading itself."""
-    every = laxity_errors(calibration)
-    return [one for one in every if one.flexion_deg is None or one.readings > 1]
+def errors_table(calibration: Calibration) -> Table:
+    """Root mean square errors of each test, coordinate and flexion, as people read them.
+
+    Those of a single reading are left to tests.csv, which has the reading itself.
+    """
+    three = functools.partial(number, digits=3)
+    columns = [
+        Column("test", "test under load", words=True), Column("coordinate", words=True),
+        Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
+        Column("start", "start RMSE", three), Column("fitted", "fitted", three),
+        Column("change", words=True),
+    ]  # fmt: skip
+    rows = []
+    for one in laxity_errors(calibration):
+        size = [one.readings, one.start, one.fitted, change(one.start, one.fitted)]
+        if one.flexion_deg is None:
+            rows.append([one.test, axis_label_of(one.coordinate), "all", *size])
+        elif one.readings > 1:
+            rows.append(["", "", f"{one.flexion_deg:g}", *size])
+    return Table(columns, rows)
 
 
 #: Columns of tests.csv after what acted.
 _COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", "fitted", "status")
 
 
-def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[Any]]]:
-    """Columns and rows of tests.csv: every reading of every test beside what the knee does.
+def reading_table(calibration: Calibration) -> Table:
+    """The table of tests.csv: every reading of every test beside what the knee does.
 
     Args:
         calibration: with tests.
 
     Returns:
-        The header, in which each line whose tension a table gave has a column as in that table,
-        and times where the knee was in motion, and a row for each reading.
+        A row for each reading; each line whose tension was given has a column as in its table,
+        and times stand where the knee was in motion.
     """
     tests = [own.test for own in calibration.fit.tests]
     lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
@@ -96,8 +112,11 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
             [
-                test.name, *_times(test, row, timed), test.flexion_deg[row],
-                *(size[row] for size in acting), name, unit_of(name), _counted_from(test, name),
+                test.name,
+                *["" if test.frames is None else test.frames.time_s[row]] * timed,
+                test.flexion_deg[row],
+                *(size[row] for size in acting), name, unit_of(name),
+                test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
                 measured[row],
                 before.compared[name][1][row], fitted[row], Status(int(own.status[row])).word,
             ]
@@ -105,17 +124,7 @@ def reading_table(calibration: Calibration) -> tuple[tuple[str, ...], list[list[
             for name, (measured, fitted) in own.compared.items()
             if np.isfinite(measured[row])
         ]  # fmt: skip
-    return header, rows
-
-
-def _times(test: MeasuredTest, row: int, timed: bool) -> list[Any]:
-    """When a row was seen, where some test of the table says so."""
-    return ["" if test.frames is None else test.frames.time_s[row]] * timed
-
-
-def _counted_from(test: MeasuredTest, name: str) -> str:
-    like_poses = name in COORDINATES or counts_like_poses(name)
-    return test.counted_from if like_poses else "absolute"
+    return Table([Column(name) for name in header], rows)
 
 
 def unit_of(name: str) -> str:
@@ -132,11 +141,6 @@ def label_of(name: str) -> str:
     part, _, kind = name.rpartition(".")
     words = {"tension_N": "tension", "contact_N": "contact force"}
     return f"{part} {words.get(kind, kind)}"
-
-
-def without(test: MeasuredTest) -> str:
-    """What a test had cut, to end a title with."""
-    return f", {' and '.join(test.cut)} cut" if test.cut else ""
 
 
 def axis_label_of(name: str) -> str:
@@ -199,22 +203,18 @@ def tests_figure(calibration: Calibration) -> Figure:
         left=0.1, right=0.78, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45
     )
     for axes, (own, before, name) in zip(every, panels, strict=True):
-        flexions = own.test.flexion_deg[_seen(own, name)]
+        flexions = own.test.flexion_deg[np.isfinite(own.compared[name][0])]
         if own.test.frames is not None:
             _along(axes, own, before, name, own.test.frames.time_s, "Time, s")
         elif len(np.unique(flexions)) == len(flexions) > 1:
             _along(axes, own, before, name, own.test.flexion_deg, "Flexion, deg")
         else:
             _over_load(axes, own, before, name)
-        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{without(own.test)}"))
+        cut = f", {' and '.join(own.test.cut)} cut" if own.test.cut else ""
+        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{cut}"))
         if own.test.counted_from != "absolute":
             axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
-
-
-def _seen(own: FittedTest, name: str) -> np.ndarray:
-    """Rows in which a coordinate is compared."""
-    return np.isfinite(own.compared[name][0])
 
 
 def _label(own: FittedTest, name: str) -> str:
@@ -266,7 +266,7 @@ def _along(
     axes: Axes, own: FittedTest, before: FittedTest, name: str, across: np.ndarray, label: str
 ) -> None:
     """One reading at each flexion, or time."""
-    rows = np.flatnonzero(_seen(own, name))
+    rows = np.flatnonzero(np.isfinite(own.compared[name][0]))
     order = rows[np.argsort(across[rows])]
     x, (measured, fitted) = across[order], own.compared[name]
     axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)

@@ -58,7 +58,7 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
     rows = np.arange(len(summary.fitted))
     estimates = [one.parameters.get(name) for one in summary.fitted]
     value, low, high = (
-        np.array([np.nan if e is None else getattr(e, field) for e in estimates])
+        np.array([np.nan if e is None else e[field] for e in estimates], float)
         for field in ("value", "low", "high")
     )
     unit = summary.units[name]
@@ -86,7 +86,7 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         axes.plot(np.full(some.sum(), edge), rows[some], mark, ms=2.6, color=BLUE, clip_on=False)
     if found is not None:
         shrunk = [found.in_own_unit(x) for x in found.shrunk]
-        light = "in the others' light"
+        light = "shrunken towards the mean"
         axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
     axes.set_xlim(left, right)
     axes.set_title(textwrap.fill(readable(name), 22), fontsize=8)

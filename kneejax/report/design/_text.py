@@ -1,15 +1,16 @@
-"""The tests to make next, for a terminal and for tables."""
+"""The tests to make next: sentences and tables of a choice of candidates."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import functools
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.parameters import unit_of_quantity
-from kneejax.report.look import aligned, number, plain, short, unit_after, wrapped
+from kneejax.report.look import Column, Table, number, plain, short, unit_after, wrapped
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -37,38 +38,37 @@ def gain_words(criterion: str) -> str:
     return "fall of the mean squared standard error, %"
 
 
-def candidates_rows(design: Design) -> list[dict[str, Any]]:
-    """List what each candidate would tell, for a table.
+def candidates_table(design: Design) -> Table:
+    """What each candidate would add, the table of candidates.csv.
 
     Args:
         design: the candidates and the choice.
 
     Returns:
-        One dictionary per candidate, with the keys `CANDIDATE_COLUMNS` in that order; `gain` in
-        bits (D) or as a fraction (A), `chosen` is its place in the order, if any.
+        A row per candidate under the columns `CANDIDATE_COLUMNS`; `gain` in bits (D) or as a
+        fraction (A), `chosen` is its place in the order, if any.
     """
     place: dict[int, int] = {}
     for step, row in enumerate(design.chosen, 1):
         place.setdefault(row, step)
-    return [
-        {"name": test.name, "flexion_deg": test.flexion_deg}
-        | test.loads
-        | {"status": Status(status).word, "gain": float(gain), "chosen": place.get(row)}
+    rows = [
+        [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
+        + [Status(status).word, float(gain), place.get(row)]
         for row, (test, status, gain) in enumerate(
             zip(design.candidates, design.status, design.gains, strict=True)
         )
     ]
+    return Table([Column(name) for name in CANDIDATE_COLUMNS], rows)
 
 
-def next_test_table(design: Design) -> tuple[tuple[str, ...], list[list[Any]]]:
+def next_tests_table(design: Design) -> Table:
     """The chosen tests as a table to be filled in and added to a study's `tests`.
 
     Args:
         design: the choice.
 
     Returns:
-        Columns, and a row per test in the order in which to make them; what is to be measured is
-        empty.
+        A row per test in the order in which to make them; what is to be measured is empty.
     """
     tests = [design.candidates[row] for row in design.chosen]
     acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
@@ -78,7 +78,7 @@ def next_test_table(design: Design) -> tuple[tuple[str, ...], list[list[Any]]]:
         [test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
         for test in tests
     ]
-    return columns, rows
+    return Table([Column(name) for name in columns], rows)
 
 
 def design_text(design: Design) -> str:
@@ -90,26 +90,26 @@ def design_text(design: Design) -> str:
     Returns:
         Lines of fewer than 100 columns, without a final line break.
     """
-    many = len(design.chosen)
-    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
-    lines = wrapped(
-        f"What to measure next: {tests}, chosen so that {_GOALS[design.criterion]}. Each is one "
-        "more pose of this knee, predicted with the fitted parameters."
-    )
-    lines.append("")
+    lines = [*wrapped(f"What to measure next: {goal_words(design)}"), ""]
     for step, sentence in enumerate(design_words(design), 1):
         lines += wrapped(sentence, f"{step}. ")
-    lines += ["", "Expected standard errors (the prior SD is the spread between knees):"]
-    lines += _error_table(design)
-    lines += ["", f"The best next tests by themselves ({gain_words(design.criterion)}):"]
-    lines += _best_table(design)
-    lines += ["", "If only one parameter matters, the best next test for it:"]
-    lines += _single_table(design)
+    for table in design_tables(design):
+        lines += ["", f"{table.title}:", table.terminal()]
     notes = design_notes(design)
     lines += [""] * bool(notes)
     for note in notes:
         lines += wrapped(note, "note: ")
     return "\n".join(lines)
+
+
+def goal_words(design: Design) -> str:
+    """How many tests were chosen, and what they make small."""
+    many = len(design.chosen)
+    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
+    return (
+        f"{tests}, chosen so that {_GOALS[design.criterion]}. Each is one more pose of this knee, "
+        "predicted with the fitted parameters."
+    )
 
 
 def design_words(design: Design) -> list[str]:
@@ -160,36 +160,43 @@ def _off(bend: float) -> str:
     return f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
 
 
-def _error_table(design: Design) -> list[str]:
-    steps = len(design.chosen)
+def design_tables(design: Design) -> list[Table]:
+    """Expected standard errors, the best tests by themselves, and the best for each parameter."""
+    steps, two = len(design.chosen), functools.partial(number, digits=2)
     # Many steps do not fit beside each other: the first three and the last tell the story.
     shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
-    rows = [["parameter", "unit", "prior SD", *heads]]
-    for i, name in enumerate(design.names):
-        unit = unit_of_quantity(name.split(".", 1)[-1])
-        errors = [number(design.standard_errors[step, i], 2) for step in shown]
-        rows.append([name, unit, number(design.scale[i], 2), *errors])
-    return aligned(rows, (0, 1))
-
-
-def _best_table(design: Design) -> list[str]:
+    units = [unit_of_quantity(name.split(".", 1)[-1]) for name in design.names]
+    parameter, unit = Column("parameter", words=True), Column("unit", words=True)
+    errors = Table(
+        [parameter, unit, *(Column(head, show=two) for head in ("prior SD", *heads))],
+        [
+            [name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
+            for i, name in enumerate(design.names)
+        ],
+        "Expected standard errors (the prior SD is the spread between knees)",
+    )
     order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
-    order = [row for row in order if np.isfinite(design.gains[row])]
     factor, digits = (1.0, 1) if design.criterion == "D" else (100.0, 0)
-    rows = [
-        [str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"] for row in order
-    ]
-    return aligned(rows)
-
-
-def _single_table(design: Design) -> list[str]:
+    best = Table(
+        [Column("test", words=True), Column("gain")],
+        [
+            [str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"]
+            for row in order
+            if np.isfinite(design.gains[row])
+        ],
+        f"The best next tests by themselves ({gain_words(design.criterion)})",
+    )
     after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
-    rows = [["parameter", "best next test", "before", "after", ""]]
-    for i, name in enumerate(design.names):
-        row = int(np.argmin(after[:, i]))
-        rows.append(
-            [name, str(design.candidates[row]), number(design.standard_errors[0, i], 2)]
-            + [number(after[row, i], 2), unit_of_quantity(name.split(".", 1)[-1])]
-        )
-    return aligned(rows, (0, 1, 4))
+    rows = [
+        [name, str(design.candidates[row]), design.standard_errors[0, i], after[row, i], units[i]]
+        for i, name in enumerate(design.names)
+        for row in [int(np.argmin(after[:, i]))]
+    ]
+    columns = [Column("best next test", words=True), Column("before", show=two)]
+    single = Table(
+        [parameter, *columns, Column("after", show=two), unit],
+        rows,
+        "If only one parameter matters, the best next test for it",
+    )
+    return [errors, best, single]

@@ -37,17 +37,23 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         Displacements to the right, loads upwards, as laxity papers draw them. Where a knee gives
         way or is no knee any more, a cross marks the last load that it held.
     """
-    from matplotlib.figure import Figure
-
-    height = _PANEL * len(curves) + 0.35
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
-    figure.subplots_adjust(
-        left=0.1, right=0.8, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.42
-    )
+    figure, panels = _panels(len(curves), 0.8)
     for axes, one, own in zip(panels, curves, status, strict=True):
         _curves_panel(axes, one, own)
     return figure
+
+
+def _panels(count: int, right: float) -> tuple[Figure, np.ndarray]:
+    """Panels one below the other, with room for legends to the right."""
+    from matplotlib.figure import Figure
+
+    height = _PANEL * count + 0.35
+    figure = Figure(figsize=(WIDTH, height))
+    panels = figure.subplots(count, 1, squeeze=False)[:, 0]
+    figure.subplots_adjust(
+        left=0.1, right=right, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.42
+    )
+    return figure, panels
 
 
 def _curves_panel(axes: Axes, one: Curves, status: np.ndarray) -> None:
@@ -109,14 +115,7 @@ def laxity_figure(
         A panel for each test; published means, with two standard deviations where they are known;
         of cut knees the legend says what they are counted from.
     """
-    from matplotlib.figure import Figure
-
-    height = _PANEL * len(curves) + 0.35
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(len(curves), 1, squeeze=False)[:, 0]
-    figure.subplots_adjust(
-        left=0.1, right=0.72, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.42
-    )
+    figure, panels = _panels(len(curves), 0.72)
     for axes, one in zip(panels, curves, strict=True):
         rows = [x for x in found if x.test == one.test.name]
         _laxity_panel(axes, one, rows, bands)

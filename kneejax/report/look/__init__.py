@@ -1,5 +1,10 @@
 """What all reports share: style, numbers, pieces of pages, saving."""
 
+from kneejax.report.look._answer import Answer as Answer
+from kneejax.report.look._answer import Drawing as Drawing
+from kneejax.report.look._answer import Section as Section
+from kneejax.report.look._answer import Verdict as Verdict
+from kneejax.report.look._answer import write_page as write_page
 from kneejax.report.look._json import json_safe as json_safe
 from kneejax.report.look._numbers import NONE as NONE
 from kneejax.report.look._numbers import change as change
@@ -42,6 +47,8 @@ from kneejax.report.look._style import readable as readable
 from kneejax.report.look._style import styled as styled
 from kneejax.report.look._style import verbatim as verbatim
 from kneejax.report.look._style import without_frame as without_frame
+from kneejax.report.look._tables import Column as Column
+from kneejax.report.look._tables import Table as Table
 from kneejax.report.look._terminal import LINE_WIDTH as LINE_WIDTH
 from kneejax.report.look._terminal import aligned as aligned
 from kneejax.report.look._terminal import wrapped as wrapped

@@ -34,4 +34,7 @@ def wrapped(text: str, first: str = "") -> list[str]:
         >>> wrapped("Every pose is balanced.", "note: ")
         ['note: Every pose is balanced.']
     """
-    return textwrap.wrap(text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first))
+    return textwrap.wrap(
+        text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
+        break_on_hyphens=False,
+    )  # fmt: skip

@@ -13,7 +13,6 @@ from kneejax.report.look import (
     CONTACT_PARTS,
     FITS,
     GREY,
-    MEASURED,
     PARTS,
     SHOWN,
     START,
@@ -22,8 +21,19 @@ from kneejax.report.look import (
     styled,
     verbatim,
 )
-from kneejax.report.motion._pose_doubts import row_status
-from kneejax.statics import Status
+from kneejax.report.motion._doubts import row_status
+from kneejax.report.motion._panels import (
+    DENSE,
+    FLEXION,
+    curve_style,
+    flexion_axis,
+    legend_above,
+    mark_status,
+    measured_curve,
+    panel_grid,
+    part_legend,
+    part_styles,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,85 +42,7 @@ if TYPE_CHECKING:
 
     from kneejax.inference import Calibration, Fit
 
-_DENSE = 40
-#: What an axis of flexion says; one of steps has no such ticks.
-FLEXION = "Flexion, deg"
 _COLUMN = {name: i for i, name in enumerate(COORDINATES)}
-#: Outcomes that are marked at the bottom edge: legend entry and marker.
-_MARKS = (
-    ("not balanced", tuple(s for s in Status if not s.converged), "x"),
-    ("dislocated", (Status.DISLOCATED,), "D"),
-    ("unstable", (Status.UNSTABLE,), "+"),
-    ("a fibre's way is wrong", (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), "v"),
-    ("a fibre overstretched", (Status.OVERSTRETCHED,), "^"),
-    ("outside fitted surfaces", (Status.OUTSIDE_REGION,), "|"),
-)
-
-
-def _curve(flexion: np.ndarray, dashes: Any, marker_only: float = 1.8) -> dict[str, Any]:
-    """A line where flexion runs one way, small markers where it does not."""
-    steps = np.diff(flexion)
-    if len(flexion) > 1 and ((steps >= 0).all() or (steps <= 0).all()):
-        return {"linestyle": dashes}
-    return {"linestyle": "none", "marker": "o", "markersize": marker_only, "markeredgewidth": 0}
-
-
-def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
-    """How measured poses are drawn: black points without a line, smaller where they are many.
-
-    Args:
-        flexion: of the poses, `(n,)`, degrees.
-
-    Returns:
-        Keywords for `Axes.plot`.
-    """
-    size = 3.0 if len(flexion) <= _DENSE else 1.6
-    return {
-        "linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0,
-        "color": MEASURED,
-    }  # fmt: skip
-
-
-def flexion_axis(
-    axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
-) -> None:
-    """Make the horizontal axis one of flexion: limits, ticks at clinical angles, label.
-
-    Args:
-        axes: of the panel.
-        flexion: of what is drawn, `(n,)`, degrees (or steps, where flexion is constant).
-        labelled: whether the label is written; panels above others leave it out.
-        label: of the axis; only that of flexion has ticks at multiples of 15 or 30.
-    """
-    from matplotlib.ticker import MultipleLocator
-
-    low, high = np.nanmin(flexion), np.nanmax(flexion)
-    pad = 0.02 * (high - low) or 1.0
-    axes.set_xlim(low - pad, high + pad)
-    if label == FLEXION and 60 <= high - low <= 200:
-        axes.xaxis.set_major_locator(MultipleLocator(30 if high - low > 90 else 15))
-    if labelled:
-        axes.set_xlabel(label)
-
-
-def mark_status(axes: Axes, x: np.ndarray, status: np.ndarray, color: str, height: float) -> dict:
-    """Mark doubtful rows at the bottom edge; returns the handles by legend entry."""
-    handles = {}
-    for entry, outcomes, marker in _MARKS:
-        rows = np.isin(status, outcomes)
-        if rows.any():
-            (handles[entry],) = axes.plot(
-                x[rows],
-                np.full(rows.sum(), height),
-                marker,
-                color=color,
-                markersize=4.5,
-                markeredgewidth=1.2,
-                transform=axes.get_xaxis_transform(),
-                clip_on=False,
-                zorder=5,
-            )
-    return handles
 
 
 def _as_measured(fit: Fit) -> np.ndarray:
@@ -145,7 +77,8 @@ def motion_figure(calibration: Calibration) -> Figure:
     motions: list[tuple[str, str, Any, np.ndarray]] = []
     for i, fit in reversed(list(enumerate(calibration.fits))):
         dashes = "--" if i == 0 else (0, (1 + 3 * i, 1.5, 1, 1.5))
-        label = verbatim(f"fitted, procedure {fit.procedure}")
+        several = len(calibration.fits) > 1
+        label = verbatim(f"fitted, procedure {fit.procedure}") if several else "fitted"
         motions.append((label, FITS[i % len(FITS)], dashes, _as_measured(fit)))
     spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     lines: dict[str, Any] = {}
@@ -159,7 +92,7 @@ def motion_figure(calibration: Calibration) -> Figure:
                 flexion[order],
                 table[order, column],
                 color=color,
-                **_curve(flexion[order], dashes),
+                **curve_style(flexion[order], dashes),
             )
         marks = mark_status(axes, flexion, row_status(calibration.start), START, 0.10)
         marked |= {f"start: {entry}": handle for entry, handle in marks.items()}
@@ -190,7 +123,7 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         columnspacing=1.2,
         borderpad=0,
         labelspacing=0.5,
-        markerscale=1.2 if len(calibration.measured) <= _DENSE else 2.0,
+        markerscale=1.2 if len(calibration.measured) <= DENSE else 2.0,
     )
     if calibration.fit.offsets:
         axes.text(
@@ -199,29 +132,18 @@ def _legend_panel(axes: Axes, handles: dict[str, Any], calibration: Calibration)
         )  # fmt: skip
 
 
-def _force_panel(
-    axes: Axes,
-    x: np.ndarray,
-    forces: np.ndarray,
-    names: Sequence[str],
-    colors: Sequence[str],
-    dashes: str,
-    drawn: list,
-) -> None:
-    for i, name in enumerate(names):
-        color = colors[i % len(colors)]
-        (line,) = axes.plot(x, forces[:, i], color=color, **_curve(x, dashes))
-        drawn.append((line, verbatim(name)))
-
-
-def part_legend(axes: Axes, drawn: list, corner: tuple[float, float], **layout: Any) -> None:
-    """Lines and their names, the upper left corner in the axes' coordinates."""
-    if drawn:
-        lines, names = zip(*drawn, strict=True)
-        layout = {"fontsize": 7.5, **layout}
-        axes.legend(
-            lines, names, loc="upper left", bbox_to_anchor=corner, borderaxespad=0, **layout
-        )
+def _force_lines(
+    axes: Axes, x: np.ndarray, forces: Any, names: Sequence[str], colors: Sequence[str], dashes: str
+) -> list:
+    """Forces over flexion, ligaments in the colours of their structures; lines with their names."""
+    styles, drawn = part_styles(names) if colors is PARTS else {}, []
+    for i, (name, force) in enumerate(zip(names, np.asarray(forces, float).T, strict=True)):
+        style = {"color": colors[i % len(colors)], **styles.get(name, {}), **curve_style(x, dashes)}
+        if dashes == "-" and "marker" not in style:
+            style["linestyle"] = styles.get(name, {}).get("linestyle", "-")
+        label = verbatim(name) if dashes == "-" else None
+        drawn += [(line, verbatim(name)) for line in axes.plot(x, force, label=label, **style)]
+    return drawn
 
 
 @styled
@@ -254,15 +176,14 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     )  # fmt: skip
     for axes, (title, names, field, colors) in zip(panels, groups, strict=True):
         axes.set_title(title)
-        drawn: list = []
         before = np.asarray(getattr(calibration.start, field), float)
         after = np.asarray(getattr(calibration.fit.motion, field), float)
-        _force_panel(axes, flexion[order], before[order], names, colors, ":", [])
-        _force_panel(axes, flexion[order], after[order], names, colors, "-", drawn)
+        _force_lines(axes, flexion[order], before[order], names, colors, ":")
+        drawn = _force_lines(axes, flexion[order], after[order], names, colors, "-")
         last = axes is panels[-1]
         flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
-        if "marker" not in _curve(flexion[order], "-"):
+        if "marker" not in curve_style(flexion[order], "-"):
             kinds = [("fitted", "-"), ("start", ":")] if axes is panels[0] else []
             drawn += [(Line2D([], [], color=GREY, linestyle=d), word) for word, d in kinds]
         mark_status(axes, flexion, row_status(calibration.fit.motion), VERMILLION, 0.03)
@@ -292,54 +213,35 @@ def simulation_figure(
         ligament_forces: shape `(n, ligaments)`, N.
         contact_names: one per column of `contact_forces`.
         contact_forces: shape `(n, contacts)`, N.
-        convention: of the table; said beside the legend.
+        convention: of the table; it stands above the panels.
 
     Returns:
-        Five coordinates, then ligament and contact forces with their legends below them.
+        Five coordinates, then ligament and contact forces with their legends above them.
     """
-    from matplotlib.figure import Figure
 
     x, label = np.asarray(flexion_deg, float), FLEXION
     if np.ptp(x) == 0:
         x, label = np.arange(1.0, len(x) + 1), "Step"
     table, status = np.asarray(table, float), np.asarray(status, int)
-    forces = [
-        ("Ligament force, N", ligament_names, np.asarray(ligament_forces, float), PARTS),
-        ("Contact force, N", contact_names, np.asarray(contact_forces, float), CONTACT_PARTS),
-    ]
-    most = max(len(ligament_names), len(contact_names), 1)
-    columns, line = (4, 0.16) if most <= 12 else (5, 0.115)
-    legends = line * -(-most // columns) + 0.05
-    height = 8.6 + legends
-    figure = Figure(figsize=(WIDTH, height))
-    grid = figure.add_gridspec(
-        4, 2, left=0.085, right=0.98, top=1 - 0.26 / height, bottom=(0.45 + legends) / height,
-        wspace=0.2, hspace=0.48,
-    )  # fmt: skip
+    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
+    figure, panels = panel_grid(4, 2, 8.8, "\n".join(textwrap.wrap(meaning, 100)))
     marks: dict[str, Any] = {}
-    spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
-    for name, spot in zip(SHOWN, spots, strict=True):
-        axes = figure.add_subplot(grid[spot])
-        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **_curve(x, "-"))
+    for name, place in zip(SHOWN, (0, 2, 4, 1, 3), strict=True):
+        axes = panels[place]
+        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **curve_style(x, "-"))
         axes.set_title(COORDINATES[name].axis_label)
         marks |= mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, spot in ((2, 0), (1, 1)), label=label)
-    words = figure.add_subplot(grid[2, 1])
-    words.set_axis_off()
-    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
-    words.text(0.0, 0.98, textwrap.fill(meaning, 46), va="top", fontsize=7.5)
-    for column, (title, names, values, colors) in enumerate(forces):
-        axes = figure.add_subplot(grid[3, column])
-        axes.set_title(title)
-        drawn: list = []
-        if len(names):
-            _force_panel(axes, x, values, names, colors, "-", drawn)
+    panels[5].set_axis_off()
+    part_legend(panels[5], [(handle, entry) for entry, handle in marks.items()], (0.0, 0.9))
+    for axes, names, values, kind, colors in (
+        (panels[6], ligament_names, ligament_forces, "Ligament force, N", PARTS),
+        (panels[7], contact_names, contact_forces, "Contact force, N", CONTACT_PARTS),
+    ):
+        _force_lines(axes, x, values, names, colors, "-")
+        axes.set_ylabel(kind)
+        legend_above(axes, 5)
         mark_status(axes, x, status, VERMILLION, 0.03)
-        flexion_axis(axes, x, label=label)
-        below = -0.45 / (axes.get_position().height * height)
-        part_legend(
-            axes, drawn, (0.0, below), ncols=columns, fontsize=7.5 if columns == 4 else 6.0,
-            handlelength=1.4, columnspacing=0.9, labelspacing=0.3, borderpad=0,
-        )  # fmt: skip
-    part_legend(words, [(handle, entry) for entry, handle in marks.items()], (0.0, 0.46))
+    for place, axes in enumerate(panels):
+        if place != 5:
+            flexion_axis(axes, x, place in (3, 4, 6, 7), label=label)
     return figure

@@ -52,7 +52,6 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         axes.set_title(title)
         _map_panel(figure, axes, found, values)
         _marks(axes, result, found)
-        _axes(axes, found)
     handles, labels = panels.flat[1].get_legend_handles_labels()
     hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
     handles, labels = [*handles, hatched], [*labels, "a limit is missed"]
@@ -70,28 +69,26 @@ def _across(bone: str) -> tuple[int, int]:
 def _map_panel(figure: Figure, axes: Axes, found: TunnelMap, values: np.ndarray) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    coordinates = (found.first, found.second)
     right, up = _across(found.bone)
-    drawn = values if right == 0 else values.T
+    x, y = (found.first, found.second)[right], (found.first, found.second)[up]
+    drawn, over = (one if right == 0 else one.T for one in (values, found.excess))
     axes.set_facecolor("#D8DADC")
     known = drawn[np.isfinite(drawn)]
     if known.size and np.ptp(known) > 0:
         # A few steep corners would leave the rest without colours.
         low, high = float(known.min()), float(np.quantile(known, 0.95))
         levels = MaxNLocator(10).tick_values(low, high if high > low else float(known.max()))
-        filled = axes.contourf(
-            coordinates[right], coordinates[up], drawn, levels, cmap="viridis", extend="both"
-        )
+        filled = axes.contourf(x, y, drawn, levels, cmap="viridis", extend="both")
         bar = figure.colorbar(filled, ax=axes, fraction=0.05, pad=0.03)
         bar.ax.tick_params(labelsize=7)
         bar.set_ticks(list(levels[::2]))
-    over = np.nan_to_num(found.excess if right == 0 else found.excess.T, posinf=1.0)
+    over = np.nan_to_num(over, posinf=1.0)
     if (over > 0).any():
-        place = coordinates[right], coordinates[up], over
-        hatched = axes.contourf(*place, [0.0, np.inf], colors="none", hatches=["////"])
+        hatched = axes.contourf(x, y, over, [0.0, np.inf], colors="none", hatches=["////"])
         hatched.set_edgecolor("#FFFFFF90")
         hatched.set_linewidth(0.0)
-        axes.contour(*place, [0.0], colors="white", linewidths=0.7)
+        axes.contour(x, y, over, [0.0], colors="white", linewidths=0.7)
+    _axes(axes, found, (x.min(), x.max()), (y.min(), y.max()))
 
 
 def _marks(axes: Axes, result: PlanResult, found: TunnelMap, small: bool = False) -> None:
@@ -107,26 +104,23 @@ def _marks(axes: Axes, result: PlanResult, found: TunnelMap, small: bool = False
                 axes.text(corner[right], corner[up], str(number), ha="center", va="center",
                           fontsize=6.5, bbox={"boxstyle": "circle,pad=0.15", "fc": "white",
                                               "ec": GREY, "lw": 0.5})  # fmt: skip
-    first = 0 if found.bone == TIBIA else 2
-    planned = result.planned.choices[0, first : first + 2]
-    axes.plot(planned[right], planned[up], "P", color=BLUE, markersize=5 if small else 7,
-              markeredgecolor="white",
-              markeredgewidth=0.8, linestyle="none", label="planned")  # fmt: skip
+    first, size = 0 if found.bone == TIBIA else 2, (5, 7) if small else (7, 10)
+    shown = [("planned", result.planned, "P", BLUE, size[0])]
     if result.optimum is not None:
-        best = result.best.choices[0, first : first + 2]
-        axes.plot(best[right], best[up], "*", color=VERMILLION, markersize=7 if small else 10,
-                  markeredgecolor="white", markeredgewidth=0.8, linestyle="none",
-                  label="optimum (all choices free)")  # fmt: skip
+        shown.append(("optimum (all choices free)", result.best, "*", VERMILLION, size[1]))
+    for label, outcome, marker, colour, wide in shown:
+        place = outcome.choices[0, first : first + 2]
+        axes.plot(place[right], place[up], marker, color=colour, markersize=wide, label=label,
+                  markeredgecolor="white", markeredgewidth=0.8, linestyle="none")  # fmt: skip
 
 
-def _axes(axes: Axes, found: TunnelMap) -> None:
-    coordinates = (found.first, found.second)
+def _axes(axes: Axes, found: TunnelMap, x: tuple, y: tuple) -> None:
     right, up = _across(found.bone)
     axes.set_aspect("equal")
     axes.grid(False)
     # Medial, and in the notch anterior, is on the left.
-    axes.set_xlim(coordinates[right].max(), coordinates[right].min())
-    axes.set_ylim(coordinates[up].min(), coordinates[up].max())
+    axes.set_xlim(x[1], x[0])
+    axes.set_ylim(*y)
     axes.set_xlabel(f"mm {found.names[right]}", labelpad=1)
     axes.set_ylabel(f"mm {found.names[up]}", labelpad=0)
 
@@ -149,15 +143,9 @@ def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
     _marks(axes, result, found, small=True)
     for x, y in footprint.fibres[:, (right, up)]:
         axes.plot(x, y, ".", color=BLACK, markersize=3.5)
-    axes.set_aspect("equal")
-    axes.grid(False)
     far = min(max(reach, 15.0) + 2.0, _FARTHEST_MM)
-    axes.set_xlim(far, -far)
-    axes.set_ylim(-far, far)
-    names = found.names
+    _axes(axes, found, (-far, far), (-far, far))
     axes.set_title("Tibia from above" if found.bone == TIBIA else "Lateral wall of the notch")
-    axes.set_xlabel(f"mm {names[right]}", labelpad=1)
-    axes.set_ylabel(f"mm {names[up]}", labelpad=0)
 
 
 def _beside(surface, footprint: Footprint) -> bool:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.geometry import COORDINATES
-from kneejax.report.look import BLACK, GREY, SHOWN, WIDTH, readable, styled
-from kneejax.report.sensitivity._figures import MOST_PARAMETERS, looks
+from kneejax.report.look import BLACK, BLUE, GREY, SHOWN, WIDTH, readable, styled
+from kneejax.report.sensitivity._motion_figures import MOST_PARAMETERS, largest_shares, looks
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -16,16 +16,11 @@ if TYPE_CHECKING:
 
     from kneejax.inference import MotionIndices
 
-#: Measure -> how it is called on an axis.
-_WORDS = {
-    "total_order": "total order",
-    "first_order": "first order",
-    "mu_star": "mean size of the effect",
-    "sigma": "its standard deviation",
+#: Method -> its two measures and how an axis calls them; what its bars measure.
+_MEASURES = {
+    "sobol": {"total_order": "total order", "first_order": "first order"},
+    "morris": {"mu_star": "mean size of the effect", "sigma": "its standard deviation"},
 }
-_MAIN = {"sobol": "total_order", "morris": "mu_star"}
-_OTHER = {"sobol": "first_order", "morris": "sigma"}
-#: Method -> what its bars measure.
 _AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's range"}
 _HATCHES = ("", "/////", ".....", "xxxxx")
 
@@ -43,59 +38,49 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     """
     from matplotlib.figure import Figure
 
-    shown = _largest(found)
+    indices, shown, sobol = found.indices, _largest(found), found.indices.method == "sobol"
     height = 3 * (0.62 + 0.21 * len(shown)) + 0.7
     figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(3, 2, sharey=True, sharex=found.indices.method == "sobol")
+    panels = figure.subplots(3, 2, sharey=True, sharex=sobol)
     # Morris' effects have units: each panel has its own axis then, which takes room.
-    gap = 0.42 if found.indices.method == "sobol" else 0.58
     figure.subplots_adjust(
         left=0.2, right=0.985, top=1 - 0.3 / height, bottom=1.05 / height, wspace=0.08,
-        hspace=gap / (height / 3 - 0.5),
+        hspace=(0.42 if sobol else 0.58) / (height / 3 - 0.5),
     )  # fmt: skip
     handles: dict = {}
-    for k, name in enumerate(("", *SHOWN)):
-        axes = panels[k // 2, k % 2]
-        title, unit = "Objective", ""
+    places = np.arange(len(shown))
+    for k, (axes, name) in enumerate(zip(panels.flat, ("", *SHOWN), strict=True)):
+        row, title = found.row(name), "Objective"
         if name:
-            title, unit = f"{COORDINATES[name].label}, RMSE", COORDINATES[name].unit
-        handles |= _paired_bars(axes, found, found.row(name), shown)
-        if found.indices.method == "morris" and unit:
-            title += f", {unit}"
+            title = f"{COORDINATES[name].label}, RMSE"
+            title += "" if sobol else f", {COORDINATES[name].unit}"
         axes.set_title(title)
-        if found.indices.method == "sobol":
+        pair = _MEASURES[indices.method].items()
+        looks_of_pair = ((BLUE, -0.22), ("#9CC6E0", 0.22))
+        for (measure, label), (colour, shift) in zip(pair, looks_of_pair, strict=True):
+            values = indices.measures[measure][row, shown]
+            handles[label] = axes.barh(places + shift, values, 0.44, color=colour)
+            if measure in indices.half_widths:
+                half = indices.half_widths[measure][row, shown]
+                handles[f"{100 * indices.confidence:g} % interval"] = _interval(
+                    axes, values, places + shift, 0.8, 1.8, xerr=half
+                )
+        axes.set_yticks(places, [readable(indices.names[i]) for i in shown])
+        axes.set_ylim(len(shown) - 0.4, -0.6)
+        axes.axvline(0.0, color=GREY, linewidth=0.7)
+        axes.grid(axis="y", visible=False)
+        axes.tick_params(axis="y", length=0)
+        _say_if_empty(axes, indices.measures[_main(found)][row])
+        if sobol:
             axes.tick_params(labelbottom=k > 3)
         if k > 3:
-            axes.set_xlabel(_AXIS[found.indices.method])
+            axes.set_xlabel(_AXIS[indices.method])
     figure.legend(
         handles.values(), handles, loc="lower center", bbox_to_anchor=(0.59, 0.36 / height),
         ncols=3, borderaxespad=0,
     )  # fmt: skip
     _say_what_is_left_out(figure, found)
     return figure
-
-
-def _paired_bars(axes: Axes, found: MotionIndices, row: int, shown: list[int]) -> dict:
-    indices = found.indices
-    places = np.arange(len(shown))
-    handles = {}
-    pair = ((_MAIN[indices.method], "#0072B2", -0.22), (_OTHER[indices.method], "#9CC6E0", 0.22))
-    for measure, colour, shift in pair:
-        values = indices.measures[measure][row, shown]
-        half = indices.half_widths.get(measure)
-        handles[_WORDS[measure]] = axes.barh(places + shift, values, 0.44, color=colour)
-        if half is not None:
-            handles[f"{100 * indices.confidence:g} % interval"] = axes.errorbar(
-                values, places + shift, xerr=half[row, shown], fmt="none", ecolor=BLACK,
-                elinewidth=0.8, capsize=1.8, capthick=0.8,
-            )  # fmt: skip
-    axes.set_yticks(places, [readable(indices.names[i]) for i in shown])
-    axes.set_ylim(len(shown) - 0.4, -0.6)
-    axes.axvline(0.0, color=GREY, linewidth=0.7)
-    axes.grid(axis="y", visible=False)
-    axes.tick_params(axis="y", length=0)
-    _say_if_empty(axes, indices.measures[pair[0][0]][row])
-    return handles
 
 
 @styled
@@ -112,30 +97,28 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     from matplotlib.figure import Figure
 
     indices, angles, shown = found.indices, found.flexion_deg, _largest(found)
-    measure = _MAIN[indices.method]
-    half = indices.half_widths[measure]
+    measure, sobol = _main(found), indices.method == "sobol"
     figure = Figure(figsize=(WIDTH, 7.9))
-    panels = figure.subplots(5, 1, sharex=True, sharey=indices.method == "sobol")
+    panels = figure.subplots(5, 1, sharex=True, sharey=sobol)
     figure.subplots_adjust(left=0.085, right=0.985, top=0.965, bottom=0.178, hspace=0.32)
     width = 0.92 / len(shown)
     styles = looks(tuple(indices.names[i] for i in shown))
     handles = {}
     for axes, name in zip(panels, SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
-        for k, i in enumerate(shown):
+        for k, (i, (colour, quantity)) in enumerate(zip(shown, styles, strict=True)):
             places = np.arange(len(angles)) + (k - (len(shown) - 1) / 2) * width
-            colour, quantity = styles[k]
+            values = indices.measures[measure][rows, i]
             handles[readable(indices.names[i])] = axes.bar(
-                places, indices.measures[measure][rows, i], 0.96 * width, facecolor=colour,
-                edgecolor="white", hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
+                places, values, 0.96 * width, facecolor=colour, edgecolor="white",
+                hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
             )  # fmt: skip
-            axes.errorbar(
-                places, indices.measures[measure][rows, i], yerr=half[rows, i], fmt="none",
-                ecolor=BLACK, elinewidth=0.7, capsize=1.4, capthick=0.7,
-            )  # fmt: skip
-        unit = f", {COORDINATES[name].unit}" if indices.method == "morris" else ""
-        axes.set_title(f"{COORDINATES[name].label}: {_WORDS[measure]}{unit}")
-        axes.set_ylabel("Share" if indices.method == "sobol" else "Change")
+            half = indices.half_widths[measure][rows, i]
+            _interval(axes, places, values, 0.7, 1.4, yerr=half)
+        unit = "" if sobol else f", {COORDINATES[name].unit}"
+        words = _MEASURES[indices.method][measure]
+        axes.set_title(f"{COORDINATES[name].label}: {words}{unit}")
+        axes.set_ylabel("Share" if sobol else "Change")
         axes.set_ylim(bottom=0)
         axes.grid(axis="x", visible=False)
         _say_if_empty(axes, indices.measures[measure][rows])
@@ -149,12 +132,18 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     return figure
 
 
+def _main(found: MotionIndices) -> str:
+    return next(iter(_MEASURES[found.indices.method]))
+
+
 def _largest(found: MotionIndices) -> list[int]:
-    """Parameters to draw, in their own order: those with the largest index of any output."""
-    indices = found.indices
-    size = np.nan_to_num(np.abs(indices.measures[_MAIN[indices.method]]))
-    share = (size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)).max(axis=0)
-    return sorted(np.argsort(-share, kind="stable")[:MOST_PARAMETERS].tolist())
+    return largest_shares(found.indices.measures[_main(found)], MOST_PARAMETERS)
+
+
+def _interval(axes: Axes, x, y, width: float, cap: float, **half: np.ndarray):
+    return axes.errorbar(
+        x, y, **half, fmt="none", ecolor=BLACK, elinewidth=width, capsize=cap, capthick=width
+    )
 
 
 def _say_what_is_left_out(figure: Figure, found: MotionIndices) -> None:

@@ -32,4 +32,9 @@ def figures():
 def drawn_only_where_wanted(request, monkeypatch):
     """Drawing takes longer than all else."""
     if "figures" not in request.fixturenames:
-        monkeypatch.setattr("kneejax.cli.joint._fit._write_figures", lambda *_: None)
+        for name in ("axes", "motion"):
+            figure = f"kneejax.report.joints._fit.joint_{name}_figure"
+            monkeypatch.setattr(figure, lambda *_: None)
+        monkeypatch.setattr(
+            "kneejax.report.look.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
+        )

@@ -110,6 +110,7 @@ def test_persons_with_joints_of_their_own(cohort, tmp_path, capsys):
     assert document["tested"] and document["models"] == ["moving axis", "hinge"]
     assert "kneejax" in document["versions"] and document["settings"]["sources"]["hinge"]
     assert (out / "figures" / "joints.png").stat().st_size > 20_000
+    assert "moving axis: RMSE</td>" in (out / "report.html").read_text(encoding="utf-8")
 
 
 def test_one_person_with_joints_fitted_on_the_way(cohort, axes, tmp_path, capsys):
@@ -320,10 +321,10 @@ def test_too_few_conditions(tmp_path, axes, capsys):
 
 def test_paper_5_is_reproduced_with_synthetic_numbers_labelled(tmp_path, monkeypatch, capsys):
     pytest.importorskip("pingouin")
-    from kneejax.reproduction.paper5 import _study as _paper5_study
+    from kneejax.papers import paper5_study
 
-    monkeypatch.setattr(_paper5_study, "COHORTS", 1)
-    monkeypatch.setattr(_paper5_study, "DRAWS", 50)
+    monkeypatch.setattr(paper5_study, "COHORTS", 1)
+    monkeypatch.setattr(paper5_study, "DRAWS", 50)
     out = tmp_path / "out"
     assert main(["reproduce", "5", "--out", str(out)]) == 0
     assert "cannot be judged" in capsys.readouterr().out

@@ -35,6 +35,8 @@ def test_a_contact_knee_becomes_a_simple_joint(tmp_path, capsys, figures):
     np.testing.assert_allclose(rmse, np.sqrt(np.mean(apart**2, axis=0))[1:], rtol=1e-9)
     assert document["doubts"] == [] and document["settings"]["knee"] == "four_ligament"
     np.testing.assert_allclose(read_axis_points(out / "axes.csv").points, joint.femoral, atol=1e-9)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "How closely a moving axis and a hinge follow passive flexion of four_ligament" in page
     for name in ("axes", "motion"):
         assert (out / "figures" / f"{name}.png").stat().st_size > 10_000
 

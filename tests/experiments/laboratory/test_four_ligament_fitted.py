@@ -64,7 +64,7 @@ def test_its_study_frees_attachments_and_holds_reference_strains():
 
 @pytest.mark.slow
 def test_its_study_leads_to_its_file(knee):
-    found = kj.run(kj.read_study(NAME))
+    found = kj.calibrate(kj.read_study(NAME))
     for estimate in found.fit.estimates:
         if "attachment" in estimate.name:
             here = float(select(knee, [estimate.name]).read(knee)[0])

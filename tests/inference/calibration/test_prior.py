@@ -7,7 +7,6 @@ import kneejax as kj
 from kneejax.inference import identify
 from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import several_starts
-from kneejax.parameters import UnsuitableData
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -27,9 +26,16 @@ def alone(knee, measured):
     return fitted(knee, measured, None)
 
 
+def calibrated(knee, measured, parameters, **fields):
+    study = kj.Study(
+        title="a trial", knee=knee, measured=measured, parameters=parameters, **fields
+    )
+    return kj.calibrate(study)
+
+
 def fitted(knee, measured, sd):
-    prior = {"prior": {NAME: sd}} if sd else {"weights": np.full(5, 100.0)}
-    fit = kj.calibrate(knee, measured, (NAME,), procedures=("III",), **NOISE, **prior)
+    prior = {"prior": {NAME: sd}} if sd else {"weights": {"mm": 100.0, "deg": 100.0}}
+    fit = calibrated(knee, measured, (NAME,), procedures=("III",), **NOISE, **prior)
     return fit[NAME]
 
 
@@ -70,8 +76,8 @@ def test_calibrate_and_identify_tell_the_same_of_a_belief(knee, measured):
 
 
 def test_a_belief_needs_the_noise_that_it_is_weighed_against(knee, measured):
-    with pytest.raises(UnsuitableData, match="prior: expected noise_mm and noise_deg too"):
-        kj.calibrate(knee, measured, (NAME,), prior={NAME: 300.0})
+    with pytest.raises(kj.InputProblem, match="prior: .*: expected noise_mm and noise_deg too"):
+        calibrated(knee, measured, (NAME,), prior={NAME: 300.0})
 
 
 def test_further_starts_are_drawn_from_what_is_believed(knee, measured, monkeypatch):
@@ -82,7 +88,7 @@ def test_further_starts_are_drawn_from_what_is_believed(knee, measured, monkeypa
         return several_starts(problem, starts[:2], lower, upper)
 
     monkeypatch.setattr(_side_by_side, "several_starts", kept)
-    kj.calibrate(
+    calibrated(
         knee, measured, (NAME, "ACL.stiffness"), procedures=("III",), starts=200, seed=0,
         prior={NAME: 100.0}, bounds={"ACL.stiffness": (2000.0, 9000.0)}, **NOISE,
     )  # fmt: skip

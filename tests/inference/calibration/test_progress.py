@@ -15,10 +15,11 @@ def test_errors_fall_as_the_search_goes_on():
     poses = np.asarray(kj.passive_flexion(knee, flexion).to_table())
     start = kj.with_values(knee, {"ACL.reference_strain": 0.05})
     told = []
-    kj.calibrate(
-        start, poses, ("ACL.reference_strain",), procedures=("III",), noise_mm=0.1, noise_deg=0.1,
-        progress=lambda what, done, total: told.append(what),
+    study = kj.Study(
+        title="a trial", knee=start, measured=poses, parameters=["ACL.reference_strain"],
+        procedures=["III"], noise_mm=0.1, noise_deg=0.1,
     )  # fmt: skip
+    kj.calibrate(study, progress=lambda what, done, total: told.append(what))
     assert told[0] == "first balances"
     assert told[-1] == "95 % limits of 1 numbers"
     errors = re.compile(r"III, step (\d+), errors (\S+) mm and (\S+) deg")

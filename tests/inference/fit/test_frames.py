@@ -7,11 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import kneejax as kj
 import kneejax.report as report
 from kneejax.dynamics import LoadCurve, move_within
 from kneejax.experiments import Frames, MeasuredTest
 from kneejax.geometry import coordinates_of, table_units
-from kneejax.inference import FittedTest, calibrate, identify, sensitivity_maps
+from kneejax.inference import FittedTest, identify, sensitivity_maps
 from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
@@ -123,9 +124,11 @@ def test_the_slower_a_knee_is_led_the_nearer_it_is_to_balances():
 def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they_do_not():
     true = START * [1.3, 1.002]
     test = measured(moved(measured(), true))
-    given = {"parameters": FREE, "bounds": BOUNDS, "procedures": ("III",)}
-    given |= {"noise_mm": 0.1, "noise_deg": 0.1}
-    led = calibrate(KNEE, np.zeros((0, 6)), tests=[test], **given)
+    study = kj.Study(
+        title="in motion", knee=KNEE, tests=[test], parameters=FREE, bounds=BOUNDS,
+        procedures=["III"], noise_mm=0.1, noise_deg=0.1,
+    )  # fmt: skip
+    led = kj.calibrate(study)
     assert led.fit.success
     assert 0.0 < led.fit.tests[0].restless < 0.05
     for one, x in zip(led.fit.estimates, true, strict=True):
@@ -134,7 +137,7 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
     assert [row[header.index("time_s")] for row in rows[::5]] == test.frames.time_s.tolist()
     assert report.tests_figure(led).axes[0].get_xlabel() == "Time, s"
     still = dataclasses.replace(test, flexion_deg=test.bent_deg, frames=None)
-    stood = calibrate(KNEE, np.zeros((0, 6)), tests=[still], **given)
+    stood = kj.calibrate(study.replace(tests=[still]))
     pairs = zip(stood.fit.estimates, true, strict=True)
     assert not all(one.low < x < one.high for one, x in pairs)
 

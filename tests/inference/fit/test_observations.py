@@ -256,4 +256,7 @@ def test_constants_that_leave_something_of_each_reading_are_taken():
 def test_a_frame_offset_of_a_single_pose_is_refused():
     knee = kj.load_knee("four_ligament")
     with pytest.raises(UnsuitableData, match="frame_offset: lateral with 1 measured pose; expec"):
-        kj.calibrate(knee, np.zeros((1, 6)), ("ACL.stiffness",), offsets=("lateral",))
+        kj.calibrate(kj.Study(
+            title="one pose", knee=knee, measured=np.zeros((1, 6)), parameters=["ACL.stiffness"],
+            frame_offset=["lateral"],
+        ))  # fmt: skip

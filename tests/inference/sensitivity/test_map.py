@@ -7,8 +7,8 @@ import kneejax as kj
 from kneejax.files import Checkpoints
 from kneejax.inference import Condition, in_convention, profiles, sensitivity_map, sensitivity_maps
 from kneejax.inference.fit import Observations, balances_of, fit_lanes
+from kneejax.papers.paper1 import valley
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.reproduction.paper1._claims_fitting import valley
 from kneejax.statics import LoadCases, balance_many, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")

@@ -8,9 +8,9 @@ import pytest
 from kneejax.inference import Posterior, Prior
 from kneejax.report import (
     POSTERIOR_COLUMNS,
-    posterior_figures,
-    posterior_rows,
+    posterior_drawings,
     posterior_summary,
+    posterior_table,
     predictive_figure,
 )
 from kneejax.report.bayesian import posterior_doubts
@@ -79,15 +79,19 @@ def test_the_summary_is_plain_and_narrow():
     assert "4 chains of 200 draws" in text and "2 divergent" in text
     assert "warning: The chains disagree about offset.internal_rotation" in text
     row = next(line for line in text.splitlines() if line.startswith("ACL.stiffness"))
-    assert row.split()[5] == "N" and row.split()[-2:] == ["1.001", "700"]
+    assert row.split()[1] == "N" and row.split()[-2:] == ["1.001", "700"]
 
 
 def test_rows_hold_what_the_columns_promise():
-    rows = posterior_rows(made_up())
+    rows = posterior_table(made_up()).records()
     assert [row["name"] for row in rows] == list(NAMES)
     assert all(tuple(row) == POSTERIOR_COLUMNS for row in rows)
     assert all(row["quantile_025"] < row["median"] < row["quantile_975"] for row in rows)
-    assert rows[0]["laplace_sd"] == pytest.approx(400.0) and rows[2]["prior_sd"] == np.inf
+    assert rows[0]["laplace_sd"] == pytest.approx(400.0) and rows[2]["prior_sd"] is None
+
+
+def posterior_figures(found):
+    return {name: one.draw() for name, one in posterior_drawings(found).items()}
 
 
 def words(figure):

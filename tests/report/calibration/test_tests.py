@@ -10,7 +10,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
 from kneejax.report.calibration._tests import (
     _curve,
-    errors_to_show,
+    errors_table,
     laxity_doubts,
     laxity_errors,
     reading_table,
@@ -71,16 +71,14 @@ def test_the_table_of_readings_says_which_tension_acted_in_each_row():
     pulled = dataclasses.replace(pulled, test=test)
     tests = (still, pulled)
     both = SimpleNamespace(fit=SimpleNamespace(tests=tests), start_tests=tests)
-    header, rows = reading_table(both)
-    assert {len(row) for row in rows} == {len(header)}
-    said = [dict(zip(header, row, strict=True)) for row in rows]
+    said = reading_table(both).records()
     acted = {name: [row["patellar_tendon.tension_N"] for row in said if row["test"] == name]
              for name in ("drawer", "pulled")}  # fmt: skip
     assert acted == {"drawer": [0.0] * 5, "pulled": pull.tolist()}
     assert [row["anterior_N"] for row in said] == 2 * LOAD.tolist()
     # Where no line was pulled there is no such column.
     alone = SimpleNamespace(fit=SimpleNamespace(tests=(still,)), start_tests=(still,))
-    assert "patellar_tendon.tension_N" not in reading_table(alone)[0]
+    assert "patellar_tendon.tension_N" not in reading_table(alone).names
 
 
 def test_an_error_of_one_reading_is_left_to_the_table_of_readings():
@@ -88,6 +86,6 @@ def test_an_error_of_one_reading_is_left_to_the_table_of_readings():
     one = fitted("unloaded")
     one = dataclasses.replace(one, test=dataclasses.replace(one.test, flexion_deg=flexion))
     calibration = SimpleNamespace(fit=SimpleNamespace(tests=(one,)), start_tests=(one,))
-    shown = [(error.flexion_deg, error.readings) for error in errors_to_show(calibration)]
-    assert shown == [(None, 5), (30.0, 3)]
+    shown = [(error["flexion"], error["readings"]) for error in errors_table(calibration).records()]
+    assert shown == [("all", 5), ("30", 3)]
     assert len(laxity_errors(calibration)) == 4

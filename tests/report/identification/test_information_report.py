@@ -72,13 +72,13 @@ def test_a_terminal_shows_what_is_held_on_a_bound():
 
 
 def test_rows_have_the_columns_of_the_table():
-    rows = report.information_rows(told(lost=1))
+    rows = report.information_table(told(lost=1)).records()
     assert [tuple(row) for row in rows] == [report.INFORMATION_COLUMNS] * 4
     assert [row["determined"] for row in rows] == [True, False, True, True]
-    tests = report.candidates_rows(planned())
+    tests = report.candidates_table(planned()).records()
     assert [tuple(row) for row in tests] == [report.CANDIDATE_COLUMNS] * 72
     assert tests[19]["chosen"] == 1 and tests[40]["chosen"] == 3 and tests[0]["chosen"] is None
-    assert tests[1]["status"] == Status.OUTSIDE_REGION.word and np.isnan(tests[1]["gain"])
+    assert tests[1]["status"] == Status.OUTSIDE_REGION.word and tests[1]["gain"] is None
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])

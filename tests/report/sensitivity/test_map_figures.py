@@ -7,7 +7,7 @@ import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
 from kneejax.report import map_figure, map_matrix_figure, picture_png, profiles_figure
-from kneejax.report.sensitivity._map_figures import _levels
+from kneejax.report.sensitivity._maps import _levels
 
 
 def a_map(names=("PCL.stiffness", "PCL.reference_strain")):

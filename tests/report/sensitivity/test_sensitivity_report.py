@@ -144,9 +144,8 @@ def test_what_was_not_computed_says_so_instead_of_empty_bars():
         assert "not computed" in words(figure)
 
 
-def test_the_summary_tells_the_sound_range_and_the_faults():
-    local = made_up_slopes(["ACL.reference_strain", "PCL.stiffness"])
-    text = report.sensitivity_summary(local, made_up_sweep())
+def test_the_table_of_sweeps_has_the_sound_range_and_the_faults():
+    text = report.swept_table(made_up_sweep()).terminal()
     assert text.isascii() and max(map(len, text.splitlines())) < 100
     row = next(line for line in text.splitlines() if line.endswith(" 2"))
     assert row.split() == ["ACL.reference_strain", "0", "to", "0.100", "1", "-", "3", "1", "2"]

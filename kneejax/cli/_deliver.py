@@ -1,0 +1,76 @@
+"""An answer becomes files, a page and what is printed: the same for every command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kneejax.cli._command import Drawn
+from kneejax.files import write_rows, write_text
+
+if TYPE_CHECKING:
+    from kneejax.report.look import Answer
+
+
+def deliver(
+    answer: Answer,
+    arguments: Drawn,
+    written: Sequence[str] = (),
+    seconds: dict[str, float] | None = None,
+) -> int:
+    """Write tables, figures, result.json and report.html; then print what was found.
+
+    Args:
+        answer: what a command found.
+        arguments: of the command: where results go, and what the page says was asked for.
+        written: names of files that the command has written itself.
+        seconds: part of the work -> how long it took; `figures` is added.
+
+    Returns:
+        The exit status.
+
+    Raises:
+        InputProblem: a file cannot be written.
+    """
+    from kneejax.inference import versions
+
+    settings = {"command": arguments.command, **arguments.options()}
+    write_answer(
+        answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
+        seconds=seconds,
+    )  # fmt: skip
+    return say(answer, arguments.out, written)
+
+
+def write_answer(answer: Answer, out: Path, **page: Any) -> None:
+    """Write tables, figures, result.json and report.html.
+
+    Args:
+        answer: what a command found.
+        out: folder.
+        page: options of `kneejax.report.look.write_page`.
+
+    Raises:
+        InputProblem: a file cannot be written.
+    """
+    from kneejax.report.look import write_page
+
+    for name, table in answer.tables.items():
+        write_rows(out / f"{name}.csv", table.names, table.rows)
+    write_page(answer, out, **page)
+    if answer.document is not None:
+        write_text(out / "result.json", answer.json())
+
+
+def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
+    """Print what was found and where it stands; the exit status comes back."""
+    from kneejax.report.look import wrapped
+
+    if answer.text:
+        print(answer.text)
+    files = ["report.html", *(f"{name}.csv" for name in answer.tables), *written]
+    files += ["result.json"] * (answer.document is not None) + ["settings.json"]
+    files += ["figures/"] * bool(answer.drawings)
+    print("\n".join(wrapped(f"{out}/{', '.join(files)}", "written: ")))
+    return answer.exit_status

@@ -1,1 +1,0 @@
-"""`kneejax reproduce`: a file a paper."""

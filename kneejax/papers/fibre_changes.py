@@ -1,0 +1,199 @@
+"""Paper 4's changes of a ligament, prestretch, Young's modulus, attachment, and synthetic knees."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.parameters import fibre_rows
+
+#: What is changed of a ligament, with the unit of a change's value.
+PRESTRETCH, MODULUS, ATTACHMENT = "prestretch", "youngs_modulus", "attachment"
+CHANGED = {PRESTRETCH: "", MODULUS: "MPa", ATTACHMENT: ""}
+#: Values of an attachment's change: which ends are halved.
+HALVES = {1.0: "femoral half", 2.0: "tibial half", 3.0: "both halves"}
+#: Standard deviations of synthetic knees: of attachments in each direction, mm; of reference
+#: strains; of the logarithms of stiffnesses and of the cartilage's modulus.
+ATTACHMENT_MM, STRAIN, LOG_STIFFNESS = 2.0, 0.02, 0.2
+
+
+class Fibres(NamedTuple):
+    """What a change moves: numbers of every fibre, in the arrays of `kneejax.mechanics.Ligaments`.
+
+    Attributes:
+        stiffness: N per unit strain.
+        slack_length: mm.
+        femoral_attachment: mm.
+        tibial_attachment: mm.
+    """
+
+    stiffness: np.ndarray
+    slack_length: np.ndarray
+    femoral_attachment: np.ndarray
+    tibial_attachment: np.ndarray
+
+    @classmethod
+    def of(cls, knee: Knee) -> Fibres:
+        """The fibres of a knee."""
+        return cls(*(np.array(getattr(knee.ligaments, name)) for name in cls._fields))
+
+
+def with_fibres(knee: Knee, fibres: Fibres) -> Knee:
+    """The knee with other numbers of its fibres."""
+    return eqx.tree_at(
+        lambda k: tuple(getattr(k.ligaments, name) for name in Fibres._fields), knee, tuple(fibres)
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Change:
+    """A ligament that differs from the unchanged knee's.
+
+    Attributes:
+        ligament: its name, or that of a group of fibres.
+        quantity: `prestretch`, `youngs_modulus` or `attachment`.
+        value: how much is added: of stretch; MPa; or a key of `HALVES`.
+    """
+
+    ligament: str
+    quantity: str
+    value: float
+
+    @property
+    def parameter(self) -> str:
+        """Name of what is changed, e.g. `MCL.prestretch`."""
+        return f"{self.ligament}.{self.quantity}"
+
+    @property
+    def label(self) -> str:
+        """The value in words or with its unit.
+
+        Example:
+            >>> Change("MCL", "youngs_modulus", -25.0).label
+            '-25 MPa'
+        """
+        if self.quantity == ATTACHMENT:
+            return HALVES[self.value]
+        return f"{self.value:+g} {CHANGED[self.quantity]}".strip()
+
+
+def changes_of(
+    knee: Knee,
+    ligaments: tuple[str, ...],
+    prestretch: tuple[float, ...],
+    modulus_MPa: tuple[float, ...],
+    reference_modulus_MPa: float,
+) -> tuple[tuple[Change, ...], Fibres]:
+    """Every change of every ligament, and the fibres that result.
+
+    A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's
+    modulus scales their stiffnesses by `1 + change / reference_modulus_MPa`. An attachment is
+    halved as in paper 4, on the femur to the most proximal half of the fibres' ends, on the tibia
+    or fibula to the most distal half: the other fibres end at the nearest of those, as taut at
+    the reference pose as before. A single line has no halves.
+
+    Args:
+        knee: the unchanged knee.
+        ligaments: names of ligaments or groups.
+        prestretch: values.
+        modulus_MPa: values.
+        reference_modulus_MPa: the modulus that the knee's stiffnesses stand for.
+
+    Returns:
+        The changes, and fibres whose arrays have a leading axis: the unchanged knee's first.
+
+    Raises:
+        UnknownParameter: the knee has no such ligament.
+    """
+    same, length = Fibres.of(knee), _lengths(knee)
+
+    def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
+        rows = fibre_rows(knee, ligament)
+        for value in prestretch:
+            slack = same.slack_length.copy()
+            slack[rows] = length[rows] / (length[rows] / slack[rows] + value)
+            yield Change(ligament, PRESTRETCH, value), same._replace(slack_length=slack)
+        for value in modulus_MPa:
+            stiffness = same.stiffness.copy()
+            stiffness[rows] *= 1.0 + value / reference_modulus_MPa
+            yield Change(ligament, MODULUS, value), same._replace(stiffness=stiffness)
+        if len(rows) > 1:
+            for value in HALVES:
+                halved = _halved(knee, same, length, rows, value)
+                yield Change(ligament, ATTACHMENT, value), halved
+
+    found = [pair for ligament in ligaments for pair in one(ligament)]
+    fibres = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), same, *(f for _, f in found))
+    return tuple(change for change, _ in found), fibres
+
+
+def _lengths(knee: Knee) -> np.ndarray:
+    return np.asarray(knee.reference_length())
+
+
+def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:
+    femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
+    if value != 2.0:
+        femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
+    if value != 1.0:
+        tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
+    moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
+    now = _lengths(with_fibres(knee, Fibres(*map(jnp.asarray, moved))))
+    return moved._replace(slack_length=same.slack_length * now / length)
+
+
+def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Ends `(n, 3)`, those of the lower half moved to the nearest of the higher half.
+
+    Example:
+        >>> ends = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0], [3.0, 0.0, 0.0]])
+        >>> _gathered(ends, ends[:, 0])[:, 0].tolist()
+        [2.0, 2.0, 2.0, 3.0]
+    """
+    order = np.argsort(-height, kind="stable")
+    kept = ends[order[: -(-len(ends) // 2)]]
+    away = np.linalg.norm(ends[:, None] - kept[None], axis=-1)
+    # Those that are kept are nearest to themselves.
+    return kept[np.argmin(away, axis=1)]
+
+
+def synthetic_knee(knee: Knee, seed: int) -> Knee:
+    """A knee that differs from another as persons might, by a seeded draw.
+
+    Attachments move by 2 mm in each direction, reference strains by 0.02, stiffnesses and
+    cartilage moduli by factors around 1 (standard deviations; independent for every fibre). The
+    ends of fibres around obstacles stay, so that none begins inside one. The surfaces
+    are the same. Such a knee is synthetic: it is neither measured, calibrated nor validated.
+
+    Args:
+        knee: around which is drawn.
+        seed: the same seed gives the same knee.
+
+    Returns:
+        A knee of the same structure and name.
+    """
+    draw, old, count = np.random.default_rng(seed), Fibres.of(knee), len(knee.ligaments.names)
+    strain = np.asarray(knee.reference_strain()) + STRAIN * draw.standard_normal(count)
+    bent = [row for course in knee.ligaments.courses for row in course.rows]
+    straight = ~np.isin(np.arange(count), bent)[:, None]
+    femoral, tibial = (
+        jnp.asarray(ends + ATTACHMENT_MM * straight * draw.standard_normal((count, 3)))
+        for ends in (old.femoral_attachment, old.tibial_attachment)
+    )
+    stiffness = old.stiffness * np.exp(LOG_STIFFNESS * draw.standard_normal(count))
+    moved = Fibres(jnp.asarray(stiffness), jnp.asarray(old.slack_length), femoral, tibial)
+    length = with_fibres(knee, moved).reference_length()
+    knee = with_fibres(knee, moved._replace(slack_length=length / (1.0 + strain)))
+    softer = np.exp(LOG_STIFFNESS * draw.standard_normal())
+    contacts = tuple(
+        dataclasses.replace(contact, youngs_modulus=contact.youngs_modulus * softer)
+        for contact in knee.contacts
+    )
+    return dataclasses.replace(knee, contacts=contacts)

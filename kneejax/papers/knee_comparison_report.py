@@ -1,0 +1,368 @@
+"""Knees side by side in tables, words and figures: scores, and the ramps of each parameter."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
+from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
+from kneejax.report.look import (
+    BLACK,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    WIDTH,
+    aligned,
+    json_safe,
+    styled,
+    verbatim,
+    without_frame,
+    wrapped,
+)
+from kneejax.report.sensitivity import uniform_colours
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_QUANTITIES = {PRESTRETCH: "prestretch", MODULUS: "Young's modulus", ATTACHMENT: "attachment"}
+_OUTCOMES = dict(
+    zip(LIMITS, ("Convergence", "Rotation", "Peak pressure", "Place of the peak"), strict=True)
+)
+_MARKERS = {"varus": "^", "valgus": "v"}
+#: Compartments, by dashes and fill: colours are for values.
+_CONTACT_STYLES = (("-", GREY), ((0, (4, 1.5)), "white"))
+_MOST_COLUMNS = 5
+#: A score that is not known.
+_UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
+
+
+def comparison_tables(found: KneeComparison) -> dict[str, tuple[list[str], list[list[Any]]]]:
+    """Name of a CSV file -> columns and rows."""
+    changed = ["knee", "parameter", "change", "direction"]
+    place = [f"{axis}_mm" for axis in ("anterior", "superior", "lateral")]
+    outcomes, pressures, scores, rotations = [], [], [], []
+    for knee in found.knees:
+        for one in knee.outcomes:
+            first = [knee.name, one.change.parameter, one.change.label, one.direction]
+            values = [getattr(one, name) for name in LIMITS]
+            outcomes.append(
+                [*first, one.moment_reached_Nm, one.ending, *values, one.compared_at_Nm]
+            )
+            for i, contact in enumerate(knee.contacts):
+                peaks = [one.peak_MPa[i], one.unchanged_peak_MPa[i]]
+                centers = [*one.center_mm[i], *one.unchanged_center_mm[i]]
+                pressures.append([*first, contact, *peaks, *centers])
+        for one in knee.influences:
+            both = [*one.average.values(), *one.scores.values()]
+            scores.append([knee.name, one.parameter, one.outcome, *both, one.score])
+        names = [("", "unchanged"), *((c.parameter, c.label) for c in knee.changes)]
+        for direction, run in knee.runs.items():
+            variants = zip(names, run.held, run.adduction_deg, strict=True)
+            rotations += [
+                [knee.name, *name, direction, run.ramp.axial_N[step], run.ramp.moment_Nm[step],
+                 angles[step]]
+                for name, held, angles in variants
+                for step in np.flatnonzero(held)
+            ]  # fmt: skip
+    return {
+        "outcomes.csv": (
+            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
+        ),
+        "pressures.csv": (
+            [*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
+             *(f"unchanged_{column}" for column in place)], pressures,
+        ),
+        "scores.csv": (
+            ["knee", "parameter", "outcome", "varus", "valgus", "varus_score", "valgus_score",
+             "score"], scores,
+        ),
+        "rotations.csv": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
+    }  # fmt: skip
+
+
+def comparison_document(found: KneeComparison) -> dict[str, Any]:
+    """What result.json of a comparison holds: settings, scores, doubts, versions."""
+    scores = {
+        knee.name: {
+            name: {one.outcome: one.score for one in knee.influences if one.parameter == name}
+            for name in knee.parameters
+        }
+        for knee in found.knees
+    }
+    unchanged = {
+        knee.name: {
+            direction: {
+                "moment_reached_Nm": run.moment_reached_Nm[0],
+                "ending": run.ending[0],
+                "tension_N": knee.tension_N[direction],
+            }
+            for direction, run in knee.runs.items()
+        }
+        for knee in found.knees
+    }
+    return json_safe(
+        {
+            "knees": [knee.name for knee in found.knees],
+            "settings": dataclasses.asdict(found.settings),
+            "scores": scores,
+            "unchanged": unchanged,
+            "doubts": found.doubts,
+            "seconds": {knee.name: knee.seconds for knee in found.knees},
+            "versions": found.versions,
+        }
+    )
+
+
+def comparison_summary(found: KneeComparison) -> str:
+    """What matters in which knee: lines of fewer than 100 columns, without a final line break."""
+    settings = found.settings
+    lines = wrapped(
+        f"{settings.body_weight_N / 2:.1f} N along the tibia, then {settings.full_Nm:g} N m of "
+        "varus and of valgus at extension; one ligament changed at a time. Scores 0 to 3 of Rooks "
+        "et al. 2022 (paper 4), Table 5, means of varus and valgus:"
+    )
+    for knee in found.knees:
+        rows = [["", "convergence", "rotation", "pressure", "place of peak"]]
+        for name in knee.parameters:
+            own = [one.score for one in knee.influences if one.parameter == name]
+            rows.append([name, *("-" if np.isnan(x) else f"{x:g}" for x in own)])
+        lines += ["", f"{knee.name} ({knee.seconds:.0f} s)"]
+        lines += [f"  {line}" for line in aligned(rows)]
+    for doubt in found.doubts:
+        lines += ["", *wrapped(doubt, "! ")]
+    return "\n".join(lines)
+
+
+def _parameter_words(parameter: str) -> str:
+    ligament, quantity = parameter.split(".")
+    return f"{verbatim(ligament)} {_QUANTITIES[quantity]}"
+
+
+@styled
+def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
+    """Draw what one parameter does in every knee that has it (Figures 4 and 5 of paper 4).
+
+    Args:
+        found: knees side by side.
+        parameter: e.g. `MCL.prestretch`.
+
+    Returns:
+        A column per knee: rotation over the moment, a line per value; the moment that each value
+        holds; and the peak contact pressures at the moment at which all are compared. Colour means
+        the value alone; compartments differ by dashes and by filled or hollow markers.
+    """
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+
+    knees = [knee for knee in found.knees if parameter in knee.parameters]
+    blocks, columns = -(-len(knees) // _MOST_COLUMNS), min(len(knees), _MOST_COLUMNS)
+    height = 6.6 * blocks + 0.75
+    figure = Figure(figsize=(WIDTH, height))
+    panels = figure.subplots(3 * blocks, columns, sharey="row", squeeze=False)
+    figure.subplots_adjust(
+        left=0.085, right=0.985, top=1 - 0.48 / height, bottom=1.0 / height, wspace=0.08,
+        hspace=0.44,
+    )  # fmt: skip
+    values = [change.value for change in knees[0].changes if change.parameter == parameter]
+    if parameter.endswith(ATTACHMENT):
+        scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
+    else:
+        largest = max(map(abs, values))
+        scale, shades = Normalize(-largest, largest), uniform_colours()
+        colours = {value: shades(float(scale(value))) for value in values}
+    labels = ("Varus rotation, deg", "Moment held, N m", "Peak pressure, MPa")
+    for place in range(blocks * columns):
+        block, column = divmod(place, columns)
+        rotation, held, pressure = panels[3 * block : 3 * block + 3, column]
+        if place >= len(knees):
+            for axes in (rotation, held, pressure):
+                axes.set_axis_off()
+            continue
+        rotation.set_title(verbatim(knees[place].name), fontsize=8)
+        _rotation(rotation, knees[place], parameter, colours)
+        _held(held, knees[place], parameter, colours, found.settings.full_Nm)
+        _pressure(pressure, knees[place], parameter)
+        if column == 0:
+            for axes, label in zip((rotation, held, pressure), labels, strict=True):
+                axes.set_ylabel(label)
+    for axes in panels[2::3].flat:
+        axes.set_ylim(bottom=0.0)
+    figure.suptitle(
+        _parameter_words(parameter), x=0.012, y=1 - 0.08 / height, ha="left", va="top", fontsize=9
+    )
+    _legend(figure, knees[0], height, parameter, scale)
+    return figure
+
+
+def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours: dict) -> None:
+    for run in knee.runs.values():
+        shown = run.ramp.loaded
+        x = run.ramp.moment_Nm[shown]
+        for row, change in enumerate(knee.changes, 1):
+            if change.parameter == parameter:
+                y = run.adduction_deg[row, shown]
+                axes.plot(x, y, color=colours[change.value], linewidth=0.9)
+        axes.plot(x, run.adduction_deg[0, shown], color=BLACK, linewidth=1.4, linestyle="--")
+    axes.set_xlabel("Moment, N m")
+    full = max(run.ramp.full_Nm for run in knee.runs.values())
+    axes.set_xlim(-1.2 * full, 1.2 * full)
+    axes.set_xticks([-full, 0.0, full])
+    axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
+
+
+def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: float) -> None:
+    for direction, run in knee.runs.items():
+        own = float(run.moment_reached_Nm[0])
+        axes.axhline(own, color=BLACK, linewidth=1.0, linestyle="--", zorder=1)
+        for one in knee.outcomes_of(parameter, direction):
+            axes.plot(
+                one.change.value, one.moment_reached_Nm, _MARKERS[direction],
+                color=colours[one.change.value], markersize=4.5, clip_on=False, zorder=3,
+            )  # fmt: skip
+    axes.set_ylim(-1.1 * full_Nm, 1.1 * full_Nm)
+    _value_axis(axes, knee, parameter)
+
+
+def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
+    moments = []
+    for direction in knee.runs:
+        own = knee.outcomes_of(parameter, direction)
+        peaks, unchanged = np.array([one.peak_MPa for one in own]), own[0].unchanged_peak_MPa
+        moments += [one.compared_at_Nm for one in own if np.isfinite(one.compared_at_Nm)][-1:]
+        x = np.append([one.change.value for one in own], 0.0)
+        order = np.argsort(x)
+        for i, (dashes, fill) in zip(range(len(knee.contacts)), _CONTACT_STYLES, strict=False):
+            y = np.append(peaks[:, i], unchanged[i])
+            axes.plot(
+                x[order], y[order], marker=_MARKERS[direction], color=GREY, markersize=4,
+                linestyle="none" if parameter.endswith(ATTACHMENT) else dashes, linewidth=0.9,
+                markerfacecolor=fill,
+            )  # fmt: skip
+            axes.plot(
+                0.0, unchanged[i], _MARKERS[direction], color=BLACK, markersize=4, zorder=4,
+                markerfacecolor=BLACK if fill == GREY else fill,
+            )  # fmt: skip
+    _value_axis(axes, knee, parameter)
+    axes.set_xlabel(_value_words(parameter))
+    words = " and ".join(f"{m:+g}".replace("-", "\u2212") for m in moments)
+    axes.set_title(f"at {words} N m" if words else "not compared", fontsize=7, color=GREY)
+
+
+def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
+    if parameter.endswith(ATTACHMENT):
+        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"])
+        axes.tick_params(axis="x", labelsize=6.3)
+        axes.set_xlim(-0.5, 3.5)
+        return
+    largest = max(abs(change.value) for change in knee.changes if change.parameter == parameter)
+    axes.set_xlim(-1.25 * largest, 1.25 * largest)
+    axes.set_xticks([-largest, 0.0, largest])
+
+
+def _value_words(parameter: str) -> str:
+    quantity = parameter.split(".")[1]
+    if quantity == ATTACHMENT:
+        return "Halved on"
+    return ", ".join(filter(None, ["Change", CHANGED[quantity]]))
+
+
+def _legend(figure: Figure, knee: KneeStudy, height: float, parameter: str, scale) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import ListedColormap, Normalize
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=BLACK, linestyle="--", label="unchanged")]
+    handles += [
+        Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=4.5, label=name)
+        for name, marker in _MARKERS.items()
+    ]
+    handles += [
+        Line2D(
+            [], [], color=GREY, linestyle=dashes, marker="o", markersize=4, markerfacecolor=fill,
+            linewidth=0.9, label=verbatim(name),
+        )
+        for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
+    ]  # fmt: skip
+    figure.legend(
+        handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
+        handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0,
+    )  # fmt: skip
+    if scale is None:
+        return
+    uniform = uniform_colours()
+    shades = ListedColormap([uniform(float(x)) for x in np.linspace(0.0, 1.0, 128)])
+    place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(scale.vmin, scale.vmax), shades), cax=place,
+        orientation="horizontal", ticks=[scale.vmin, 0.0, scale.vmax],
+    )  # fmt: skip
+    bar.outline.set_visible(False)
+    bar.ax.tick_params(labelsize=7, length=2, pad=1)
+    bar.ax.set_title(_value_words(parameter), fontsize=7, loc="left", pad=2)
+
+
+@styled
+def score_figure(found: KneeComparison) -> Figure:
+    """Draw the scores of every parameter and outcome, knees side by side (paper 4, Figs 6 to 8).
+
+    Returns:
+        A row per parameter, a block of columns per outcome, in it a column per knee. Numbers are
+        means of the scores in varus and valgus; hatched: the knee does not have the parameter, or
+        nothing could be compared.
+    """
+    import matplotlib
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Rectangle
+
+    parameters, knees = found.parameters, found.knees
+    gap, longest = 0.35, max(len(knee.name) for knee in knees)
+    height = 0.235 * len(parameters) + 0.75 + 0.055 * longest
+    figure = Figure(figsize=(WIDTH, height))
+    below = (0.38 + 0.055 * longest) / height
+    axes = figure.add_axes((0.2, below, 0.67, 1 - below - 0.3 / height))
+    shades, scale = matplotlib.colormaps["YlGnBu"], Normalize(0, 3.4)
+    ticks, hatched, size = [], False, 6.4 - 0.3 * len(knees)
+    for block, (outcome, label) in enumerate(_OUTCOMES.items()):
+        left = block * (len(knees) + gap)
+        axes.text(left + len(knees) / 2, -0.25, label, ha="center", va="bottom", fontsize=8)
+        for column, knee in enumerate(knees):
+            ticks.append((left + column + 0.5, verbatim(knee.name)))
+            for row, parameter in enumerate(parameters):
+                corner = left + column, row
+                number = knee.score(parameter, outcome)
+                if np.isnan(number):
+                    axes.add_patch(Rectangle(corner, 1, 1, **_UNKNOWN))
+                    hatched = True
+                    continue
+                style = {"facecolor": shades(scale(number)), "edgecolor": "white", "linewidth": 1}
+                axes.add_patch(Rectangle(corner, 1, 1, **style))
+                axes.text(
+                    corner[0] + 0.5, row + 0.5, f"{number:g}", ha="center", va="center",
+                    fontsize=size, color="white" if number > 1.8 else BLACK,
+                )  # fmt: skip
+    axes.set_xlim(0, 4 * len(knees) + 3 * gap)
+    axes.set_ylim(len(parameters), 0)
+    axes.set_xticks(*zip(*ticks, strict=True), rotation=90, fontsize=7)
+    rows = np.arange(len(parameters)) + 0.5
+    axes.set_yticks(rows, [_parameter_words(name) for name in parameters], fontsize=7.5)
+    without_frame(axes)
+    place = figure.add_axes((0.885, below, 0.015, 1 - below - 0.3 / height))
+    bar = figure.colorbar(ScalarMappable(scale, shades), cax=place, ticks=[0, 1, 2, 3])
+    bar.ax.set_ylim(0, 3)
+    bar.ax.set_yticklabels(["0 none", "1 small", "2 medium", "3 large"], fontsize=7)
+    bar.ax.tick_params(length=2)
+    bar.outline.set_visible(False)
+    if hatched:
+        figure.legend(
+            [Rectangle((0, 0), 1, 1, **_UNKNOWN)], ["not in this knee, or not compared"],
+            loc="lower left", bbox_to_anchor=(0.01, 0.02), fontsize=7, borderaxespad=0,
+            handlelength=1.4,
+        )  # fmt: skip
+    return figure

@@ -1,0 +1,160 @@
+"""Paper 2's octagon: grafts in eight places on the tibia, and what its Table 4 claims of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+
+import numpy as np
+
+from kneejax.geometry import FEMUR, TIBIA
+from kneejax.mechanics import Knee
+from kneejax.papers.claims import Finding
+from kneejax.planning import (
+    GRAFTS,
+    WINDOW,
+    Limits,
+    Outcome,
+    Protocol,
+    Surgery,
+    footprint_of,
+    octagon,
+    reconstruction_of,
+)
+
+#: The motion of section 4.3, in steps of our own, and the test of 4.2.
+EXTENSION_DEG, LACHMAN_DEG, FORCE_N = np.arange(80.0, -1.0, -2.5), 20.0, 100.0
+#: Pretension of hamstring grafts at the flexion of the test, N; the paper prints none.
+TENSION_N = 80.0
+#: Totals of Table 4 at positions 1 to 8, and the ligaments whose distance varies most there.
+TOTALS = (5.019, 14.948, 22.068, 21.867, 14.230, 9.620, 10.131, 4.870)
+TELLING = ("pACL", "aDMCL", "pDMCL")
+#: A second graft adds little where it changes the laxity by less than this part.
+LITTLE = 0.2
+
+
+@dataclasses.dataclass(frozen=True)
+class Octagon:
+    """Grafts by which the claims on insertions and bundles are judged.
+
+    Attributes:
+        ligaments: names; the moved bundle is `graft`.
+        moved: aACL with its own resting length in the eight corners, all else intact.
+        planned: a hamstring graft in the place of both bundles in the eight corners.
+        one: laxity with one hamstring graft from end to end of aACL, mm.
+        two: the same with a second one, as stiff and as tight, from end to end of pACL, mm.
+    """
+
+    ligaments: tuple[str, ...]
+    moved: Outcome
+    planned: Outcome
+    one: float
+    two: float
+
+    @property
+    def table(self) -> tuple[list[str], list[list]]:
+        """Columns and rows of Table 4, of the moved bundle and of a graft under its tension."""
+        others = [name for name in self.ligaments if name not in ("pACL", "graft")]
+        columns = [f"{name}_distance" for name in ("graft", "pACL", *others)]
+        rows = []
+        for graft, outcome in {"moved": self.moved, "hamstring": self.planned}.items():
+            names = self.ligaments if graft == "moved" else (*others, "graft")
+            for k, distance in enumerate(outcome.distance):
+                by = dict(zip(names, distance, strict=True))
+                each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in others)]
+                rows.append([graft, k + 1, *each, outcome.total[k]])
+        return ["graft", "position", *columns, "total"], rows
+
+
+def octagon_study(knee: Knee) -> Octagon:
+    """Put the paper's graft in the corners of its octagon, as `kneejax plan acl` places grafts.
+
+    Args:
+        knee: with the ten bundles of Table 1.
+
+    Raises:
+        MissingPackage: dtaidistance is not installed.
+    """
+
+    def surgery(ligament: str, bundles: int, stiffness_N: float) -> Surgery:
+        plan = reconstruction_of(knee, ligament, bundles, stiffness_N, np.inf)
+        tibia, femur = (footprint_of(knee, ligament, bone) for bone in (TIBIA, FEMUR))
+        replaced = (plan.torn,) if bundles == 1 else tuple((name,) for name in plan.torn)
+        through = Protocol(EXTENSION_DEG, (LACHMAN_DEG,), FORCE_N)
+        # Limits of a search for an optimum; none is made.
+        free = Limits(np.inf, np.inf, (1.0, 1000.0))
+        return Surgery(plan, tibia, femur, replaced, LACHMAN_DEG, through, WINDOW, free)
+
+    own, row = knee.ligaments, knee.ligaments.names.index("aACL")
+    bundle = surgery("aACL", 1, float(own.stiffness[row]))
+    corners = np.zeros((8, 5))
+    corners[:, :2], corners[:, 4] = octagon(), TENSION_N
+    slack = np.full((8, 1), float(own.slack_length[row]))
+    graft = GRAFTS["hamstring"].stiffness_N
+    single, double = (surgery("ACL", n, n * graft) for n in (1, 2))
+    places = np.hstack([single.tibia.fibres, single.femur.fibres, np.full((2, 1), TENSION_N)])
+    return Octagon(
+        bundle.ligaments,
+        bundle.try_out(corners, slack_mm=slack),
+        single.try_out(corners),
+        float(single.try_out(places[0]).laxity_mm[0, 0]),
+        float(double.try_out(places.ravel()).laxity_mm[0, 0]),
+    )
+
+
+def numberings(totals: np.ndarray) -> Iterator[np.ndarray]:
+    """The sixteen ways to number the corners of an octagon, `(8,)` each."""
+    for sense in (totals, totals[::-1]):
+        yield from (np.roll(sense, by) for by in range(8))
+
+
+def insertions(found: Octagon | None) -> dict[str, Finding]:
+    """Claims 2.9 and 2.12 to 2.14; without the package that compares curves none can be judged."""
+    if found is None:
+        missing = Finding(None, "-", "needs dtaidistance: pip install 'kneejax[planning]'")
+        return dict.fromkeys(("2.9", "2.12", "2.13", "2.14"), missing)
+
+    def holds(totals: np.ndarray) -> bool:
+        order = np.argsort(totals) + 1
+        return bool(np.isfinite(totals).all()) and (
+            order[0] == 8 and order[1] == 1 and set(order[-2:]) == {3, 4}
+        )
+
+    def listed(totals: np.ndarray) -> str:
+        return ", ".join(f"{x:.2f}" if np.isfinite(x) else "no balance" for x in totals)
+
+    moved, planned = found.moved.total, found.planned.total
+    ordered = any(map(holds, numberings(moved)))
+    fits = "does" if any(map(holds, numberings(planned))) else "does not"
+    own, theirs, retensioned = (
+        float(np.max(x) / np.min(x)) for x in (moved, np.array(TOTALS), planned)
+    )
+    near = 0.5 * theirs < own < 2.0 * theirs
+    spread = np.ptp(found.moved.distance, axis=0)
+    widest = np.argsort(-np.nan_to_num(spread))[: len(TELLING)]
+    names = [found.ligaments[k].replace("graft", "aACL") for k in widest]
+    return {
+        "2.9": Finding(
+            ordered,
+            f"from front and medial by way of the lateral side: {listed(moved)}. A hamstring graft "
+            f"in place of both bundles, under 80 N: {listed(planned)}",
+            "" if ordered else "the best and the worst corner depend on where the bundle begins on "
+            "the femur and on what holds the knee beside it, neither of which is printed; the "
+            f"retensioned graft's order {fits} fit either",
+        ),
+        "2.12": Finding(
+            near,
+            f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
+            "" if near else "a bundle that keeps its resting length changes little where its new "
+            f"way is about as long as the old one, as at corner {np.argmin(moved) + 1} here: the "
+            "ratio tells where the femoral end lies, which is not printed",
+        ),
+        "2.13": Finding(
+            set(names) == set(TELLING),
+            ", ".join(f"{n} {spread[k]:.2f}" for n, k in zip(names, widest, strict=True)),
+        ),
+        "2.14": Finding(
+            abs(found.two - found.one) < LITTLE * found.one,
+            f"{found.one:.2f} mm with one, {found.two:.2f} mm with both",
+        ),
+    }  # fmt: skip

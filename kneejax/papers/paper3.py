@@ -1,0 +1,295 @@
+"""Paper 3: drawer and torsion of twelve bundles (its sections 5.1 and 5.2), and the raised leg."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.experiments import lab_tests, laxity, load_curves, mechanics_of
+from kneejax.files import bundled_measurements, load_knee
+from kneejax.files.tables import read_rows
+from kneejax.mechanics import Knee
+from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.paper3_leg import (
+    BODY_KG,
+    HEIGHT_M,
+    RaisedLeg,
+    leg_findings,
+    leg_table,
+    raise_leg,
+    raised_leg_figure,
+)
+from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, styled
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+KNEE, CONDITIONS = "twelve_bundle", "paper3_conditions"
+#: Flexions of its Figure 11; those of the drawer are given with the tests' sizes.
+TORSION_DEG = (0.0, 10.0, 20.0, 30.0, 45.0, 60.0, 75.0, 90.0)
+STEPS = 10
+#: Flexions at which the knee is stiff, and at which it is lax.
+EXTREME_DEG, MIDDLE_DEG = (0.0, 90.0), (20.0, 30.0)
+#: Region near the neutral position, mm; part of the end's stiffness that counts as small there.
+NEAR_MM, SMALL = 1.5, 0.5
+#: Tension of a ligament that bears load, N; part of all values of drawer that is nearly all.
+BEARS_N, NEARLY_ALL = 1.0, 0.8
+#: A knee may give way under the torque, and is judged by that.
+_ANSWERS = (Status.BALANCED, Status.OVERSTRETCHED, Status.GIVES_WAY)
+
+
+@dataclasses.dataclass(frozen=True)
+class LaxityStudy:
+    """Drawer by displacement and torsion by torque, by which the claims are judged.
+
+    Attributes:
+        drawer_deg: flexions of the drawer, `(n,)`.
+        moved_mm: anterior displacement from the neutral pose, in order, `(m,)`.
+        force_N: that holds the tibia there, `(n, m)`; NaN where no balance was found.
+        tension: ligament or group -> its tension there, N, `(n, m)`.
+        torsion_deg: flexions of the torsion, `(k,)`.
+        internal_deg: rotation under the full internal torque, `(k,)`; NaN where the knee gives way.
+        external_deg: under the full external one, negative, `(k,)`.
+        held_Nm: largest torques that the knee holds, external (negative) and internal, `(k, 2)`.
+        torque_Nm: the full torque.
+        status: flexion -> the worst of the drawer and of the torsion there.
+    """
+
+    drawer_deg: np.ndarray
+    moved_mm: np.ndarray
+    force_N: np.ndarray
+    tension: dict[str, np.ndarray]
+    torsion_deg: np.ndarray
+    internal_deg: np.ndarray
+    external_deg: np.ndarray
+    held_Nm: np.ndarray
+    torque_Nm: float
+    status: dict[float, Status]
+
+    @property
+    def total_deg(self) -> np.ndarray:
+        """Rotation between the two torques, `(k,)`, degrees."""
+        return self.internal_deg - self.external_deg
+
+    def row(self, flexion_deg: float) -> int:
+        """Of the drawer at a flexion."""
+        return int(np.argmin(np.abs(self.drawer_deg - flexion_deg)))
+
+    def stiffness_ratio(self, flexion_deg: float) -> float:
+        """Mean slope of the drawer near the neutral position over that at its ends."""
+        x, y = self.moved_mm, self.force_N[self.row(flexion_deg)]
+        back, forth = np.interp([-NEAR_MM, NEAR_MM], x, y)
+        low, high = np.interp([x[0] + NEAR_MM, x[-1] - NEAR_MM], x, y)
+        return float((forth - back) / (y[-1] - high + low - y[0]))
+
+
+def reproduce(stages: Stages = silent) -> Reproduction:
+    """Make the tests, raise the leg, and judge the claims.
+
+    Args:
+        stages: shows progress.
+    """
+    names = ["flexion_deg", "drawer_mm", "internal_Nm"]
+    header, rows = read_rows(str(bundled_measurements()[CONDITIONS].path), names)
+    conditions = [[float(cells[header.index(name)]) for name in names] for _, cells in rows]
+    flexion, (_, drawer_mm, torque_Nm) = np.array(conditions)[:, 0], conditions[0]
+    with stages("drawer and torsion"):
+        found = laxity_study(load_knee(KNEE), flexion, drawer_mm, torque_Nm)
+    with stages("leg raise"):
+        raised = raise_leg(load_knee(KNEE), load_knee(KNEE, patella=True))
+    bundles = list(found.tension)
+    turned = found.torsion_deg, found.internal_deg, found.external_deg, *found.held_Nm.T
+    tables = {
+        "drawer.csv": (
+            ["flexion_deg", "anterior_mm", "anterior_N", *(f"{name}_N" for name in bundles)],
+            [
+                [flexion, mm, found.force_N[i, k], *(found.tension[name][i, k] for name in bundles)]
+                for i, flexion in enumerate(found.drawer_deg)
+                for k, mm in enumerate(found.moved_mm)
+            ],
+        ),
+        "torsion.csv": (
+            ["flexion_deg", "internal_deg", "external_deg", "held_external_Nm", "held_internal_Nm"],
+            list(zip(*turned, strict=True)),
+        ),
+        "raised_leg.csv": leg_table(raised),
+    }
+    doubts = [
+        f"{flexion:g} degrees: {status.word} ({status.sentence})."
+        for flexion, status in sorted(found.status.items())
+        if status not in _ANSWERS
+    ]
+    figures = {
+        "drawer": drawer_figure(found),
+        "torsion": torsion_figure(found),
+        "raised_leg": raised_leg_figure(raised),
+    }
+    settings = {"knee": KNEE, "conditions": CONDITIONS, "torque_Nm": found.torque_Nm}
+    words = {"knee": KNEE, "body_kg": BODY_KG, "height_m": HEIGHT_M}
+    doubts += raised.doubts
+    return Reproduction(3, claims(found, raised), figures, tables, settings, doubts, words)
+
+
+def laxity_study(
+    knee: Knee, drawer_deg: np.ndarray, displacement_mm: float, torque_Nm: float
+) -> LaxityStudy:
+    """Move and turn the tibia both ways.
+
+    Args:
+        knee: with the twelve bundles of Table 1 (`twelve_bundle`).
+        drawer_deg: flexions of the drawer.
+        displacement_mm: how far the tibia is moved each way.
+        torque_Nm: how hard it is turned each way.
+    """
+    (drawer,) = lab_tests(
+        "drawer", drawer_deg, displacement_mm=displacement_mm, both=True, steps=STEPS
+    )
+    (torsion,) = lab_tests("torsion", TORSION_DEG, moment_Nm=torque_Nm, both=True, steps=STEPS)
+    (drawn,), (turned,) = load_curves(knee, [drawer]), load_curves(knee, [torsion])
+    mechanics = mechanics_of(drawn)
+    order = np.argsort(drawn.part)
+    known = np.isfinite(np.asarray(drawn.displacement_by_load)[:, order])
+    force = np.where(known, np.asarray(drawn.driving_load)[:, order], np.nan)
+    each = np.asarray(mechanics.tension)[drawn.nodes[:, order]]
+    each = np.where(known[..., None], each, np.nan)
+    tension = {name: each[..., k] for k, name in enumerate(knee.ligaments.names)}
+    for group, members in knee.groups:
+        tension[group] = np.sum([tension[one] for one in members], axis=0)
+    found = laxity(turned, turned.status(mechanics_of(turned)))
+    status: dict[float, Status] = {}
+    for row in (*laxity(drawn, drawn.status(mechanics)), *found):
+        worst = max(int(row.status), int(status.get(row.flexion_deg, 0)))
+        status[row.flexion_deg] = Status(worst)
+    return LaxityStudy(
+        np.asarray(drawer_deg, float), displacement_mm * np.sort(drawn.part), force, tension,
+        np.array(TORSION_DEG), np.array([row.positive for row in found]),
+        np.array([row.negative for row in found]),
+        np.array([(row.held_negative, row.held_positive) for row in found]), torque_Nm, status,
+    )  # fmt: skip
+
+
+def claims(found: LaxityStudy, raised: RaisedLeg) -> tuple[Claim, ...]:
+    """Judge the claims of paper 3.
+
+    Args:
+        found: drawer and torsion of a knee with its twelve bundles.
+        raised: the leg that its quadriceps holds.
+    """
+    findings = _drawer(found) | _torsion(found) | leg_findings(raised)
+    return judged(3, findings, torque_Nm=found.torque_Nm)
+
+
+def _drawer(found: LaxityStudy) -> dict[str, Finding]:
+    """Claims 3.1 to 3.3."""
+    span = {
+        x: float(np.ptp(found.force_N[found.row(x)][[0, -1]])) for x in (*EXTREME_DEG, *MIDDLE_DEG)
+    }
+    lax = max(span[x] for x in MIDDLE_DEG)
+    soft = [x for x in EXTREME_DEG if not span[x] > lax]
+    where = " and ".join(f"{x:g}" for x in soft)
+    ratios = {x: found.stiffness_ratio(x) for x in MIDDLE_DEG}
+    small = all(ratio < SMALL for ratio in ratios.values())
+    neutral, pulls, shares = int(np.argmin(np.abs(found.moved_mm))), [], {}
+    for x in MIDDLE_DEG:
+        acl, pcl = (found.tension[name][found.row(x), neutral] for name in ("ACL", "PCL"))
+        pulls.append(f"{x:g} degrees ACL {acl:.0f} N, PCL {pcl:.0f} N")
+    for x in EXTREME_DEG:
+        bears = [found.tension[name][found.row(x)] > BEARS_N for name in ("ACL", "PCL")]
+        shares[x] = float(np.mean(np.any(bears, axis=0)))
+    return {
+        "3.1": Finding(
+            not soft,
+            ", ".join(f"{x:g} degrees {span[x]:.0f} N" for x in sorted(span)),
+            f"not at {where} degrees: the attachments are another person's than the paper's, whose "
+            "lengths over flexion decide where a cruciate is taut" if soft else "",
+        ),
+        "3.2": Finding(
+            small,
+            ", ".join(f"{x:g} degrees {ratio:.0%}" for x, ratio in ratios.items()),
+            "" if small else f"in the neutral position the cruciates pull already "
+            f"({'; '.join(pulls)}), against each other, so that the tibia cannot move without "
+            "stretching one of them",
+        ),
+        "3.3": Finding(
+            min(shares.values()) >= NEARLY_ALL,
+            ", ".join(f"{x:g} degrees {share:.0%}" for x, share in shares.items()),
+        ),
+    }  # fmt: skip
+
+
+def _torsion(found: LaxityStudy) -> dict[str, Finding]:
+    """Claims 3.4 and 3.5."""
+    known = np.isfinite(found.total_deg)
+    least = np.argmin(np.where(known, found.total_deg, np.inf)) == 0 and known[0]
+    grows = bool((np.diff(found.total_deg[known]) > 0.0).all())
+    turned = "total, degrees: " + ", ".join(
+        f"{x:g}: {y:.0f}" if np.isfinite(y) else f"{x:g}: not held"
+        for x, y in zip(found.torsion_deg, found.total_deg, strict=True)
+    )
+    reasons = []
+    if not known.all():
+        held = zip(found.torsion_deg[~known], found.held_Nm[~known], strict=True)
+        each = ", ".join(f"{x:g} degrees {low:.1f} to {high:.1f}" for x, (low, high) in held)
+        reasons.append(
+            f"the knee gives way, N m: {each}. Nothing but twelve straight lines and flat plateaux "
+            "resists torsion; the paper says that its own is larger than real knees' in flexion, "
+            "since anterolateral and posterolateral structures are absent, and holds it there"
+        )
+    if not grows:
+        reasons.append("it does not grow between all neighbouring flexions")
+    return {
+        "3.4": Finding(least, turned),
+        "3.5": Finding(grows and known.all(), turned, "; ".join(reasons)),
+    }
+
+
+@styled
+def drawer_figure(found: LaxityStudy) -> Figure:
+    """Draw force over drawer at each flexion, as Figure 10 of paper 3 does."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 5.2))
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    figure.subplots_adjust(left=0.1, right=0.985, top=0.95, bottom=0.1, wspace=0.07, hspace=0.2)
+    for axes, flexion, letter in zip(panels, found.drawer_deg, "abcd", strict=False):
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        axes.axvline(0.0, color=GREY, linewidth=0.5)
+        axes.plot(found.moved_mm, found.force_N[found.row(flexion)], color=BLACK)
+        axes.set_title(f"({letter}) {flexion:g} degrees of flexion")
+    for axes in panels[2:]:
+        axes.set_xlabel("Anterior drawer from the neutral position, mm")
+    for axes in panels[::2]:
+        axes.set_ylabel("Anterior force, N")
+    return figure
+
+
+@styled
+def torsion_figure(found: LaxityStudy) -> Figure:
+    """Draw rotation over flexion, as Figure 11 does; a cross where the torque is not held."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH * 0.75, 3.6))
+    axes = figure.subplots()
+    figure.subplots_adjust(left=0.12, right=0.97, top=0.96, bottom=0.27)
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    x, lost = found.torsion_deg, None
+    ends = (
+        (found.internal_deg, BLUE, "internal torque"),
+        (found.external_deg, VERMILLION, "external torque"),
+    )
+    for y, color, label in ends:
+        axes.plot(x, y, "o-", color=color, markersize=3, label=f"{label}, {found.torque_Nm:g} N m")
+        gone = ~np.isfinite(y)
+        if gone.any():
+            (lost,) = axes.plot(x[gone], np.zeros(gone.sum()), "x", color=color)
+    axes.plot(x, found.total_deg, "s--", color=BLACK, markersize=3, label="total")
+    axes.set_xlabel("Flexion, deg")
+    axes.set_ylabel("Rotation from the neutral position, deg")
+    handles, labels = axes.get_legend_handles_labels()
+    if lost is not None:
+        handles, labels = [*handles, lost], [*labels, "torque not held"]
+    figure.legend(handles, labels, loc="lower center", ncol=len(labels), fontsize=7)
+    return figure

@@ -1,0 +1,269 @@
+"""Paper 3's raised leg over its rigid patella, and what is claimed of it (sections 6 and 7)."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.experiments import Shank, evaluate
+from kneejax.geometry import BODIES, COLUMNS, PATELLA, TIBIA, State
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.papers.claims import Finding
+from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
+from kneejax.papers.rigid_patella import rigid_patella_of
+from kneejax.report.look import BLUE, GREEN, GREY, VERMILLION, WIDTH, styled, verbatim
+from kneejax.report.motion import flexion_axis
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+#: Flexions, degrees.
+LEG_DEG = np.arange(0.0, 91.0, 5.0)
+#: Of the person whose leg it is: the paper prints neither mass nor length of its leg.
+BODY_KG, HEIGHT_M = 75.0, 1.75
+#: Part by which a constant may vary; what is left of a force that is none.
+STEADY, NONE = 0.2, 0.05
+#: Largest of the forces that counts as a sum of zero; tension of a ligament that bears load, N.
+ZERO, BEARS_N = 1e-6, 1.0
+#: Why a patella of another person's knee need not do as the paper's.
+_OTHER = (
+    "groove, facets, attachments and the length of the tendon are another person's than the "
+    "paper's, which prints none of them"
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class RaisedLeg:
+    """A held leg, and its forces.
+
+    Attributes:
+        leg: as it was found.
+        tension: group of ligaments or ligament -> its tension, `(poses,)`, N.
+        shear: part -> what it does to the tibia forwards along the tibia's own axis, `(poses,)`, N.
+    """
+
+    leg: RigidLeg
+    tension: dict[str, np.ndarray]
+    shear: dict[str, np.ndarray]
+
+    @property
+    def held(self) -> np.ndarray:
+        """Where a quadriceps that pulls holds the leg, `(poses,)`."""
+        return self.leg.quadriceps_N > 0.0
+
+    def where_held(self, values: np.ndarray) -> np.ndarray:
+        """The same, NaN where the quadriceps would have to push."""
+        return np.where(self.held, values, np.nan)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Where the leg has no balance, and where a facet would have to hold on to the groove."""
+        leg, doubts = self.leg, []
+        lost = leg.flexion_deg[np.isnan(leg.quadriceps_N)]
+        if lost.size:
+            doubts.append(f"No held leg was found at {', '.join(f'{x:g}' for x in lost)} degrees.")
+        loose = leg.flexion_deg[self.held & (leg.contact_N < 0.0).any(axis=1)]
+        if loose.size:
+            places = ", ".join(f"{x:g}" for x in loose)
+            doubts.append(f"The patella touches one facet only at {places} degrees.")
+        return doubts
+
+
+def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
+    """Raise the leg of a person of 75 kg and 1.75 m.
+
+    Args:
+        knee: of two bones; a line that stands for the patella is left out.
+        with_patella: the same with its patella, through whose surfaces those of paper 3 are laid.
+    """
+    alone = dataclasses.replace(knee, lines=())
+    start, shank = with_patella.other_bones[PATELLA], Shank.of_person(BODY_KG, HEIGHT_M)
+    leg = rigid_leg(alone, rigid_patella_of(with_patella), start, LEG_DEG, shank)
+    found = evaluate(alone, leg.tibia)
+    lanes, state = add_lane_axis(alone.ligaments), State({TIBIA: leg.tibia})
+    own = np.asarray(found.tension).T
+    ways = leg.tibia.placement.turn_back(tuple(jnp.asarray(lanes.unit_pulls(state))))
+    forward = own * np.asarray(ways[0])
+    names = list(alone.ligaments.names)
+    rows = {name: [names.index(one) for one in members] for name, members in alone.groups}
+    rows |= {name: [names.index(name)] for name in names}
+    tension = {name: own[each].sum(axis=0) for name, each in rows.items()}
+    shear = {
+        "patellar tendon": leg.tendon_force[:, 0],
+        "contact": np.asarray(found.contact_force)[:, :, 0].sum(axis=1),
+        "weight": leg.weight_force[:, 0],
+        **{name: forward[k] for k, name in enumerate(names)},
+    }
+    return RaisedLeg(leg, tension, shear)
+
+
+def leg_table(raised: RaisedLeg) -> tuple[list[str], np.ndarray]:
+    """Column names, then a row a pose; empty where the quadriceps does not pull."""
+    leg, table = raised.leg, np.asarray(raised.leg.tibia.to_table())
+    forces = np.c_[leg.quadriceps_N, leg.tendon_N, leg.contact_N, leg.patellofemoral_N, leg.arm_mm]
+    shear, pulls = (np.stack(list(x.values()), axis=1) for x in (raised.shear, raised.tension))
+    names = [
+        "flexion_deg", "quadriceps_N", "tendon_N", "medial_facet_N", "lateral_facet_N",
+        "patellofemoral_N", "arm_mm", *COLUMNS[1:], *(x.column for x in BODIES[PATELLA].values()),
+        *(f"{name}_N" for name in raised.tension), *(f"{name}_anterior_N" for name in raised.shear),
+    ]  # fmt: skip
+    return names, np.c_[leg.flexion_deg, forces, table[:, 1:], leg.patella, pulls, shear]
+
+
+def leg_findings(found: RaisedLeg) -> dict[str, Finding]:
+    """Claims 3.6 to 3.13."""
+    return _forces(found) | _patella(found) | _tibia(found)
+
+
+def _every_third(found: RaisedLeg, values: np.ndarray, form: str) -> str:
+    rows = zip(found.leg.flexion_deg[::3], values[::3], found.held[::3], strict=True)
+    return ", ".join(f"{x:g}: {y:{form}}" if on else f"{x:g}: none" for x, y, on in rows)
+
+
+def _forces(found: RaisedLeg) -> dict[str, Finding]:
+    """Claims 3.6 to 3.8: quadriceps, and tendon and contact relative to it."""
+    leg, flexion = found.leg, found.leg.flexion_deg
+    at_0, at_90 = (int(np.argmin(np.abs(flexion - x))) for x in (0.0, 90.0))
+    pull = np.maximum(leg.quadriceps_N, 0.0)
+    middle = pull[(flexion >= 20.0) & (flexion <= 60.0)]
+    steady = middle.max() / middle.min() - 1.0 < STEADY
+    gone = pull[at_90] < NONE * middle.mean()
+    falls_by = 1.0 - middle.min() / middle.max()
+    tendon = found.where_held(leg.tendon_N / leg.quadriceps_N)
+    peak, start = float(flexion[np.nanargmax(tendon)]), float(tendon[at_0])
+    falls = np.diff(tendon[flexion >= 30.0])
+    falls = (falls[np.isfinite(falls)] < 0.0).all()
+    ratio = found.where_held(leg.patellofemoral_N / leg.quadriceps_N)
+    last, grows = ratio[found.held][-1], (np.diff(ratio[found.held]) > 0.0).all()
+    rises = start > 1.0 and 10.0 <= peak <= 30.0 and falls
+    return {
+        "3.6": Finding(
+            steady and gone and pull.argmax() == 0,
+            "N at degrees: " + _every_third(found, pull, ".0f"),
+            "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
+            f"of the leg, which halves there; the arm does not fall along with it. {_OTHER}",
+        ),
+        "3.7": Finding(
+            rises,
+            _every_third(found, tendon, ".2f"),
+            "" if rises else f"largest at {peak:g} degrees, {start:.2f} at 0; {_OTHER}",
+        ),
+        "3.8": Finding(
+            0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
+            _every_third(found, ratio, ".2f"),
+        ),
+    }  # fmt: skip
+
+
+def _patella(found: RaisedLeg) -> dict[str, Finding]:
+    """Claims 3.9 and 3.10: flexion of the patella, moment arm."""
+    knee, patella = found.leg.flexion_deg, found.leg.patella[:, 0]
+    last = float(patella[int(np.argmin(np.abs(knee - 90.0)))])
+    lags = (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0
+    arm = found.where_held(found.leg.arm_mm)
+    at, size = float(knee[np.nanargmax(arm)]), float(np.nanmax(arm))
+    bell = 25.0 <= at <= 45.0 and 45.0 <= size <= 55.0
+    return {
+        "3.9": Finding(
+            lags,
+            ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
+            "" if lags else f"{last:.0f} degrees at 90, counted in this person's axes, in which "
+            f"the patella of the record, passive, comes to 72; {_OTHER}",
+        ),
+        "3.10": Finding(
+            bell,
+            "mm at degrees: " + _every_third(found, found.leg.arm_mm, ".0f"),
+            "" if bell else f"bell-shaped, but {size:.0f} mm at {at:g} degrees; {_OTHER}",
+        ),
+    }  # fmt: skip
+
+
+def _tibia(found: RaisedLeg) -> dict[str, Finding]:
+    """Claims 3.11 to 3.13: cruciates, motion of the tibia, forces along its anterior axis."""
+    flexion, on = found.leg.flexion_deg, found.held
+    acl, pcl = (found.tension[name] > BEARS_N for name in ("ACL", "PCL"))
+    first = flexion[on & pcl].min() if (on & pcl).any() else np.inf
+    loaded = acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0
+    curves = (_every_third(found, found.tension[name], ".0f") for name in ("ACL", "PCL"))
+    table = np.asarray(found.leg.tibia.to_table())
+    moved = (table - table[0])[on]
+    inwards, forwards, varus = moved[:, 2].max(), moved[:, 3].max(), np.abs(moved[:, 1]).max()
+    total = np.abs(sum(found.shear.values())).max()
+    size = max(np.abs(part).max() for part in found.shear.values())
+    tendon = float(found.shear["patellar tendon"][int(np.argmin(np.abs(flexion)))])
+    return {
+        "3.11": Finding(
+            loaded,
+            "ACL {}; PCL {} N".format(*curves),
+            "" if loaded else "attachments are another person's; its PCL begins to bear at "
+            f"{first:g} degrees",
+        ),
+        "3.12": Finding(
+            10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,
+            f"inwards by {inwards:.0f} degrees, forwards by {forwards:.1f} mm, varus or valgus "
+            f"{varus:.1f} degrees",
+        ),
+        "3.13": Finding(
+            total < ZERO * size and tendon > 0.0,
+            f"sum at most {total:.1e} N of {size:.0f} N; tendon {tendon:.0f} N at 0 degrees",
+        ),
+    }  # fmt: skip
+
+
+@styled
+def raised_leg_figure(found: RaisedLeg) -> Figure:
+    """Draw pull, ratios of forces, moment arm, patella, cruciates and the shear on the tibia.
+
+    In the layout of the paper's Figures 12 to 19. Where the quadriceps would have to push nothing
+    is drawn but the patella.
+    """
+    from matplotlib import colormaps
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 7.6))
+    panels = figure.subplots(3, 2).ravel()
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.95, bottom=0.065, wspace=0.24, hspace=0.5)
+    leg, flexion = found.leg, found.leg.flexion_deg
+    ratios = {"patellar tendon": leg.tendon_N, "patellofemoral contact": leg.patellofemoral_N}
+    turned = zip(("flexion", "rotation", "tilt"), leg.patella.T, strict=False)
+    drawn = (
+        ("Quadriceps force, N", {"": found.where_held(leg.quadriceps_N)}),
+        ("Force by quadriceps force",
+         {name: found.where_held(force / leg.quadriceps_N) for name, force in ratios.items()}),
+        ("Moment arm, mm", {"": found.where_held(leg.arm_mm)}),
+        ("Patella, deg", dict(turned)),
+        ("Ligament force, N",
+         {name: found.where_held(found.tension[name]) for name in ("ACL", "PCL")}),
+    )  # fmt: skip
+    for axes, (label, curves) in zip(panels, drawn, strict=False):
+        for (name, values), color in zip(curves.items(), (BLUE, VERMILLION, GREEN), strict=False):
+            axes.plot(flexion, values, color=color, label=name or None)
+        _finished(axes, flexion, label, 3 if len(curves) > 1 else 0)
+    for axes in panels[[0, 1, 2, 4]]:
+        axes.set_ylim(bottom=0.0)
+    shear, axes = {name: found.where_held(x) for name, x in found.shear.items()}, panels[5]
+    # The six largest parts by themselves.
+    largest = sorted(shear, key=lambda name: -np.nanmax(np.abs(shear[name])))[:6]
+    for name, color in zip(largest, colormaps["tab10"](np.arange(6)), strict=False):
+        axes.plot(flexion, shear[name], color=color, label=verbatim(name))
+    rest = [force for name, force in shear.items() if name not in largest]
+    if rest:
+        axes.plot(flexion, sum(rest), color=GREY, label="all others")
+    axes.plot(flexion, sum(shear.values()), color="black", linestyle=":", label="sum")
+    _finished(axes, flexion, "Force on the tibia, forwards, N", 4)
+    return figure
+
+
+def _finished(axes: Axes, flexion: np.ndarray, label: str, columns: int) -> None:
+    """Labels, and a legend above in so many columns; none for 0."""
+    axes.set_ylabel(label)
+    flexion_axis(axes, flexion)
+    if columns:
+        axes.legend(
+            fontsize=7.0, frameon=False, ncol=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
+            borderaxespad=0.1, columnspacing=0.9, handlelength=1.2,
+        )  # fmt: skip

@@ -1,0 +1,252 @@
+"""Paper 4: sensitivities of several knees to one ligament at a time, against its findings."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+
+from kneejax.files import load_knee
+from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.fibre_changes import ATTACHMENT, MODULUS, PRESTRETCH, synthetic_knee
+from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
+from kneejax.papers.knee_comparison_report import (
+    comparison_document,
+    comparison_tables,
+    ramp_figure,
+    score_figure,
+)
+from kneejax.papers.varus_valgus import VALGUS, VARUS
+
+#: Bundled models, and the one around which synthetic knees are drawn, with their seeds.
+KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
+DRAWN_AROUND, SEEDS = "lenhart2015_reduced", (1, 2)
+_CURVES = ("MCL.prestretch", "LCL.prestretch", "MCL.youngs_modulus")
+
+CONVERGENCE, ROTATION, PRESSURE, PLACE = LIMITS
+_NAMES = dict(zip(LIMITS, ("convergence", "rotation", "pressure", "place"), strict=True))
+_MEDIUM, _SIMILAR, _MATTERS = 2.0, 0.75, 1.5
+#: Part of the tension in the other direction below which a ligament counts as slack.
+_SLACK = 0.1
+#: Claims on how alike or unlike knees are, and what is to be known of these knees there.
+_BETWEEN_KNEES = ("4.4", "4.5", "4.8", "4.9", "4.12", "4.13")
+_KINSHIP = (
+    "All of these knees have one person's bones, and all but four_ligament nearly the same "
+    "ligaments: they may be more alike than those of four persons."
+)
+
+
+def reproduce(stages: Stages = silent) -> Reproduction:
+    """Compare three bundled and two synthetic knees, and judge the findings.
+
+    Args:
+        stages: shows progress.
+    """
+    knees = {name: load_knee(name) for name in KNEES}
+    drawn = {f"made_up_{seed}": synthetic_knee(knees[DRAWN_AROUND], seed) for seed in SEEDS}
+    with stages("knees") as show:
+        found = compare_knees(knees | drawn, progress=partial(show, "knees"))
+    figures = {"scores": score_figure(found)}
+    figures |= {name.replace(".", "-"): ramp_figure(found, name) for name in _CURVES}
+    settings = dataclasses.asdict(found.settings) | {
+        "knees": list(KNEES), "made_up_around": DRAWN_AROUND, "made_up_seeds": list(SEEDS)
+    }  # fmt: skip
+    words = {
+        "axial_N": found.settings.body_weight_N / 2, "full_Nm": found.settings.full_Nm,
+        "reference_modulus_MPa": found.settings.reference_modulus_MPa, "knees": ", ".join(KNEES),
+        "drawn": len(SEEDS), "drawn_around": DRAWN_AROUND,
+    }  # fmt: skip
+    return Reproduction(
+        4, claims(found, _KINSHIP), figures, comparison_tables(found), settings, found.doubts,
+        words, {"result.json": comparison_document(found)},
+    )  # fmt: skip
+
+
+def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
+    """Judge the findings of the abstract, section 3 and section 4.
+
+    Args:
+        found: several knees with the paper's four ligaments.
+        kinship: a sentence on what the knees share, for claims that compare them.
+    """
+    share = max(found.settings.modulus_MPa, default=0.0) / found.settings.reference_modulus_MPa
+    findings = _prestretch(found) | _modulus(found) | _across_parameters(found)
+    each = judged(4, findings, modulus_share=share)
+    return tuple(
+        dataclasses.replace(claim, reason=f"{claim.reason} {kinship}".strip())
+        if claim.number in _BETWEEN_KNEES
+        else claim
+        for claim in each
+    )
+
+
+def _prestretch(found: KneeComparison) -> dict[str, Finding]:
+    """Claims 4.1 and 4.3 to 4.7."""
+    parameters = _of(found, PRESTRETCH)
+    ranges = {}
+    for knee in found.knees:
+        means = [np.nanmean([knee.score(x, o) for o in LIMITS]) for x in _of(knee, PRESTRETCH)]
+        ranges[knee.name] = float(np.ptp(means))
+    counts = {o: sum(_span(found, x, o) > _SIMILAR for x in parameters) for o in LIMITS}
+    return {
+        "4.1": _matters(found, PRESTRETCH),
+        "4.3": Finding(
+            min(ranges.values()) >= 0.5,
+            ", ".join(f"{name} {_short(x)}" for name, x in ranges.items()),
+        ),
+        "4.4": Finding(
+            min(counts.values()) >= 2,
+            "ligaments: " + ", ".join(f"{_NAMES[o]} {count}" for o, count in counts.items()),
+        ),
+        "4.5": _alike(found, f"MCL.{PRESTRETCH}", (PRESSURE, ROTATION)),
+        "4.6": _one_direction(found, "LCL", VARUS, VALGUS),
+        "4.7": _one_direction(found, "MCL", VALGUS, VARUS),
+    }
+
+
+def _modulus(found: KneeComparison) -> dict[str, Finding]:
+    """Claims 4.2 and 4.8 to 4.10."""
+    spans = {name.split(".")[0]: _span(found, name, PLACE) for name in _of(found, MODULUS)}
+    pairs = [(knee, name) for knee in found.knees for name in _of(knee, MODULUS)]
+    above = [
+        f"{knee.name} {name.split('.')[0]} {_short(knee.score(name, PRESSURE))}"
+        for knee, name in pairs
+        if knee.score(name, PRESSURE) > _MEDIUM
+    ]
+    return {
+        "4.2": _matters(found, MODULUS),
+        "4.8": Finding(
+            max(spans.values()) > _SIMILAR,
+            ", ".join(f"{ligament} spans {_short(span)}" for ligament, span in spans.items()),
+        ),
+        "4.9": _alike(found, f"MCL.{MODULUS}", (ROTATION, PRESSURE, PLACE)),
+        "4.10": Finding(
+            len(above) <= 1, f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above)
+        ),
+    }
+
+
+def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
+    """Claims 4.11 to 4.15: attachments, convergence, all parameters, slack ligaments."""
+    pairs = [(knee, name) for knee in found.knees for name in _of(knee, ATTACHMENT)]
+    above = [
+        f"{knee.name} {name.split('.')[0]}"
+        for knee, name in pairs
+        if max(knee.score(name, o) for o in LIMITS) > _MEDIUM
+    ]
+    lines = [knee.name for knee in found.knees if not _of(knee, ATTACHMENT)]
+    without = f" Ligaments of one line have no halves: all of {', '.join(lines)}." if lines else ""
+    spans = {name: [_span(found, name, o) for o in LIMITS] for name in found.parameters}
+    ends = [name for name, each in spans.items() if each[0] > _SIMILAR]
+    specific = [name for name, each in spans.items() if max(_known(each)) > _SIMILAR]
+    slack, tensions = 0, []
+    for knee in found.knees:
+        varus, valgus = knee.tension_N[VARUS], knee.tension_N[VALGUS]
+        slack += valgus["LCL"] < _SLACK * varus["LCL"] and varus["MCL"] < _SLACK * valgus["MCL"]
+        tensions.append(
+            f"{knee.name} LCL {valgus['LCL']:.0f} N in valgus, {varus['LCL']:.0f} in varus, MCL "
+            f"{varus['MCL']:.0f} in varus, {valgus['MCL']:.0f} in valgus"
+        )
+    return {
+        "4.11": Finding(
+            len(above) <= len(pairs) / 8 if pairs else None,
+            f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above),
+            "Half of the fibres' ends are moved to the nearest of the other half; in the paper "
+            "nodes are set free." + without,
+        ),
+        "4.12": Finding(
+            bool(ends), f"{len(ends)} of {len(spans)} parameters" + _bracketed(ends)
+        ),
+        "4.13": Finding(
+            len(specific) > len(spans) / 2, f"{len(specific)} of {len(spans)} parameters"
+        ),
+        "4.14": Finding(slack > len(found.knees) / 2, "; ".join(tensions)),
+        "4.15": _go_together(found),
+    }  # fmt: skip
+
+
+def _matters(found: KneeComparison, quantity: str) -> Finding:
+    """Claims 4.1 and 4.2: some ligament in some direction, in every knee, on all three outcomes."""
+    best: dict[str, list[float]] = {}
+    for knee in found.knees:
+        every = {outcome: [np.nan] for outcome in (ROTATION, PRESSURE, PLACE)}
+        for one in knee.influences:
+            if one.parameter in _of(knee, quantity) and one.outcome in every:
+                every[one.outcome] += one.scores.values()
+        best[knee.name] = [max(_known(scores)) for scores in every.values()]
+    shown = (f"{name} {'/'.join(map(_short, scores))}" for name, scores in best.items())
+    return Finding(
+        all(min(scores) >= _MATTERS for scores in best.values()),
+        "highest scores on rotation/pressure/place: " + "; ".join(shown),
+    )
+
+
+def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Finding:
+    """Claims 4.5 and 4.9: the scores of the knees lie near each other."""
+    spans = [_span(found, parameter, o) for o in outcomes]
+    return Finding(
+        max(spans) <= _SIMILAR if np.isfinite(spans).all() else None,
+        ", ".join(f"{_NAMES[o]} spans {_short(x)}" for o, x in zip(outcomes, spans, strict=True)),
+    )
+
+
+def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
+    """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
+    parameter = f"{ligament}.{PRESTRETCH}"
+    known = {
+        knee.name: one for knee in found.knees if (one := knee.influence(parameter, ROTATION))
+    }
+    shown = [
+        f"{name} {_short(one.average[more])} deg ({_short(one.scores[more])}) against "
+        f"{_short(one.average[less])} deg ({_short(one.scores[less])})"
+        for name, one in known.items()
+    ]
+    return Finding(
+        all(one.average[more] > one.average[less] for one in known.values()),
+        "; ".join(shown) + f"; scores in brackets, {more} first",
+    )
+
+
+def _go_together(found: KneeComparison) -> Finding:
+    """Claim 4.15: rank correlation of scores on rotation with those on pressure and place."""
+    from scipy.stats import spearmanr
+
+    outcomes = (ROTATION, PRESSURE, PLACE)
+    rows = np.array(
+        [[knee.score(x, o) for o in outcomes] for knee in found.knees for x in knee.parameters]
+    )
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    pressure, place = (
+        float(spearmanr(rows[:, 0], rows[:, i])[0]) if len(rows) > 2 else np.nan for i in (1, 2)
+    )
+    return Finding(
+        min(pressure, place) >= 0.5 if np.isfinite([pressure, place]).all() else None,
+        f"{_short(pressure)} with pressure, {_short(place)} with place; {len(rows)} pairs of knee "
+        "and parameter",
+    )
+
+
+def _of(found: KneeComparison | KneeStudy, quantity: str) -> list[str]:
+    """Parameters of one quantity."""
+    return [name for name in found.parameters if name.endswith(f".{quantity}")]
+
+
+def _span(found: KneeComparison, parameter: str, outcome: str) -> float:
+    """Largest less smallest score of the knees; NaN if fewer than two are known."""
+    scores = [knee.score(parameter, outcome) for knee in found.knees]
+    scores = [x for x in scores if np.isfinite(x)]
+    return float(np.ptp(scores)) if len(scores) > 1 else np.nan
+
+
+def _known(numbers: Sequence[float]) -> list[float]:
+    return [x for x in numbers if np.isfinite(x)] or [np.nan]
+
+
+def _short(number: float) -> str:
+    return "-" if np.isnan(number) else f"{number:.2f}".rstrip("0").rstrip(".")
+
+
+def _bracketed(words: Sequence[str]) -> str:
+    return f" ({', '.join(words)})" if words else ""

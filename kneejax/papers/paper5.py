@@ -1,0 +1,230 @@
+"""Paper 5: the moving axis and the hinge of ten men's knees, against its printed numbers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.files import load_knee
+from kneejax.joints import MEASURES, UnsuitableMotions
+from kneejax.papers import paper5_tables as printed
+from kneejax.papers.claims import (
+    Claim,
+    Finding,
+    Reproduction,
+    Stages,
+    judged,
+    silent,
+)
+from kneejax.papers.paper5_study import (
+    CENTRE_SD_MM,
+    COHORTS,
+    CORRELATIONS,
+    DONOR,
+    DRAWS,
+    FACETS,
+    MIDPOINT_SD_MM,
+    SIZES,
+    Paper5Study,
+    paper5_study,
+)
+from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
+from kneejax.parameters import UnsuitableData
+from kneejax.report.look import BLACK, BLUE, VERMILLION, WIDTH, styled
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Two standard errors of a printed mean, by its standard deviation.
+_ERRORS = 2.0 / np.sqrt(printed.SUBJECTS)
+
+
+def reproduce(stages: Stages = silent) -> Reproduction:
+    """Compute the joints and synthetic cohorts, and judge the claims.
+
+    Args:
+        stages: shows progress.
+
+    Raises:
+        UnsuitableData: pingouin, for the analysis of variance, is not installed.
+    """
+    from kneejax.report import comparison_tables, joint_comparison_figure
+
+    try:
+        with stages("cohorts"):
+            found = paper5_study(load_knee(DONOR))
+    except UnsuitableMotions as problem:
+        raise UnsuitableData(str(problem)) from problem
+    # Which synthetic cohort is drawn and written: the first of this correlation.
+    shown = CORRELATIONS[1]
+    cohort = found.cohorts[shown][0]
+    means = {(motion, "printed"): table for motion, table in printed.MEAN.items()}
+    means |= {(MOVING_AXIS, f"ours, facets {x}"): table for x, table in found.moving_axis.items()}
+    means[HINGE, "ours"] = found.hinge
+    rows = [
+        [*source, angle, *row]
+        for source, table in means.items()
+        for angle, row in zip(printed.REACHED_DEG, table, strict=True)
+    ]
+    tables = {
+        "means.csv": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
+        **{
+            f"synthetic_{name}.csv": (one.names, one.rows)
+            for name, one in comparison_tables(cohort).items()
+        },
+    }
+    labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}
+    figures = {
+        "means": means_figure(found),
+        "synthetic_cohort": joint_comparison_figure(cohort, cohort.flexion_deg, labelled),
+    }
+    settings = {
+        "axis_points_of": DONOR, "facets_deg": FACETS, "drawn_axis_points": DRAWS,
+        "midpoint_sd_mm": MIDPOINT_SD_MM, "centre_sd_mm": CENTRE_SD_MM, "sizes": SIZES,
+        "assumed_correlations": CORRELATIONS, "cohorts_each": COHORTS, "shown_cohort": shown,
+        "seed": found.seed, "facet_centres_mm": found.points.facets,
+        "epicondyles_mm": found.points.epicondyles,
+    }  # fmt: skip
+    words = {"donor": DONOR, "draws": DRAWS, "cohorts": COHORTS}
+    return Reproduction(5, claims(found), figures, tables, settings, (), words)
+
+
+def claims(found: Paper5Study) -> tuple[Claim, ...]:
+    """Judge what the printed numbers say about each other, the joints, and the statistics."""
+    asterisks = int(sum(marked.sum() for marked in printed.MARKED.values()))
+    findings = printed.table_findings() | _joints(found) | _moving_means(found) | _cohorts(found)
+    return judged(5, findings, asterisks=asterisks)
+
+
+def _joints(found: Paper5Study) -> dict[str, Finding]:
+    """Claims 5.12 to 5.14 and 5.20: the hinge, calibration poses, fixed axis, range of motion."""
+    rows, eos = printed.MEAN[HINGE], printed.MEAN[EOS]
+    off = np.abs(found.hinge - rows) / (_ERRORS * printed.SD[HINGE])
+    ours = max(float(np.abs(one - eos)[[0, -1]].max()) for one in found.moving_axis.values())
+    tables = np.abs((printed.MEAN[MOVING_AXIS] - eos)[[0, -1]]).max()
+    axis, hinge, measured = (printed.RANGE[motion] for motion in (MOVING_AXIS, HINGE, EOS))
+    closer = np.abs(axis - measured) < np.abs(hinge - measured)
+    return {
+        "5.12": Finding(
+            off.max() <= 1.0,
+            f"tilt {found.hinge_tilt_deg:.1f} degrees; farthest {off.max():.2f} times two standard "
+            f"errors ({NAMES[int(np.argmax(off.max(axis=0)))]}); "
+            f"at 90: {measures_row(found.hinge[-1])}",
+        ),
+        "5.13": Finding(
+            ours <= 1e-9 and tables <= 0.01 + 1e-9, f"ours {ours:.0e}; printed {tables:.2f}"
+        ),
+        "5.14": Finding(found.stays_fixed < 1e-9, f"{found.stays_fixed:.0e} mm"),
+        "5.20": Finding(
+            closer.all() and (hinge < measured).sum() > 2,
+            f"EOS {measures_row(measured)}; moving axis {measures_row(axis)}; "
+            f"hinge {measures_row(hinge)}",
+        ),
+    }
+
+
+def _moving_means(found: Paper5Study) -> dict[str, Finding]:
+    """Claims 5.15 to 5.19, one a measure: means at 20, 45 and 60 degrees."""
+    rows = printed.MEAN[MOVING_AXIS][printed.COMPARED]
+    errors = _ERRORS * printed.SD[MOVING_AXIS][printed.COMPARED]
+    ours = found.moving_axis["contact"][printed.COMPARED]
+    low, high = np.quantile(found.spread[:, printed.COMPARED], [0.025, 0.975], axis=0)
+    near = (np.abs(ours - rows) <= errors).all(axis=0)
+    within = ((rows >= low - errors) & (rows <= high + errors)).all(axis=0)
+    findings = {}
+    for j, one in enumerate(MEASURES):
+        spans = ", ".join(
+            f"{angle} deg: {x:.2f} ({least:.2f} to {most:.2f})"
+            for angle, x, least, most in zip(ANGLES, ours[:, j], low[:, j], high[:, j], strict=True)
+        )
+        holds = True if near[j] else None if within[j] else False
+        depends = "the answer depends on axis points that were not published"
+        findings[f"5.{15 + j}"] = Finding(
+            holds, f"{spans} {one.unit}", depends if holds is None else None
+        )
+    return findings
+
+
+def _cohorts(found: Paper5Study) -> dict[str, Finding]:
+    """Claims 5.21 and 5.22: R2 and significance in synthetic cohorts, at each correlation."""
+    share = {
+        rho: np.mean([one.predictions[0].r2 > one.predictions[1].r2 for one in cohorts], axis=0)
+        for rho, cohorts in found.cohorts.items()
+    }
+    always = all((x > 0.5).all() for x in share.values())
+    never = (np.stack(list(share.values())) < 0.5).all(axis=0).any()
+    shares = {
+        rho: ", ".join(f"{n} {x:.0%}" for n, x in zip(NAMES, each, strict=True))
+        for rho, each in share.items()
+    }
+    # AP of both models against measured, in the first cohort.
+    significant, epsilons = {}, {}
+    for rho, (first, *_) in found.cohorts.items():
+        tests = [first.test("AP", i) for i in range(int(first.compared.sum()))]
+        pairs = [pair for x in tests if x for pair in x.pairs if pair.first == "measured"]
+        significant[rho] = [x.p <= first.alpha and x.difference > 0.0 for x in pairs]
+        epsilons[rho] = [test.epsilon for test in first.tests if test is not None]
+    every = [all(x) for x in significant.values()]
+    spread = "; ".join(f"{rho:g}: {min(e):.2f} to {max(e):.2f}" for rho, e in epsilons.items())
+    return {
+        "5.21": Finding(
+            True if always else False if never else None,
+            "; ".join(f"correlation {rho:g}: {x}" for rho, x in shares.items()),
+        ),
+        "5.22": Finding(
+            True if all(every) else None if any(every) else False,
+            "; ".join(f"correlation {rho:g}: {sum(x)} of 6" for rho, x in significant.items()),
+            "The subjects are invented. Greenhouse-Geisser epsilon, which the paper does not "
+            f"print: {spread}",
+        ),
+    }
+
+
+@styled
+def means_figure(found: Paper5Study) -> Figure:
+    """Draw the printed means of measurement, moving axis and hinge, and the joints made again.
+
+    Returns:
+        Five panels over flexion, the legend in the sixth. The band holds the middle 95 % of the
+        axis points that were drawn.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 6.3))
+    panels = figure.subplots(3, 2, sharex=True)
+    figure.subplots_adjust(left=0.085, right=0.985, top=0.96, bottom=0.075, wspace=0.2, hspace=0.24)
+    x = printed.REACHED_DEG
+    low, high = np.quantile(found.spread, [0.025, 0.975], axis=0)
+    mean, sd, ours = printed.MEAN, printed.SD[EOS], found.moving_axis["contact"]
+    spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
+    square = {"markersize": 4, "markeredgecolor": "white", "markeredgewidth": 0.5}
+    for j, (measure, spot) in enumerate(zip(MEASURES, spots, strict=True)):
+        axes = panels[spot]
+        axes.set_title(f"{measure.name}: {measure.meaning}, {measure.unit}")
+        axes.fill_between(
+            x, low[:, j], high[:, j], color=VERMILLION, alpha=0.15, linewidth=0,
+            label="the same, drawn axis points (95 %)",
+        )  # fmt: skip
+        label = "moving axis, ours, stand-in axis points"
+        axes.plot(x, ours[:, j], color=VERMILLION, label=label)
+        label = "hinge, ours, one number fitted"
+        axes.plot(x, found.hinge[:, j], color=BLUE, linestyle="--", label=label)
+        axes.errorbar(
+            x, mean[EOS][:, j], sd[:, j], fmt="o", markersize=4, markerfacecolor="none",
+            color=BLACK, capsize=2, linewidth=0.8, label="EOS, printed, mean +- SD of ten",
+        )  # fmt: skip
+        label = "moving axis, printed"
+        axes.plot(x, mean[MOVING_AXIS][:, j], "D", color=VERMILLION, label=label, **square)
+        axes.plot(x, mean[HINGE][:, j], "s", color=BLUE, label="hinge, printed", **square)
+        last = spot in ((2, 0), (1, 1))
+        axes.tick_params(labelbottom=last)
+        if last:
+            axes.set_xlabel("Flexion, deg")
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    panels[2, 1].set_axis_off()
+    order, above = [1, 0, 2, 5, 3, 4], {"loc": "upper left", "bbox_to_anchor": (0.0, 0.82)}
+    panels[2, 1].legend(
+        [handles[i] for i in order], [labels[i] for i in order], borderaxespad=0, **above
+    )
+    return figure

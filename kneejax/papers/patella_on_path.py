@@ -1,0 +1,285 @@
+"""Paper 1's patella: the path on which a patella in balance moves, with one degree of freedom."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from kneejax.experiments import passive_flexion
+from kneejax.experiments.extensor import at_rest
+from kneejax.geometry import (
+    FEMUR,
+    PATELLA,
+    TIBIA,
+    Pair,
+    Placement,
+    Pose,
+    State,
+    Vector,
+    cross,
+    dot,
+    norm,
+    scale,
+)
+from kneejax.mechanics import Knee, Wrench, add_lane_axis, ligament_law
+from kneejax.statics import converged
+
+#: Part of half the path by which a patella may leave it at either end.
+_BEYOND = 0.1
+#: Halvings of the path, then steps of Newton's method: 0.1 mm, then 1e-12.
+_HALVINGS, _STEPS = 10, 6
+#: Degree of the path's polynomials: a knee that rides on them turns by 0.50, 0.39, 0.41 and 0.39
+#: degrees at most otherwise than with its patella in balance, with 11, 13, 15 and 17.
+_DEGREE = 13
+#: Where the path is taken, degrees: polynomials bend at their ends, which stand outside 0 to 120.
+_FLEXION_DEG = np.arange(-10.0, 122.6, 2.5)
+
+
+class _Along(NamedTuple):
+    """A quantity at a place of the path, and its first and second derivative by it."""
+
+    value: Array
+    rate: Array
+    bend: Array
+
+
+class Strands(eqx.Module):
+    """Straight fibres from the patella on its path to another bone.
+
+    Attributes:
+        on_path: their ends on the patella, polynomials `(k, n, 3, ...)` in the place along the
+            path, from -1 to 1, lowest power first; femur frame, mm.
+        on_other: their other ends, `(n, 3, ...)`, mm, in the other bone's frame.
+        stiffness: N per unit strain, `(n, ...)`.
+        slack_length: mm, `(n, ...)`.
+        transition_strain: as of a ligament, `(n, ...)`.
+        transition_width: likewise.
+    """
+
+    on_path: Array
+    on_other: Array
+    stiffness: Array
+    slack_length: Array
+    transition_strain: Array
+    transition_width: Array
+
+    def lines(self, other: Placement, place: Array) -> Vector:
+        """From the patella to the other bone, femur axes, each `(n, ...)`, mm."""
+        ends = jnp.moveaxis(_along(self.on_path, place).value, 1, 0)
+        far = other.apply(_rows(self.on_other))
+        return tuple(b - a for a, b in zip(ends, far, strict=True))  # pyright: ignore
+
+    def tension(self, length: Array) -> Array:
+        """Of each, N."""
+        return ligament_law.tension(length / self.slack_length - 1.0, *self._law)
+
+    def energy(self, length: Array) -> Array:
+        """Of all together, N mm."""
+        strain = length / self.slack_length - 1.0
+        return jnp.sum(ligament_law.energy(strain, *self._law, self.slack_length), axis=0)
+
+    def pull(self, other: Placement, place: Array) -> tuple[Array, Array]:
+        """First and second derivative of the energy of all by the place."""
+        line, end = self.lines(other, place), _along(self.on_path, place)
+        length = norm(line)
+        rate, bend = _rows(end.rate), _rows(end.bend)
+        longer = -dot(line, rate) / length
+        tension = self.tension(length)
+        strain = length / self.slack_length - 1.0
+        stiffness = ligament_law.stiffness_at(strain, *self._law) / self.slack_length
+        turning = (dot(rate, rate) - dot(line, bend) - longer * longer) / length
+        slope = jnp.sum(tension * longer, axis=0)
+        return slope, jnp.sum(stiffness * longer * longer + tension * turning, axis=0)
+
+    @property
+    def _law(self) -> tuple[Array, Array, Array]:
+        return self.stiffness, self.transition_strain, self.transition_width
+
+
+class PatellaOnPath(eqx.Module):
+    """A patella on a prescribed path, hung on the tibia by its tendon, pulled by the quadriceps.
+
+    How far it is along the path is the one thing that is free of it: there the pulls of
+    quadriceps, tendon and retinacula along the path are in balance. For every pose of the tibia
+    that is one number, so the whole is a potential between femur and tibia, as a spring is. The
+    contact, which the path stands for, does no work.
+
+    Attributes:
+        tension: of the quadriceps, N.
+        ends: least and largest arc length of the path, `(2, ...)`, mm.
+        quadriceps: its length, polynomial `(k, ...)` in the place along the path, from -1 to 1,
+            lowest power first, mm.
+        tendon: to the tibia.
+        retinacula: to the femur.
+        name: what reports call it.
+
+    Source: paper 1, section 2.2.
+    """
+
+    tension: Array
+    ends: Array
+    quadriceps: Array
+    tendon: Strands
+    retinacula: Strands
+    name: str = eqx.field(static=True, default="patellar_tendon")
+
+    @property
+    def bodies(self) -> Pair:
+        """The two bones that it joins."""
+        return FEMUR, TIBIA
+
+    def energy(self, state: State) -> Array:
+        """Of quadriceps, tendon and retinacula, N mm."""
+        tibia = state.between(self.bodies)
+        place = self._place(tibia)
+        pulled = self.tension * _along(self.quadriceps, place).value
+        tendon, held = self.tendon.lines(tibia, place), self.retinacula.lines(_FEMUR, place)
+        return pulled + self.tendon.energy(norm(tendon)) + self.retinacula.energy(norm(held))
+
+    def wrench(self, state: State) -> Wrench:
+        """Of the tendon on the tibia, about its origin in femur axes."""
+        tibia = state.between(self.bodies)
+        line = self.tendon.lines(tibia, self._place(tibia))
+        length = norm(line)
+        pull = scale(-self.tendon.tension(length) / length, line)
+        moment = cross(tibia.turn(_rows(self.tendon.on_other)), pull)
+        force, moment = (tuple(jnp.sum(x, axis=0) for x in each) for each in (pull, moment))
+        return Wrench(force, moment)
+
+    def work_of_end(self, state: State) -> Array:
+        """Generalised force on flexion besides the wrench: none, nothing leads the patella."""
+        return jnp.zeros(state.shape)
+
+    def arc_length(self, state: State) -> Array:
+        """How far the patella is along its path, mm."""
+        first, last = self.ends[0], self.ends[1]
+        return first + 0.5 * (1.0 + self._place(state.between(self.bodies))) * (last - first)
+
+    def tendon_N(self, state: State) -> Array:
+        """Size of the tendon's pull on the tibia, N."""
+        return norm(self.wrench(state).force)
+
+    def _slope(self, tibia: Placement, place: Array) -> tuple[Array, Array]:
+        """First and second derivative of the energy along the path: at its beginning the tendon
+        pulls more than the quadriceps, at its end less."""
+        _, rate, bend = _along(self.quadriceps, place)
+        tendon, held = self.tendon.pull(tibia, place), self.retinacula.pull(_FEMUR, place)
+        return self.tension * rate + tendon[0] + held[0], self.tension * bend + tendon[1] + held[1]
+
+    def _place(self, tibia: Placement) -> Array:
+        """Where the patella balances, from -1 to 1 along the path.
+
+        Found without derivatives. Two last steps by the stiffness there move nothing; the first has
+        the derivative of the implicit function theorem, the second its second derivative too.
+        """
+        still, at_rest = lax.stop_gradient((self, tibia))
+
+        def halved(_, ends):
+            low, high = ends
+            middle = 0.5 * (low + high)
+            beyond = still._slope(at_rest, middle)[0] > 0.0
+            return jnp.where(beyond, low, middle), jnp.where(beyond, middle, high)
+
+        def stepped(_, place):
+            slope, stiffness = still._slope(at_rest, place)
+            return jnp.clip(place - slope / stiffness, -1.0 - _BEYOND, 1.0 + _BEYOND)
+
+        end = jnp.full(still._slope(at_rest, jnp.zeros(()))[0].shape, 1.0 + _BEYOND)
+        low, high = lax.fori_loop(0, _HALVINGS, halved, (-end, end))
+        found = lax.fori_loop(0, _STEPS, stepped, 0.5 * (low + high))
+        place, stiffness = found, still._slope(at_rest, found)[1]
+        for _ in range(2):
+            place = place - self._slope(tibia, place)[0] / stiffness
+        return place
+
+
+_FEMUR = Placement(None, (0.0, 0.0, 0.0))  # pyright: ignore[reportArgumentType]
+
+
+def _along(coefficients: Array, place: Array) -> _Along:
+    """A polynomial, lowest power first, and its derivatives, by Horner's rule."""
+    value = coefficients[-1] + 0.0 * place
+    rate = bend = jnp.zeros_like(value)
+    for row in coefficients[-2::-1]:
+        bend = bend * place + 2.0 * rate
+        rate = rate * place + value
+        value = value * place + row
+    return _Along(value, rate, bend)
+
+
+def _rows(points: Array) -> Vector:
+    """Points `(n, 3, ...)` as a vector of `(n, ...)`."""
+    x, y, z = jnp.moveaxis(points, 1, 0)
+    return x, y, z
+
+
+def on_path(knee: Knee, with_patella: Knee) -> Knee:
+    """A knee of two bones whose patella rides on the path on which a patella in balance moves.
+
+    Args:
+        knee: of two bones; its lines of constant tension, which stand for the patella, go.
+        with_patella: the same knee of three bones; its quadriceps pulls as much on the path.
+
+    Returns:
+        The knee, for every experiment and fit that takes one of two bones. The tendon's fibres and
+        the retinacula are straight.
+
+    Raises:
+        ValueError: the first knee has a patella already, the second has none, or it has no
+            equilibrium at one of the flexions at which the path is taken.
+
+    Source: paper 1, section 2.2, where the path comes from a simulation of the contact too.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> three = load_knee("four_ligament", patella=True)
+        >>> on_path(three, three)
+        Traceback (most recent call last):
+        ValueError: four_ligament has its patella already: expected the knee of two bones
+    """
+    if PATELLA in knee.bodies:
+        raise ValueError(f"{knee.name} has its patella already: expected the knee of two bones")
+    if PATELLA not in with_patella.bodies or with_patella.muscles is None:
+        raise ValueError(f"{with_patella.name} has no patella: expected one read with its patella")
+    motion = passive_flexion(with_patella, _FLEXION_DEG)
+    lost = np.flatnonzero(~converged(np.asarray(motion.status)))
+    if len(lost):
+        place = f"{_FLEXION_DEG[lost[0]]:g} degrees"
+        raise ValueError(f"{knee.name}: the patella has no balance at {place}; expected one there")
+    state = motion.equilibrium.state
+    poses = state.poses[PATELLA]
+    length = np.asarray(add_lane_axis(with_patella.muscles).quadriceps_length(state))
+    steps = np.linalg.norm(np.diff(np.asarray(poses.to_table())[:, 3:], axis=0), axis=1)
+    arc_length = np.r_[0.0, np.cumsum(steps)]
+    place = 2.0 * arc_length / arc_length[-1] - 1.0
+    path = PatellaOnPath(
+        tension=jnp.asarray(at_rest(with_patella)),
+        ends=jnp.array([0.0, arc_length[-1]]),
+        quadriceps=_polynomials(place, length),
+        tendon=_strands(with_patella, (PATELLA, TIBIA), place, poses),
+        retinacula=_strands(with_patella, (FEMUR, PATELLA), place, poses),
+    )
+    return dataclasses.replace(knee, lines=(path,))
+
+
+def _strands(knee: Knee, bones: Pair, place: np.ndarray, poses: Pose) -> Strands:
+    """Fibres of the patella to another bone, straight."""
+    fibres = knee.ligaments
+    rows = np.array([k for k, pair in enumerate(fibres.bodies) if pair == bones], int)
+    ends = fibres.femoral_attachment[rows], fibres.tibial_attachment[rows]
+    on_patella, on_other = ends if bones[0] == PATELLA else ends[::-1]
+    moved = poses.placement.apply(tuple(on_patella.T[..., None]))  # pyright: ignore
+    law = fibres.stiffness, fibres.slack_length, fibres.transition_strain, fibres.transition_width
+    paths = _polynomials(place, np.moveaxis(np.stack(moved), -1, 0))
+    return Strands(jnp.swapaxes(paths, 1, 2), on_other, *(x[rows] for x in law))
+
+
+def _polynomials(place: np.ndarray, values: np.ndarray) -> Array:
+    """Coefficients `(k, ...)` of what `(poses, ...)` is along the path."""
+    rows = np.polynomial.polynomial.polyfit(place, values.reshape(len(place), -1), _DEGREE)
+    return jnp.asarray(rows.reshape(-1, *values.shape[1:]))

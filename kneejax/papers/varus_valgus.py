@@ -1,0 +1,278 @@
+"""Paper 4's simulation: varus and valgus moments under axial load, and peak contact pressure."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from typing import Any
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from kneejax.geometry import Pose
+from kneejax.mechanics import Contact, Knee, add_lane_axis, load_of
+from kneejax.numerics import compiled
+from kneejax.statics import Equilibria, LoadCases, Status, balance_many, itself
+
+#: N; of the mean mass, 66.2 kg, of paper 4's four subjects (its Table 1).
+BODY_WEIGHT_N = 649.2
+VARUS, VALGUS = "varus", "valgus"
+#: Directions of the moment, and its sign about the floating axis.
+DIRECTIONS = {VARUS: 1.0, VALGUS: -1.0}
+#: Degrees or mm between neighbouring steps that no knee follows.
+_JUMP = 10.0
+#: Rings of an elliptical patch, and how much finer than its own a contact's points are.
+_RINGS, _FINER = 200, 3
+
+
+@dataclasses.dataclass(frozen=True)
+class VarusValgusRamp:
+    """Axial load in equal steps, then a moment in equal steps while that load stays.
+
+    The axial load is `compression_N` of `kneejax.mechanics.load_of`, the moment its `varus_Nm`.
+    Both act besides the loads and lines of the knee.
+
+    Attributes:
+        direction: `varus` or `valgus`.
+        full_Nm: moment at its end, positive.
+        body_weight_N: the axial load is half of it.
+        axial_steps: to reach the axial load; the last has no moment yet.
+        moment_steps: to reach the moment.
+        flexion_deg: prescribed.
+
+    Example:
+        >>> ramp = VarusValgusRamp("valgus", 40.0, 600.0, 1, 2)
+        >>> ramp.moment_Nm.tolist(), ramp.axial_N.tolist()
+        ([0.0, -20.0, -40.0], [300.0, 300.0, 300.0])
+    """
+
+    direction: str
+    full_Nm: float = 40.0
+    body_weight_N: float = BODY_WEIGHT_N
+    axial_steps: int = 4
+    moment_steps: int = 80
+    flexion_deg: float = 0.0
+
+    def __len__(self) -> int:
+        return self.axial_steps + self.moment_steps
+
+    @property
+    def axial_N(self) -> np.ndarray:
+        """`(steps,)`."""
+        rise = np.arange(1, self.axial_steps + 1) / self.axial_steps
+        return 0.5 * self.body_weight_N * np.r_[rise, np.ones(self.moment_steps)]
+
+    @property
+    def moment_Nm(self) -> np.ndarray:
+        """`(steps,)`, positive in varus."""
+        full = DIRECTIONS[self.direction] * self.full_Nm
+        turn = full * np.arange(1, self.moment_steps + 1) / self.moment_steps
+        return np.r_[np.zeros(self.axial_steps), turn]
+
+    @property
+    def loaded(self) -> np.ndarray:
+        """Whether the axial load is complete, `(steps,)`."""
+        return self.axial_N >= self.axial_N[-1]
+
+    @property
+    def time(self) -> np.ndarray:
+        """Time in paper 4's Table 2, `(steps,)`: axial load from 1.5 to 2, moment from 2 to 3."""
+        return 1.5 + 0.5 * self.axial_N / self.axial_N[-1] + np.abs(self.moment_Nm) / self.full_Nm
+
+    @property
+    def load_cases(self) -> LoadCases:
+        """Flexion and loads for statics."""
+        load = load_of(compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus")
+        return LoadCases.at(np.full(len(self), self.flexion_deg), [load])
+
+
+@dataclasses.dataclass(frozen=True)
+class VarusValgus:
+    """A knee, or variants of it, on such a ramp.
+
+    A load that only grows ends where the knee cannot follow: at the first step without a balance,
+    with an unstable one, with one where surfaces meet outside their fitted regions (what lies
+    there is not known), or with one so far from the step before (10 degrees or mm) that the knee
+    must have jumped.
+
+    Attributes:
+        ramp: the loads.
+        balances: of the variants at the steps of the ramp, also beyond such an end.
+    """
+
+    ramp: VarusValgusRamp
+    balances: Equilibria
+
+    @functools.cached_property
+    def reached(self) -> np.ndarray:
+        """Number of steps that each variant holds before its end, `(variants,)`."""
+        fine = (self.balances.status == Status.BALANCED) & ~self._jumps
+        return np.where(fine.all(axis=1), len(self.ramp), np.argmin(fine, axis=1))
+
+    @property
+    def held(self) -> np.ndarray:
+        """Whether a variant got to a step, `(variants, steps)`."""
+        return np.arange(len(self.ramp)) < self.reached[:, None]
+
+    @property
+    def ending(self) -> tuple[str, ...]:
+        """What ends the ramp of each variant: a word of `Status`, `jump`, or empty at its top."""
+        words = []
+        for row, step in enumerate(self.reached):
+            if step == len(self.ramp):
+                words.append("")
+            else:
+                status = Status(int(self.balances.status[row, step]))
+                words.append("jump" if status is Status.BALANCED else status.word)
+        return tuple(words)
+
+    @property
+    def adduction_deg(self) -> np.ndarray:
+        """Varus rotation, `(variants, steps)`; NaN beyond what was reached."""
+        return np.where(self.held, self.balances.table[..., 0], np.nan)
+
+    @property
+    def time_reached(self) -> np.ndarray:
+        """Last time held, as paper 4 counts it (`VarusValgusRamp.time`), `(variants,)`."""
+        return np.r_[1.5, self.ramp.time][self.reached]
+
+    @property
+    def moment_reached_Nm(self) -> np.ndarray:
+        """Last moment held, positive in varus, `(variants,)`."""
+        return np.r_[0.0, self.ramp.moment_Nm][self.reached]
+
+    @property
+    def _jumps(self) -> np.ndarray:
+        apart = np.abs(np.diff(self.balances.table, axis=1)).max(axis=-1, initial=0.0)
+        return np.pad(apart > _JUMP, ((0, 0), (1, 0)))
+
+
+def varus_valgus(
+    knee: Knee,
+    ramp: VarusValgusRamp,
+    vary=None,
+    values: Any = None,
+    progress=None,
+) -> VarusValgus:
+    """Load a knee, or variants of it, in varus or valgus.
+
+    Args:
+        knee: any knee.
+        ramp: the loads.
+        vary: makes a variant, as in `kneejax.statics.balance_many`; likewise `values` and
+            `progress`. Without it the knee itself is loaded: one variant.
+
+    Returns:
+        Rotation, and how much of the load each variant holds.
+
+    Source: paper 4, section 2.2 and Table 2.
+    """
+    if vary is None:
+        vary, values = itself, np.zeros(1)
+    found = balance_many(knee, vary, values, ramp.load_cases, progress=progress)
+    return VarusValgus(ramp, found)
+
+
+class PeakPressure(eqx.Module):
+    """Peak contact pressure at poses.
+
+    Attributes:
+        pressure: mean over the part of the touching area where it is highest, MPa,
+            `(poses, contacts)`; 0 without contact.
+        center: mean place of that part in the tibia's frame, mm, `(poses, contacts, 3)`; NaN
+            without contact.
+    """
+
+    pressure: Array
+    center: Array
+
+
+def peak_pressure(
+    knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1
+) -> PeakPressure:
+    """Mean pressure over the highest tenth of each touching area, and where that is.
+
+    A finite element model averages the tenth of its faces with the highest pressure. Here a tenth
+    of the area counts, to a part of an element, so that nothing jumps when elements are few. An
+    elliptical patch is cut into rings of equal area; of a contact that sums over points the
+    tibial surface is sampled three times as finely along both parameters.
+
+    Args:
+        knee: any knee.
+        poses: fields of shape `(poses,)`.
+        contact_points: contact points of the patches, `(n, 2, poses)`, as a balance gives them.
+        share: of the touching area.
+
+    Returns:
+        One row per pose, one column per contact.
+
+    Source: paper 4, section 2.4.1.
+    """
+    return _peak_pressure(knee, poses, contact_points, jnp.asarray(share))
+
+
+@compiled()
+def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array) -> PeakPressure:
+    lanes, row, peaks = add_lane_axis(knee), 0, []
+    for contact in lanes.contacts:
+        if contact.has_patch:
+            elements = _rings(contact, poses, contact_points[row])
+            row += 1
+        else:
+            elements = _points(contact, poses)
+        peaks.append(_highest(*elements, share))
+    if not peaks:
+        nothing = jnp.zeros((*jnp.shape(poses.flexion), 0))
+        return PeakPressure(nothing, nothing[..., None] * jnp.ones(3))
+    pressure, center = (jnp.stack(x, axis=-1) for x in zip(*peaks, strict=True))
+    return PeakPressure(pressure, jnp.moveaxis(center, 0, -1))
+
+
+def _rings(contact: Contact, poses: Pose, contact_points: Array) -> tuple[Array, Array, Array]:
+    """Pressure, area and centre of the rings of a patch, along an axis before the poses."""
+    gap = contact.gap(poses.placement, contact_points)
+    # Depth falls as the square of the radius, and so, linearly, with the area inside.
+    inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
+    depth = gap.depth * (1.0 - inside)
+    pressure = jnp.where(depth > 0, contact.pressure(depth), 0.0)
+    center = contact.tibial.frame.placement.apply(gap.point)
+    return _spread(pressure, jnp.ones_like(inside), center)
+
+
+def _points(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
+    """Pressure, area and place of points on the tibial surface, likewise."""
+    first, second = contact.points
+    fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
+    sampled = fine.foundation.sample(poses.placement)
+    points, depth = sampled.points, sampled.depth
+    pressure = jnp.where(depth > 0, points.pressure(depth), 0.0)
+    return _spread(pressure, points.area, points.point)
+
+
+def _spread(pressure: Array, area: Array, place) -> tuple[Array, Array, Array]:
+    places = jnp.stack([jnp.broadcast_to(x, pressure.shape) for x in place])
+    return pressure, jnp.broadcast_to(area, pressure.shape), places
+
+
+def _highest(pressure: Array, area: Array, place: Array, share: Array) -> tuple[Array, Array]:
+    """Mean pressure and place over the part of the area where pressure is highest.
+
+    Args:
+        pressure: `(elements, poses)`.
+        area: likewise.
+        place: `(3, elements, poses)`.
+        share: of the area under pressure.
+    """
+    order = jnp.argsort(-pressure, axis=0)
+    area = jnp.where(pressure > 0, area, 0.0)
+    pressure, area = (jnp.take_along_axis(x, order, axis=0) for x in (pressure, area))
+    place = jnp.take_along_axis(place, order[None], axis=1)
+    before = jnp.cumsum(area, axis=0) - area
+    counted = jnp.clip(share * jnp.sum(area, axis=0) - before, 0.0, area)
+    total = jnp.sum(counted, axis=0)
+    touches = total > 0
+    weight = counted / jnp.where(touches, total, 1.0)
+    center = jnp.where(touches, jnp.sum(weight * place, axis=1), jnp.nan)
+    return jnp.sum(weight * pressure, axis=0), center

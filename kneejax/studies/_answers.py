@@ -1,0 +1,386 @@
+"""Answers of a study: what its commands compute after they have read their words."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from kneejax.files import Calibrated, InputProblem
+from kneejax.inference import (
+    Calibration,
+    Design,
+    Identification,
+    LocalSensitivity,
+    MotionIndices,
+    Posterior,
+    Sweeps,
+    calibrate_side_by_side,
+    design_tests,
+    local_sensitivity,
+    motion_indices,
+    posterior,
+    sweep,
+    usual_candidates,
+)
+from kneejax.inference import calibrate as solve
+from kneejax.inference import identify as fit_and_inform
+from kneejax.inference.bayesian import check_counts, parameter_priors
+from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
+from kneejax.inference.calibration import CalibrationProblem
+from kneejax.inference.design import check_tests
+from kneejax.inference.fit import Progress
+from kneejax.inference.identification import check_enough
+from kneejax.inference.sensitivity import (
+    USUAL_COUNT,
+    USUAL_SAMPLES,
+    index_ranges,
+    step_widths,
+    sweep_values,
+)
+from kneejax.numerics import adding_up, check_installed, lap, stopwatch
+from kneejax.parameters import UnknownParameter, UnsuitableData, stated
+from kneejax.studies._checked import UNITS
+from kneejax.studies._maps import check_map, sensitivity_map
+from kneejax.studies._options import Identify, Map, Sensitivity
+from kneejax.studies._study import Study
+
+
+@dataclasses.dataclass(frozen=True)
+class Identified:
+    """What the data of a study determine.
+
+    Attributes:
+        study: that was asked.
+        question: what was asked.
+        found: the fit by maximum likelihood, its limits and profiles.
+        posterior: None unless it was asked for.
+        design: the tests to make next.
+        seconds: that it took.
+    """
+
+    study: Study
+    question: Identify
+    found: Identification
+    posterior: Posterior | None
+    design: Design
+    seconds: float
+
+
+@dataclasses.dataclass(frozen=True)
+class Sensitivities:
+    """What each parameter of a study does to the motion.
+
+    Attributes:
+        study: that was asked.
+        question: what was asked, with the samples that were taken.
+        measured: poses of the study, `(n, 6)`, degrees and mm.
+        local: exact slopes.
+        sweeps: one parameter at a time over a range.
+        indices: global ones; None unless they were asked for.
+        seconds: that each took: `local`, `sweeps`, `global`.
+    """
+
+    study: Study
+    question: Sensitivity
+    measured: np.ndarray
+    local: LocalSensitivity
+    sweeps: Sweeps
+    indices: MotionIndices | None
+    seconds: dict[str, float]
+
+
+def calibrate(study: Study, *, progress: Progress | None = None) -> Calibration:
+    """Identify a knee's parameters from measured motion and tests, and say how sure they are.
+
+    Args:
+        study: as `read_study` reads it, or made in Python.
+        progress: called now and then, from any thread, with what is computed.
+
+    Raises:
+        UnsuitableData: no pose balances, or the data tell nothing of what is free.
+
+    Example:
+        >>> import kneejax as kj
+        >>> poses = kj.passive_flexion(kj.load_knee("four_ligament"), [0.0, 30.0]).to_table()
+        >>> study = kj.Study(title="ACL", knee="four_ligament", parameters=["ACL.stiffness"],
+        ...                  measured=poses, procedures=["III"], start={"ACL.stiffness": 4000.0})
+        >>> round(kj.calibrate(study)["ACL.stiffness"].value)
+        4500
+    """
+    with stopwatch() as watch:
+        problem = _a_study(study).problem()
+        lap("data")
+        result = solve(problem, progress=progress)
+    return dataclasses.replace(result, seconds=adding_up(watch.parts))
+
+
+def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
+    """Calibrate what several studies ask, those of one form in lanes of one search.
+
+    Args:
+        studies: one a knee.
+
+    Returns:
+        A `Calibration` each, or what its data explain that there is none.
+    """
+    several = len({(study.knee.name, study.knee.side) for study in studies}) > 1
+    problems: list[CalibrationProblem | Exception] = []
+    for study in studies:
+        try:
+            problems.append(study.problem(nameless=several))
+        except (UnsuitableData, UnknownParameter) as problem:
+            problems.append(problem)
+    solved = [one for one in problems if isinstance(one, CalibrationProblem)]
+    found = iter(calibrate_side_by_side(solved))
+    answers = [one if isinstance(one, Exception) else next(found) for one in problems]
+    return [
+        dataclasses.replace(one, knee=study.knee.name) if isinstance(one, Calibration) else one
+        for one, study in zip(answers, studies, strict=True)
+    ]
+
+
+def bootstrapped(
+    study: Study, draws: Sequence[int], answer: Calibrated, by_blocks: bool = False
+) -> np.ndarray:
+    """Draw the data of a study again, and fit them from its answer.
+
+    Args:
+        study: that was calibrated.
+        draws: numbers of the draws.
+        answer: what its result.json says.
+        by_blocks: whether curves are drawn among those that were measured; otherwise the answer
+            makes the data, with its noise.
+
+    Returns:
+        Values of each draw, `(draws, p)`, parameters, then constants between frames; NaN where its
+        fit did not converge.
+    """
+    values = [answer.found[name] for name in study.selection.names]
+    values += [answer.frame_offset[name] for name in study.frame_offset]
+    if by_blocks:
+        return bootstrap_by_blocks(study.problem(), values, draws, study.seed)
+    noise = [answer.noise[name] for name in UNITS]
+    return bootstrap(study.problem(), values, noise, draws, study.seed)
+
+
+def identify(study: Study, options: Identify | None = None, **fields: Any) -> Identified:
+    """Say what the data of a study determine, and which tests to make next.
+
+    Args:
+        study: that is asked.
+        options: what is asked; or its fields by name, as `next_tests=2`.
+        **fields: of `Identify`.
+
+    Raises:
+        InputProblem: a field is out of range.
+        UnsuitableData: too few data or candidates, no pose that balances.
+    """
+    options = options or Identify(**fields)
+    check(_a_study(study), options)
+    begun = time.perf_counter()
+    noise_mm, noise_deg = _noise(study, options)
+    found = fit_and_inform(
+        study.knee_at_start,
+        study.poses(),
+        study.parameters,
+        noise_mm=noise_mm,
+        noise_deg=noise_deg,
+        bounds=study.bounds,
+        weights=study.weight_vector,
+        offsets=study.frame_offset,
+        loads=study.acting,
+        tests=study.tests,
+        prior=study.prior,
+    )
+    sampled = None
+    if options.posterior:
+        sampled = posterior(
+            found.problem,
+            found.vector,
+            float(found.noise[2]),
+            float(found.noise[0]),
+            priors=options.prior,
+            bounds=study.limits,
+            chains=options.chains,
+            draws=options.draws,
+            seed=options.seed,
+            truth=study.truth,
+        )
+    design = design_tests(
+        found.selection,
+        study.knee_at_start,
+        found.information,
+        found.noise,
+        options.candidates,
+        count=options.next_tests,
+        criterion=options.criterion,
+    )
+    return Identified(study, options, found, sampled, design, time.perf_counter() - begun)
+
+
+def sensitivity(
+    study: Study,
+    options: Sensitivity | None = None,
+    *,
+    progress: Callable[[str, int, int], None] | None = None,
+    **fields: Any,
+) -> Sensitivities:
+    """Say what each parameter of a study does to the motion: slopes, sweeps, global indices.
+
+    Args:
+        study: that is asked.
+        options: what is asked; or its fields by name, as `scale="percent"`.
+        progress: called now and then with `sweeps` or `indices`, balances done and asked for.
+        **fields: of `Sensitivity`.
+
+    Raises:
+        InputProblem: a field is out of range, or the study has loads or tests.
+        UnknownParameter: a name that the knee does not have, or that is not free.
+        UnsuitableData: too few samples, or a package that is not installed.
+    """
+    options = options or Sensitivity(**fields)
+    check(_a_study(study), options)
+    measured = study.poses()
+    knee, parameters = study.knee_at_start, study.parameters
+    flexion, seconds, begun = np.unique(measured[:, 0]), {}, time.perf_counter()
+    local = local_sensitivity(
+        knee, parameters, flexion, scale=options.scale, given=options.prior
+    )
+    seconds["local"] = time.perf_counter() - begun
+    begun = time.perf_counter()
+    sweeps = sweep(
+        knee,
+        _swept(study, options),
+        flexion,
+        progress=progress and functools.partial(progress, "sweeps"),
+        failures=study.counted_failures,
+    )
+    seconds["sweeps"] = time.perf_counter() - begun
+    indices = None
+    if options.indices is not None:
+        options, begun = options.replace(samples=_samples(options)), time.perf_counter()
+        indices = motion_indices(
+            knee,
+            parameters,
+            measured,
+            weights=study.weight_vector,
+            offsets=study.frame_offset,
+            bounds=study.limits,
+            ranges=options.range,
+            priors=options.prior,
+            method=options.indices,
+            samples=options.samples,
+            seed=options.seed,
+            progress=progress and functools.partial(progress, "indices"),
+            failures=study.counted_failures,
+        )
+        seconds["global"] = time.perf_counter() - begun
+    return Sensitivities(study, options, measured, local, sweeps, indices, seconds)
+
+
+def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> None:
+    """Refuse what cannot be answered, before anything is computed; every answer does so first.
+
+    Args:
+        study: checked when it was made.
+        options: of the command.
+
+    Raises:
+        InputProblem: a field does not suit the study.
+        UnknownParameter: a name that the knee does not have, or that is not free.
+        UnsuitableData: too few data, samples or candidates.
+        MissingPackage: a package is not installed.
+    """
+    match options:
+        case Identify():
+            _check_identify(study, options)
+        case Map():
+            check_map(study, options)
+        case Sensitivity():
+            _check_sensitivity(study, options)
+
+
+def _a_study(study: Study) -> Study:
+    if not isinstance(study, Study):
+        raise TypeError(
+            f"expected a kneejax.Study, not {type(study).__name__}: "
+            "kj.Study(title=..., knee=knee, measured=poses, parameters=[...])"
+        )
+    return study
+
+
+def _noise(study: Study, options: Identify) -> tuple[float | None, float | None]:
+    """As given with the options, or as the study states it; mm and degrees."""
+    mm, deg = study.noise
+    return options.noise_mm or mm, options.noise_deg or deg
+
+
+def _check_identify(study: Study, options: Identify) -> None:
+    candidates = usual_candidates() if options.candidates is None else options.candidates
+    check_tests(candidates, options.next_tests, options.criterion)
+    parameter_priors(study.knee_at_start, study.selection, options.prior, study.limits)
+    if options.posterior:
+        if study.tests:
+            names = ", ".join(test.name for test in study.tests)
+            expected = "a study without tests: the posterior is of passive motion so far"
+            raise InputProblem(study.file, "tests", names, expected)
+        for package in ("blackjax", "arviz"):
+            check_installed(package, "posterior")
+        check_counts(options.chains, options.draws)
+    if None in _noise(study, options):
+        weighed = study.weight_vector > 0
+        counted = int(weighed.sum()) * len(study.flexion_deg)
+        counted += sum(int(np.isfinite(one.observed[:, weighed]).sum()) for one in study.tests)
+        check_enough(counted, len(study.selection) + len(study.frame_offset))
+
+
+def _samples(options: Sensitivity) -> int:
+    usual = USUAL_SAMPLES.get(options.indices or "", 0)
+    return usual if options.samples is None else options.samples
+
+
+def _swept(study: Study, options: Sensitivity) -> dict[str, np.ndarray | None]:
+    """Name or wildcard -> values, None for the usual ones."""
+    asked: Mapping[str, Any] = options.sweep or dict.fromkeys(study.parameters)
+    count = {name: int(line[2]) for name, line in asked.items() if line and line[2:]}
+    return {
+        name: None if line is None else np.linspace(*line[:2], count.get(name, USUAL_COUNT))
+        for name, line in asked.items()
+    }
+
+
+def _check_sensitivity(study: Study, options: Sensitivity) -> None:
+    named = {"loads": [*study.loads], "tests": [test.name for test in study.tests]}
+    for field, names in named.items():
+        if names:
+            expected = f"a study without {field}: sensitivities are of passive motion so far"
+            raise InputProblem(study.file, field, ", ".join(names), expected)
+    knee, selection = study.knee_at_start, study.selection
+    sweep_values(knee, _swept(study, options))
+    stated(selection, options.prior, "prior")
+    step_widths(selection, np.asarray(selection.read(knee)), options.scale, options.prior)
+    if options.indices is not None:
+        check_installed("SALib", "sensitivity")
+        index_ranges(
+            knee, selection, study.limits, options.range, options.prior,
+            method=options.indices, samples=_samples(options),
+        )  # fmt: skip
+
+
+def run(study: Study, options: Any = None, *, progress: Any = None, store: Any = None) -> Any:
+    """What a command answers, by the model of its options; a calibration without any."""
+    match options:
+        case None:
+            return calibrate(study, progress=progress)
+        case Identify():
+            return identify(study, options)
+        case Map():
+            return sensitivity_map(study, options, progress=progress, store=store)
+        case Sensitivity():
+            return sensitivity(study, options, progress=progress)
+    raise TypeError(f"{options!r} is no question: expected Identify, Map or Sensitivity")

@@ -1,0 +1,235 @@
+"""Tests under load of a study: what may be said of one, and what published ones say."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+
+import numpy as np
+from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
+
+from kneejax._ranges import RANGES
+from kneejax.files import InputProblem, bundled_laxity_sources, bundled_measurements
+from kneejax.files.reading import Field
+from kneejax.studies._checked import (
+    UNITS,
+    Angles,
+    Choice,
+    Convention,
+    Flag,
+    LoadName,
+    Part,
+    Text,
+    entries,
+    folder_of,
+    mapping_of,
+    reads,
+    said,
+    whole,
+    within,
+)
+
+if TYPE_CHECKING:
+    from kneejax.files import LabTable, LaxityBand, Measurement
+
+PATELLA = ("flexion", "rotation", "tilt", "anterior", "superior", "lateral")
+COORDINATES = (*UNITS, *(f"patella_{name}" for name in PATELLA))
+CountedFrom = Literal[
+    "unloaded", "intact", "least_load", "opposite", "offset", "offset_each_flexion", "absolute",
+    "extension",
+]  # fmt: skip
+Axes = Literal["femur", "tibia", "grood_suntay"]
+_loads = mapping_of(
+    lambda field, name: field.number(RANGES[name]),
+    f"a mapping with the fields {', '.join(get_args(LoadName))}",
+    get_args(LoadName),
+)
+
+
+_columns = mapping_of(lambda f, _: f.text(), "a mapping from a name to a column of the file")
+
+
+class InTime(Part):
+    """What makes rows of a test the frames of a knee in motion."""
+
+    body_kg: Annotated[float, within("body_kg")] = said("of the person", 75.0)
+    height_m: Annotated[float, within("height_m")] = said("of the person", 1.75)
+    ankle_kg: Annotated[float, within("ankle_kg")] = said("a weight there", 0.0)
+    femur_deg: Annotated[float, within("femur_deg")] | None = said(
+        "of the femur to the horizontal; no gravity otherwise", None
+    )
+    critical: Annotated[float, within("critical")] | None = said(
+        "damping of each fibre as part of the critical one", None
+    )
+    damping_N_s_per_mm: Annotated[float, within("damping_N_s_per_mm")] | None = said(
+        "of every coordinate, rotations at 30 mm", None
+    )
+    period_s: Annotated[float, within("period_s")] | None = said(
+        "of a motion that repeats itself", None
+    )
+    error_mm: Annotated[float, within("error_mm")] | None = said(
+        "that steps through time may leave of any pose", None
+    )
+    harmonics: Annotated[int, whole(1, 12)] | None = said(
+        "with which flexion is led, of a motion that repeats itself", None
+    )
+    cycles_before: Annotated[int, whole(0, 100)] | None = said(
+        "that the motion had gone through before the first row", None
+    )
+
+    @model_validator(mode="after")
+    def _check_period(self) -> InTime:
+        for name in ("harmonics", "cycles_before"):
+            value = getattr(self, name)
+            if value is not None and self.period_s is None:
+                expected = "period_s too, of a motion that repeats itself"
+                raise InputProblem("", name, value, expected)
+        return self
+
+
+def _test_table(value: Any, info: ValidationInfo) -> str:
+    """The whole path of a table, or the name of a published test."""
+    field = Field("", "", value)
+    path = folder_of(info) / field.text()
+    if os.path.isfile(path):
+        return os.path.abspath(path)
+    known = (*bundled_laxity_sources(), *published_motions())
+    if field.text() not in known:
+        raise field.problem(f"a CSV table, or a published test ({', '.join(known)})", known)
+    return field.text()
+
+
+def published_motions() -> dict[str, Measurement]:
+    """Motions that come with the package as tests."""
+    return {name: one for name, one in bundled_measurements().items() if one.use == "test"}
+
+
+def older_name(said: Any) -> Any:
+    """What a file says of a test: `constant` is the older name of what a study calls loads too."""
+    if isinstance(said, dict) and "constant" in said and "loads" not in said:
+        return {"loads" if name == "constant" else name: one for name, one in said.items()}
+    return said
+
+
+class StudyTest(Part):
+    """A test under load, as a study names it."""
+
+    name: Text = said("what tables and figures call it")
+    file: Annotated[str, PlainValidator(_test_table)] = said(
+        "CSV table, relative to the study's folder, or a published test"
+    )
+    source: Any = said("who measured it", None)
+    columns: Annotated[dict[str, str], PlainValidator(_columns)] = said(
+        "name -> column, perhaps scaled", dict
+    )
+    ignore: Annotated[tuple[Text, ...], entries("columns")] = said("columns left out", ())
+    convention: Convention = said("what coordinates mean", "grood-suntay")
+    mirror: Flag = said("whether a left knee was measured in axes with Z to the right", False)
+    flexion_deg: Angles | None = said("flexions that count", None)
+    at_deg: Annotated[float, within("flexion_deg")] | None = said(
+        "flexion of a table without a column of it", None
+    )
+    coordinates: Annotated[
+        tuple[Annotated[str, reads(lambda f: f.choice(COORDINATES))], ...], entries("coordinates")
+    ] = said("that count; all that the table has if empty", ())
+    counted_from: Annotated[CountedFrom, Choice()] | None = said(
+        "what numbers are counted from; as a published test says, or `unloaded`", None
+    )
+    loads: Annotated[dict[str, float], PlainValidator(_loads)] = said(
+        "load -> size that acted throughout", dict
+    )
+    load: Any = said("load -> size of a published laxity whose load is not known", None)
+    point_mm: Annotated[
+        tuple[float, float, float], reads(lambda f: f.numbers(3, RANGES["point_mm"]))
+    ] = said("where forces act", (0.0, 0.0, 0.0))
+    axes: Annotated[Axes, Choice()] = said("in which loads are given", "grood_suntay")
+    sd_mm: Annotated[float, within("noise_mm")] | None = said(
+        "standard deviation of displacements; as the poses' if not stated", None
+    )
+    sd_deg: Annotated[float, within("noise_deg")] | None = said("of rotations; likewise", None)
+    sd_N: Annotated[float, within("tension_N")] | None = said("of forces that were read", None)
+    sd_strain: Annotated[float, reads(lambda f: f.number(RANGES["strain"].spread))] | None = said(
+        "of strains that were read", None
+    )
+    cut: Annotated[
+        tuple[Text, ...],
+        entries("ligaments"),
+        BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
+    ] = said("ligaments or groups that had been cut", ())
+    weight: Annotated[Literal["by_load"], Choice()] | None = said(
+        "`by_load` weighs rows in proportion to their load", None
+    )
+    in_time: InTime | None = said("of rows that are frames of a motion", None)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _named_as_today(cls, said: Any) -> Any:
+        return older_name(said)
+
+    def wrong(self, field: str, expected: str, value: Any = None) -> InputProblem:
+        """A mistake in a field of this test."""
+        value = getattr(self, field) if value is None else value
+        value = os.path.basename(value) if field == "file" else value
+        return InputProblem("", f".{field}", value, expected)
+
+
+def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
+    """The rows of a published laxity, of knees with those ligaments cut that the test had cut.
+
+    Args:
+        test: of the test; where the load is not known, with it as `load: {internal_Nm: 5}`.
+        bands: of the laxity.
+
+    Raises:
+        InputProblem: it is no test of one knee, or its load is not known and not stated.
+    """
+    from kneejax.files import LabTable
+    from kneejax.mechanics import load_called
+
+    name = bands[0].name
+    if bands[0].end == "range_increase":
+        raise test.wrong("file", f"a test of one knee; not {name}, a difference that cutting makes")
+    own = [band for band in bands if {*band.cut} == {*test.cut}]
+    if not own:
+        known = sorted({" and ".join(band.cut) or "nothing" for band in bands})
+        value = test.cut[0] if len(test.cut) == 1 else None
+        expected = f"{name} with {' or '.join(known)} cut, as it was measured"
+        raise test.wrong("cut" if test.cut else "file", expected, value)
+    load, size = own[0].load, _size(test, own[0])
+    (column,) = [k for k, coordinate in enumerate(UNITS) if load_called(coordinate) == load]
+    rows = []  # flexion, load, reading
+    for band in own:
+        sense = -1.0 if band.end == "negative" else 1.0
+        rows += [(x, sense * size, y) for x, y in zip(band.flexion_deg, band.mean, strict=True)]
+        if band.end == "range":
+            rows += [(x, -size, 0.0) for x in band.flexion_deg]
+    flexion, sizes, read = np.array(rows).T
+    observed = np.full((len(rows), len(UNITS)), np.nan)
+    observed[:, column] = read
+    ranges = any(band.end == "range" for band in own)
+    if ranges and test.counted_from:
+        expected = f"this field left out: {name} is of ranges between opposite loads"
+        raise test.wrong("counted_from", expected)
+    counted = "opposite" if ranges else own[0].counted_from
+    return LabTable(flexion, {load: sizes}, observed), counted
+
+
+def _size(test: StudyTest, band: LaxityBand) -> float:
+    """The load of a table, as published or as the study states it."""
+    unknown, load = np.isnan(band.size), band.load
+    if "load" not in test.model_fields_set:
+        if unknown:
+            raise test.wrong(
+                "file",
+                f"load: {{{load}: ...}} beside it, since the load of {band.name} is not known",
+            )
+        return band.size
+    if not unknown:
+        expected = f"this field left out: {band.name} was measured under {load} {band.size:g}"
+        raise test.wrong("load", expected)
+    given = Field("", "load", test.load).mapping((load,))[load]
+    size = given.number(RANGES[load])
+    if not size > 0:
+        raise given.problem("the size of the load, above 0")
+    return size

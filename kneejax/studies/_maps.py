@@ -1,0 +1,138 @@
+"""The objective of a study over pairs of parameters."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import json
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.files import InputProblem
+from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
+from kneejax.inference.intervals import stated_noise
+from kneejax.inference.sensitivity import map_ranges
+from kneejax.parameters import MEANING
+from kneejax.studies._checked import plain
+from kneejax.studies._options import Map
+from kneejax.studies._study import Study
+
+#: Settings of a study on which its misfit depends, besides knee, poses and tests.
+_OF_MISFIT = (
+    "synthetic", "weights", "frame_offset", "failures", "loads", "noise_mm", "noise_deg",
+)  # fmt: skip
+
+
+def sensitivity_map(
+    study: Study,
+    options: Map | None = None,
+    *,
+    progress: Callable[[str, int, int], None] | None = None,
+    store: BlockStore | None = None,
+    **fields: Any,
+) -> tuple[ParameterMap, ...]:
+    """Compute the objective of a study over pairs of parameters, the others kept at the start.
+
+    Args:
+        study: that is asked.
+        options: which pairs, on which grid; or its fields by name, as `pair=[(x, y)]`.
+        progress: called now and then with `map`, balances done and asked for.
+        store: keeps finished blocks; what it has is not computed again.
+        **fields: of `Map`.
+
+    Returns:
+        One map a pair.
+
+    Raises:
+        InputProblem: a field is out of range, or no pair is named.
+        UnknownParameter: a name that the knee does not have.
+        UnsuitableData: the knee balances at no measured flexion.
+    """
+    options = options or Map(**fields)
+    check_map(study, options)
+    known, weights = stated_noise(*study.noise), study.weight_vector
+    if any(test.readings for test in study.tests):
+        # As in a calibration: what was read of parts counts in its own standard deviation.
+        weights = np.where(weights > 0, known**-2.0, 0.0)
+    return sensitivity_maps(
+        study.knee_at_start,
+        study.poses(),
+        _pairs(study, options),
+        grid=options.grid,
+        bounds=study.bounds | options.range,
+        weights=weights,
+        offsets=study.frame_offset,
+        loads=study.acting,
+        tests=study.tests,
+        known=known,
+        store=store,
+        progress=progress and functools.partial(progress, "map"),
+        failures=study.counted_failures,
+    )
+
+
+def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:
+    pairs = [*options.pair]
+    if options.all_pairs:
+        names = itertools.combinations(study.selection.names, 2)
+        pairs += [pair for pair in names if pair not in pairs]
+    return pairs
+
+
+def check_map(study: Study, options: Map) -> None:
+    pairs = _pairs(study, options)
+    if not pairs:
+        names = " ".join(study.selection.names[:2])
+        raise InputProblem("pair", "parameters", "none", f"two, e.g. {names}; or all pairs")
+    asked = [frozenset(pair) for pair in pairs]
+    for i, pair in enumerate(pairs):
+        if asked[i] in asked[:i]:
+            raise InputProblem("pair", "parameters", " ".join(pair), "every pair once")
+        if len(asked[i]) < 2:
+            expected = "two different parameters"
+            raise InputProblem("pair", "parameters", " ".join(pair), expected)
+    bounds = study.bounds | options.range
+    ranges = map_ranges(study.knee_at_start, pairs, grid=options.grid, bounds=bounds)
+    for name in options.range:
+        if name not in ranges:
+            raise InputProblem("range", "parameter", name, "a parameter of a pair", ranges)
+
+
+def about_maps(study: Study, options: Map) -> dict[str, str]:
+    """What maps are of, in words for their files.
+
+    Args:
+        study: that is asked.
+        options: what is asked; checked.
+    """
+    pairs = _pairs(study, options)
+    ranges = map_ranges(study.knee_at_start, pairs, bounds=study.bounds | options.range)
+    return {
+        "study": study.title,
+        "knee": study.knee_name,
+        "pairs": ", ".join(" ".join(pair) for pair in pairs),
+        "grid": f"{options.grid[0]}x{options.grid[1]}",
+        "ranges": ", ".join(f"{name} {low:g} to {high:g}" for name, (low, high) in ranges.items()),
+    }
+
+
+def fingerprint(study: Study, options: Map) -> bytes:
+    """Everything that the numbers of maps depend on, without computing any.
+
+    Args:
+        study: that is asked.
+        options: what is asked; checked.
+    """
+    leaves, structure = jax.tree.flatten((study.knee, study.knee_at_start))
+    numbers = b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
+    said = study.settings()
+    settings = [said[name] for name in _OF_MISFIT]
+    settings += [plain(vars(test)) for test in study.tests]
+    poses = b"" if study.measured is None else study.measured.tobytes()
+    words = [about_maps(study, options), *settings, str(structure), versions()["kneejax"]]
+    # Of structures drawn as several fibres, maps say what their stiffness means.
+    words += [MEANING] if study.knee.groups else []
+    return numbers + poses + json.dumps(words).encode()

@@ -1,0 +1,97 @@
+"""Three made-up knees side by side, one of them with troubles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.papers.fibre_changes import Change
+from kneejax.papers.knee_comparison import (
+    LIMITS,
+    Influence,
+    KneeComparison,
+    KneeStudy,
+    OneAtATime,
+    Outcome,
+    score,
+)
+from kneejax.papers.varus_valgus import DIRECTIONS, VarusValgus
+from kneejax.statics import Equilibria, Status
+
+SETTINGS = OneAtATime(axial_steps=2, moment_steps=8)
+_VALUES = {"prestretch": (-0.1, 0.1), "youngs_modulus": (-100.0, 100.0)}
+TENSION = {
+    "varus": {"ACL": 90.0, "PCL": 0.0, "MCL": 3.0, "LCL": 400.0},
+    "valgus": {"ACL": 60.0, "PCL": 0.0, "MCL": 500.0, "LCL": 2.0},
+}
+#: Averages in varus and valgus, in the order of `LIMITS`; those of prestretch are thrice as large.
+AVERAGES = {
+    "ACL": ((0.0, 0.0), (0.2, 0.1), (2.0, 4.0), (0.3, 0.3)),
+    "PCL": ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.0, 0.0)),
+    "MCL": ((0.0, 0.0), (0.1, 0.5), (2.0, 5.0), (0.2, 0.5)),
+    "LCL": ((0.0, 0.0), (0.5, 0.1), (5.0, 2.0), (0.5, 0.2)),
+}
+
+
+def influence(parameter, outcome, varus, valgus):
+    average = {"varus": varus, "valgus": valgus}
+    return Influence(
+        parameter, outcome, average, {k: score(outcome, x) for k, x in average.items()}
+    )
+
+
+def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **changed):
+    """A knee; `changed` replaces averages of a ligament, e.g. `LCL=((0.0, 0.0), ...)`."""
+    averages = AVERAGES | changed
+    influences, changes = [], []
+    for ligament, pairs in averages.items():
+        for quantity, values in _VALUES.items():
+            scale = factor * (3.0 if quantity == "prestretch" else 1.0)
+            changes += [Change(ligament, quantity, value) for value in values]
+            influences += [
+                influence(f"{ligament}.{quantity}", outcome, scale * pair[0], scale * pair[1])
+                for outcome, pair in zip(LIMITS, pairs, strict=True)
+            ]
+        if attachments:
+            changes += [Change(ligament, "attachment", value) for value in (1.0, 2.0, 3.0)]
+            influences += [influence(f"{ligament}.attachment", o, 0.1, 0.1) for o in LIMITS]
+    runs, outcomes = {}, []
+    for direction, sign in DIRECTIONS.items():
+        ramp = SETTINGS.ramp(direction)
+        count = len(changes) + 1
+        slope = 0.15 + 0.002 * np.arange(count)[:, None]
+        q = np.zeros((count, len(ramp), 5))
+        q[..., 0] = np.deg2rad(slope * ramp.moment_Nm)
+        status = np.full((count, len(ramp)), int(Status.BALANCED))
+        if lost:
+            status[0, -2:], status[1] = Status.OUTSIDE_REGION, Status.NOT_CONVERGED
+        nothing, reached = np.zeros((count, len(ramp), 0, 2)), np.ones(status.shape)
+        steps = np.zeros(status.shape, int)
+        balances = Equilibria(q, nothing, status, steps, reached, status, reached)
+        run = VarusValgus(ramp, balances)
+        runs[direction] = run
+        for row, change in enumerate(changes, 1):
+            none = lost and row == 1
+            peak = np.full(2, np.nan) if none else np.array([3.0 + 0.01 * row, 2.0])
+            center = np.full((2, 3), np.nan) if none else np.array([[1.0, -28, -20], [2, -27, 22]])
+            outcomes.append(
+                Outcome(
+                    change, direction, float(run.moment_reached_Nm[row]), 0.0, 0.1,
+                    np.nan if none else 40.0 * sign, peak, np.array([3.0, 2.0]), center,
+                    np.array([[1.0, -28, -20], [2.0, -27, 21]]), 1.0, 0.5, run.ending[row],
+                )
+            )  # fmt: skip
+    doubts = ("unchanged, it holds 30 of 40 N m in varus",) if lost else ()
+    return KneeStudy(
+        name, ("medial", "lateral"), tuple(changes), runs, tension or TENSION, tuple(outcomes),
+        tuple(influences), doubts, 12.0,
+    )  # fmt: skip
+
+
+def comparison(*knees):
+    """The knees given, or three, of which the last has lost variants and no attachments."""
+    made = knees or (
+        study("one"),
+        study("another_$knee$", factor=1.3),
+        study("a_third", factor=4.0, attachments=False, lost=True),
+    )
+    return KneeComparison(tuple(made), SETTINGS, {"python": "3", "kneejax": "0"})
