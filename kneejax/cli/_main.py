@@ -56,7 +56,8 @@ def main(arguments: Sequence[str] | None, begun: float) -> int:
         except ValueError as problem:
             if not _says_what_to_mend(problem):
                 raise
-            return _refused(str(problem))
+            several = getattr(problem, "problems", (problem,))
+            return max(_refused(str(one)) for one in several)
         except BrokenPipeError:
             printed.flush()
             return DOUBTFUL if writes else DONE

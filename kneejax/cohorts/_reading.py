@@ -285,8 +285,9 @@ def _member(
     try:
         yield Member(name, study_of(document, folder), dict(about or {}), document.file)
     except _MISTAKES as problem:
-        named = isinstance(problem, InputProblem) and problem.file == document.file
-        yield str(problem) if named else f"{document.file}: {problem}"
+        for one in getattr(problem, "problems", (problem,)):
+            named = str(one).startswith(f"{document.file}: ")
+            yield str(one) if named else f"{document.file}: {one}"
 
 
 def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:

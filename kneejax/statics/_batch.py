@@ -348,6 +348,8 @@ def _along(routes: Routes, variants: Variants, holding: bool, report):
         for place in np.unique(first[first >= 0]):
             back = routes.bent(arm[place], -way)
             batch.follow_chains([back], lost[first == place], _WHILE_BENT, report)
+        # Who is found has one branch: that of another arm would be laid over it.
+        lost = lost[first < 0]
     # Flexions between, from either side; then the loads, one after the other.
     batch.follow_chains(routes.hops, every, 1, report)
     batch.follow_chains(routes.back, every, 1, report, anew=False)

@@ -13,8 +13,8 @@ _NAMES = {
     ),
     "_maps": ("about_maps", "fingerprint", "sensitivity_map"),
     "_options": ("Identify", "Map", "Sensitivity"),
-    "_schema": ("Measured", "Synthetic"),
-    "_study": ("FAULTS", "STUDY_FIELDS", "Study", "read_study", "study_of"),
+    "_schema": ("FAULTS", "STUDY_FIELDS", "Measured", "Synthetic"),
+    "_study": ("Study", "read_study", "study_of"),
 }  # fmt: skip
 _MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
 
@@ -37,10 +37,10 @@ if TYPE_CHECKING:
     from kneejax.studies._options import Identify as Identify
     from kneejax.studies._options import Map as Map
     from kneejax.studies._options import Sensitivity as Sensitivity
+    from kneejax.studies._schema import FAULTS as FAULTS
+    from kneejax.studies._schema import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._schema import Measured as Measured
     from kneejax.studies._schema import Synthetic as Synthetic
-    from kneejax.studies._study import FAULTS as FAULTS
-    from kneejax.studies._study import STUDY_FIELDS as STUDY_FIELDS
     from kneejax.studies._study import Study as Study
     from kneejax.studies._study import read_study as read_study
     from kneejax.studies._study import study_of as study_of

@@ -6,9 +6,8 @@ import contextlib
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar, get_args
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     BaseModel,
@@ -23,8 +22,13 @@ from pydantic import Field as PydanticField
 from pydantic_core import core_schema
 
 from kneejax._ranges import RANGES, Range, range_of_parameter
-from kneejax.files import InputProblem, parse_flexion
-from kneejax.files.reading import MOST, Field, InputProblems, nearest_name
+from kneejax.files.reading import MOST, Field, InputProblem, InputProblems, nearest_name
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+else:
+    # Options are read, and help is printed, without NumPy.
+    ndarray = Any
 
 _T = TypeVar("_T")
 _PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[\w*?]+)*")
@@ -98,11 +102,8 @@ class Mistakes(list[ValueError]):
         """
         for one in getattr(problem, "problems", (problem,)):
             # What else may be wrong was found by JAX's modules, which are there then.
-            self.append(
-                _placed(one, self.file, at)
-                if isinstance(one, InputProblem)
-                else _explained(one, self.file, at)
-            )
+            said = _placed if isinstance(one, InputProblem) else _explained
+            self.append(said(one, self.file, at))
 
     def check(self) -> None:
         """Raise what was found, if anything."""
@@ -220,7 +221,7 @@ def plain(value: Any) -> Any:
     """Lists, dictionaries and numbers of Python, as a file would give them."""
     if isinstance(value, Mapping):
         return {name: plain(one) for name, one in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "dtype"):  # of NumPy and JAX
         return value.tolist()
     return [plain(one) for one in value] if isinstance(value, list | tuple) else value
 
@@ -286,20 +287,18 @@ def entries(kind: str, *, empty: bool = False) -> BeforeValidator:
     """A list with something in it; an empty one where `empty`."""
 
     def listed(field: Field) -> list:
-        if field.value == [] and empty:
-            return []
-        return [item.value for item in field.items(kind)]
+        own = Field("", "", plain(field.value))
+        return [] if own.value == [] and empty else [item.value for item in own.items(kind)]
 
-    return reads(lambda field: listed(Field("", "", plain(field.value))))
+    return reads(listed)
 
 
 def _distinct(values: tuple[_T, ...]) -> tuple[_T, ...]:
     """Refuse a list with an entry twice."""
-    mistakes = Mistakes()
-    for number, value in enumerate(values):
-        if value in values[:number]:
-            mistakes.append(InputProblem("", f"[{number}]", value, "every name once"))
-    mistakes.check()
+    twice = [i for i, value in enumerate(values) if value in values[:i]]
+    if twice:
+        again = [InputProblem("", f"[{i}]", values[i], "every name once") for i in twice]
+        raise together(again)
     return values
 
 
@@ -367,11 +366,15 @@ def deviation(field: Field, allowed: Range | None) -> float:
     return sd
 
 
-def angles(field: Field) -> np.ndarray:
+def angles(field: Field) -> ndarray:
     """Angles of flexion, `(n,)`, degrees, as a list or as `0:120:5`."""
+    from numpy import array
+
+    from kneejax.files import parse_flexion
+
     if isinstance(field.value, str):
         return parse_flexion(field.value, field.file, field.path)
-    return np.array(field.numbers(allowed=RANGES["flexion_deg"]))
+    return array(field.numbers(allowed=RANGES["flexion_deg"]))
 
 
 #: Free coordinate -> its unit, in the order of `kneejax.geometry.FREE_COORDINATES`.
@@ -385,7 +388,7 @@ Text = Annotated[str, reads(Field.text)]
 Flag = Annotated[bool, reads(Field.boolean)]
 Seed = Annotated[int, whole(0)]
 Parameter = Annotated[str, reads(parameter_name)]
-Angles = Annotated[np.ndarray, reads(lambda f: angles(Field("", "", plain(f.value))))]
+Angles = Annotated[ndarray, reads(lambda f: angles(Field("", "", plain(f.value))))]
 Values = Annotated[dict[str, float], PlainValidator(by_parameter(Field.number))]
 Interval = Annotated[tuple[float, float], reads(Field.interval)]
 Intervals = Annotated[

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-import numpy as np
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax._ranges import RANGES
-from kneejax.files import InputProblem, bundled_laxity_sources, bundled_measurements
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, InputProblem
 from kneejax.studies._checked import (
     UNITS,
     Angles,
@@ -90,6 +89,8 @@ class InTime(Part):
 
 def _test_table(value: Any, info: ValidationInfo) -> str:
     """The whole path of a table, or the name of a published test."""
+    from kneejax.files import bundled_laxity_sources
+
     field = Field("", "", value)
     path = folder_of(info) / field.text()
     if os.path.isfile(path):
@@ -102,6 +103,8 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
 
 def published_motions() -> dict[str, Measurement]:
     """Motions that come with the package as tests."""
+    from kneejax.files import bundled_measurements
+
     return {name: one for name, one in bundled_measurements().items() if one.use == "test"}
 
 
@@ -184,6 +187,8 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
     Raises:
         InputProblem: it is no test of one knee, or its load is not known and not stated.
     """
+    import numpy as np
+
     from kneejax.files import LabTable
     from kneejax.mechanics import load_called
 
@@ -217,7 +222,7 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
 
 def _size(test: StudyTest, band: LaxityBand) -> float:
     """The load of a table, as published or as the study states it."""
-    unknown, load = np.isnan(band.size), band.load
+    unknown, load = math.isnan(band.size), band.load
     if "load" not in test.model_fields_set:
         if unknown:
             raise test.wrong(

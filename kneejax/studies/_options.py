@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import PlainValidator, model_validator
 
 from kneejax._ranges import RANGES, Range
-from kneejax.files import InputProblem
-from kneejax.files.reading import Field
+from kneejax.files.reading import Field, InputProblem
 from kneejax.studies._checked import (
     Choice,
     Flag,
@@ -49,6 +48,10 @@ def _normal(field: Field, allowed: Range | None) -> tuple[float, float]:
     Field(field.file, field.path, mean).number(allowed)
     place = Field(field.file, field.path, width)
     return mean, width if width == math.inf else _spread(place, allowed)
+
+
+def _points(field: Field) -> list[int]:
+    return [Field("", "points", one.value).integer(2, 2000) for one in field.items("points", 2)]
 
 
 def _line(field: Field, allowed: Range | None) -> tuple[float, ...] | None:
@@ -95,9 +98,7 @@ class Map(Options):
         "two parameters, the first along x", ()
     )
     all_pairs: Flag = said("every pair of the study's parameters", False)
-    grid: tuple[Annotated[int, whole(2, 2000)], Annotated[int, whole(2, 2000)]] = said(
-        "points along x and y", (41, 41)
-    )
+    grid: Annotated[tuple[int, int], reads(_points)] = said("points along x and y", (41, 41))
     range: Intervals = said(
         "parameter -> lowest and highest value; the study's bounds otherwise", dict
     )

@@ -5,11 +5,9 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
-import numpy as np
 from pydantic import PlainValidator, ValidationInfo
 
 from kneejax._ranges import RANGES
-from kneejax.files import bundled_knees, bundled_measurements
 from kneejax.files.reading import Field
 from kneejax.studies._checked import (
     UNITS,
@@ -40,11 +38,13 @@ from kneejax.studies._checked import (
 from kneejax.studies._lab_tests import StudyTest
 
 if TYPE_CHECKING:
+    from numpy import ndarray
+
     from kneejax.experiments import MeasuredTest
     from kneejax.inference import Stage
     from kneejax.mechanics import Knee
 else:
-    Knee = MeasuredTest = Stage = Any
+    ndarray = Knee = MeasuredTest = Stage = Any
 
 _COLUMNS = ("flexion_deg", *(f"{name}_{unit}" for name, unit in UNITS.items()))
 #: Weights of squared errors per degree^2 and per mm^2 where nobody says so: those of paper 1.
@@ -58,6 +58,8 @@ Fault = Literal[
 
 def _table(value: Any, info: ValidationInfo) -> str:
     """The path of a table of measured poses."""
+    from kneejax.files import bundled_measurements
+
     field = Field("", "", value)
     path = folder_of(info) / field.text()
     if os.path.isfile(path):
@@ -72,8 +74,10 @@ def _table(value: Any, info: ValidationInfo) -> str:
     raise field.problem(f"a CSV table or a bundled measurement; not at {path}", known)
 
 
-def _poses(field: Field) -> np.ndarray | None:
+def _poses(field: Field) -> ndarray | None:
     """Poses that are given as numbers, `(n, 6)`."""
+    import numpy as np
+
     if field.value is None:
         return None
     expected = "poses, (n, 6): degrees and mm, all finite"
@@ -93,6 +97,8 @@ def _poses(field: Field) -> np.ndarray | None:
 
 def _knee(value: Any, info: ValidationInfo) -> Any:
     """A knee as it is; of a name the bundled one, or the whole path of a file."""
+    from kneejax.files import bundled_knees
+
     field, known = Field("", "", value), bundled_knees()
     if value is None or isinstance(value, list | dict | float | int):
         raise field.problem("a text, or a knee, as kneejax.load_knee gives")
@@ -225,7 +231,7 @@ class StudyFields(Part):
     parameters: Annotated[tuple[Parameter, ...], entries("names"), Distinct] = said(
         "names or wildcards of what is free"
     )
-    measured: Annotated[np.ndarray | None, OrObject(Measured, _poses)] = said(
+    measured: Annotated[ndarray | None, OrObject(Measured, _poses)] = said(
         "measured poses, degrees and mm; not beside synthetic ones", None
     )
     synthetic: Synthetic | None = said(
@@ -296,3 +302,9 @@ class StudyFields(Part):
         "between which measured poses count", None, alias="flexion_deg"
     )
     set: Values = said("parameter -> value of the knee that stays fixed", dict)
+
+
+#: Names that a study file may hold.
+STUDY_FIELDS = tuple(field.alias or name for name, field in StudyFields.model_fields.items())
+#: What a balance may be at fault for, and a study may count as a failure.
+FAULTS = get_args(Fault)

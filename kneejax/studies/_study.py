@@ -7,7 +7,7 @@ import functools
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import PrivateAttr
@@ -16,16 +16,13 @@ from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Field
 from kneejax.studies._checked import UNITS, Mistakes, found_in, plain
 from kneejax.studies._reading import check_fields, objects_of
-from kneejax.studies._schema import Fault, StudyFields
+from kneejax.studies._schema import STUDY_FIELDS, StudyFields
 
 if TYPE_CHECKING:
     from kneejax.inference.calibration import CalibrationProblem
     from kneejax.mechanics import Knee, Load
     from kneejax.parameters import Selection
     from kneejax.statics import Status
-
-#: What a balance may be at fault for, and a study may count as a failure.
-FAULTS = get_args(Fault)
 
 
 class Study(StudyFields):
@@ -307,10 +304,6 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     with mistakes.gathered():
         if study.method == "lbfgsb":
             check_installed("jaxopt", "lbfgsb")
-
-
-#: Names that a study file may hold.
-STUDY_FIELDS = tuple(field.alias or name for name, field in Study.model_fields.items())
 
 
 def read_study(name_or_path: str | os.PathLike[str]) -> Study:

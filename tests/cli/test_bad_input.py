@@ -299,3 +299,11 @@ def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
 def test_an_option_that_is_like_no_other_is_offered_none(capsys):
     assert main(["calibrate", "--colour", "blue"]) == 2
     assert "did you mean" not in capsys.readouterr().err
+
+
+def test_every_mistake_of_a_study_has_a_line_of_its_own(tmp_path, capsys):
+    words = study(tmp_path, TWIN.replace("seed: 1", "seed: -1") + "starts: 0\nboundz: 3\n")
+    assert main(words) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and all(line.startswith("kneejax: ") for line in lines)
+    assert not (tmp_path / "out").exists()

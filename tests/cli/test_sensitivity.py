@@ -63,6 +63,9 @@ def test_everything_is_written(done):
         "morris_poses.png",
     }
     assert f"written: {out}/report.html, sweeps.csv" in printed
+    first, *_ = (out / "report.html").read_text().split("<details")
+    for words in ("The knee moves most with", "Effect of each parameter", "Morris indices"):
+        assert words in first
     result = json.loads((out / "result.json").read_text())
     assert result["doubts"] == [] and result["own_motion"] == ["balanced"] * 3
     assert {"jax", "numpy", "SALib"} <= set(result["versions"])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from kneejax.cli import main
+from kneejax.parameters import MEANING
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -57,6 +58,29 @@ def test_a_map_is_written_as_data_table_and_figure(mapped):
     assert (out / "figures" / "map.png").stat().st_size > 20_000
     assert not (out / "parts").exists()
     assert json.loads((out / "result.json").read_text())["about"]["grid"] == "7x5"
+
+
+def test_a_map_of_a_result_begins_at_its_fit(study, tmp_path):
+    pytest.importorskip("xarray")
+    fitted = {"PCL.stiffness": 2800.0, "PCL.reference_strain": -0.05}
+    result = {"settings": {"path": study, "knee": "four_ligament"}, **MEANING}
+    result["parameters"] = {name: {"value": value} for name, value in fitted.items()}
+    (tmp_path / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    out = tmp_path / "out"
+    assert main(["map", str(tmp_path), *PAIR, "--grid", "3", "--out", str(out)]) == 0
+    row = table(out / "maps.csv")[0]
+    begun = [float(row["x_start"]), float(row["y_start"])]
+    assert begun == pytest.approx([*fitted.values()])
+    assert float(row["objective_start"]) < float(row["objective_minimum"])
+    assert "the fit has a lower objective" in (out / "report.html").read_text(encoding="utf-8")
+
+
+def test_a_result_whose_study_has_gone_is_refused(tmp_path, capsys):
+    result = {"settings": {"path": "gone.yaml", "knee": "four_ligament"}, "parameters": {}}
+    (tmp_path / "result.json").write_text(json.dumps(result), encoding="utf-8")
+    assert main(["map", str(tmp_path), *PAIR, "--out", str(tmp_path / "out")]) == 2
+    said = "settings.path: gone.yaml: expected the file of its study, which must be there still"
+    assert said in capsys.readouterr().err
 
 
 def test_the_folder_of_a_map_belongs_to_its_study(mapped, study, capsys):

@@ -137,6 +137,17 @@ def test_an_option_that_means_nothing_is_one_line(tmp_path, capsys, words, said)
     assert not out.exists()
 
 
+@pytest.mark.parametrize("words", [["--jobs", "2"], ["--scheduler", "tcp://127.0.0.1:9"]])
+def test_a_missing_dask_is_said_before_anything_is_read(tmp_path, capsys, monkeypatch, words):
+    folder = written(tmp_path, ["name,measured.file", "A1,absent.csv"])
+    out = tmp_path / "out"
+    with monkeypatch.context() as without:
+        without.setattr("importlib.util.find_spec", lambda _: None)
+        assert main(["calibrate", str(folder), *words, "--out", str(out)]) == 2
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert "kneejax[cohorts]" in line and not out.exists()
+
+
 def test_a_single_study_refuses_what_only_a_cohort_can_be_asked(capsys):
     assert main(["calibrate", "paper1", "--jobs", "2"]) == 2
     assert "with a cohort alone" in capsys.readouterr().err

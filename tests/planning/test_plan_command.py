@@ -50,6 +50,8 @@ def test_everything_is_written_and_says_that_it_is_for_no_patient(written):
     _, out = written
     for name in ("map_tibia.nc", "map_femur.nc", "figures/strains.png", "figures/map_tibia.png"):
         assert (out / name).stat().st_size > 1000
+    first, *_ = (out / "report.html").read_text().split("<details")
+    assert "Where and how tight" in first and "Optimum: tibia" in first
     sentence = "Nothing here supports a decision about a patient"
     assert (out / "report.html").read_text().count(sentence) == 2
     document = json.loads((out / "plan.json").read_text())

@@ -13,6 +13,7 @@ from kneejax.statics import (
     Status,
     balance_lines,
     balance_many,
+    balance_near,
     balance_one,
     balance_with_slopes,
     in_lanes,
@@ -50,6 +51,24 @@ def test_one_compiled_search_serves_every_choice_of_ligament_numbers(knee, found
     assert not any("jit(follow)" in message for message in compiled)
     alone = kj.passive_flexion(other.apply(knee, start * [1.1, 0.9]), FLEXION)
     np.testing.assert_allclose(moved.table[0], np.asarray(alone.to_table())[:, 1:], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "strain",
+    [[-0.0671, -0.0134, -0.0128, 0.139], [-0.0405, -0.0218, -0.006, 0.1169]],
+    ids=["balanced from 10 degrees on", "balanced from 5 degrees on"],
+)
+def test_a_knee_lost_at_the_reference_stays_on_the_branch_where_it_is_found(
+    knee, chosen, base, strain
+):
+    """At the reference it also balances 4 to 8 mm away, where its way back from flexion ends; that
+    branch is not laid over the one which searches find at every flexion."""
+    flexion, value = LoadCases.at([15.0, 30.0, 60.0, 90.0]), np.r_[base[:4], strain][None]
+    found = balance_many(knee, chosen.apply, value, flexion)
+    nowhere = np.full((1, 4, 5), np.nan), np.full((1, 4, knee.patch_count, 2), np.nan)
+    alone = balance_near(knee, chosen.apply, value, flexion, *nowhere)
+    assert alone.converged.all() and found.converged.all()
+    assert (np.abs(found.q - alone.q) / UNITS).max() < 1e-6
 
 
 def test_one_compiled_search_serves_motions_and_lines_of_any_length(

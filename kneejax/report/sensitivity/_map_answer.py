@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -71,6 +72,9 @@ def map_answer(
             f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
         )
     words = [line for one in (lowest.note, *notes, *doubts) for line in wrapped(one)]
+    # A terminal is too narrow for all columns; the counts below say what is not drawn.
+    wide = (f"at_the_{begun}", "not_drawn")
+    narrow = [dataclasses.replace(one, shown=one.name not in wide) for one in lowest.columns]
     return Answer(
         title=f"Objective over {' and '.join(maps[0].names)}" if len(maps) == 1 else
         f"Objective over {len(maps)} pairs of parameters",
@@ -89,7 +93,7 @@ def map_answer(
             *([Section("Each pair", drawings=[x for x in single if x != picture])]
               if len(maps) > 1 else []),
         ],
-        text="\n".join([lowest.terminal(), *words]),
+        text="\n".join([dataclasses.replace(lowest, columns=narrow).terminal(), *words]),
         document={"about": dict(about), "versions": dict(versions)},
         exit_status=int(bool(empty) or any(one.left_out for one in maps)),
     )  # fmt: skip
@@ -173,12 +177,12 @@ def _sentence(one: ParameterMap) -> str:
     x, y, objective = one.minimum or (np.nan, np.nan, np.nan)
     triples = zip(one.names, (x, y), one.units, strict=True)
     at = ", ".join(f"{name} {number(value)} {unit}".strip() for name, value, unit in triples)
-    sentence = f"The objective is lowest, {number(objective)}, at {at}"
+    sentence = f"Of the grid points the objective is lowest, {number(objective)}, at {at}"
     found = correlation(one)
     if not np.isfinite(found):
         return f"{sentence}."
     kind = "compensate each other" if abs(found) > 0.9 else "are determined apart from each other"
-    return f"{sentence}; there the two {kind} (correlation {found:.2f})."
+    return f"{sentence}; there the two {kind} (correlation {round(found, 2) + 0.0:.2f})."
 
 
 def _row(one: ParameterMap) -> list[Any]:

@@ -1,6 +1,5 @@
 """L-BFGS-B through jaxopt: converged, within bounds, honest when it is not."""
 
-import functools
 import sys
 
 import jax
@@ -77,16 +76,16 @@ def twin():
     study = kj.read_study("paper1")
     made = study.synthetic
     assert made is not None
-    knee = study.knee
     measured = synthetic_motion(
-        knee,
+        study.knee,
         dict(made.parameters),
         np.asarray(made.flexion_deg),
         noise_mm=made.noise_mm,
         noise_deg=made.noise_deg,
         seed=made.seed,
     )
-    return functools.partial(kj.calibrate, knee, measured, study.parameters, procedures=("III",))
+    asked = study.replace(synthetic=None, measured=measured, procedures=["III"])
+    return lambda **changes: kj.calibrate(asked.replace(**changes))
 
 
 @pytest.mark.slow

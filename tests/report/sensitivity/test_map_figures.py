@@ -7,6 +7,8 @@ import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
 from kneejax.report import map_figure, map_matrix_figure, picture_png, profiles_figure
+from kneejax.report.sensitivity import map_answer
+from kneejax.report.sensitivity._map_answer import correlation
 from kneejax.report.sensitivity._maps import _levels
 
 
@@ -19,6 +21,26 @@ def a_map(names=("PCL.stiffness", "PCL.reference_strain")):
         names, ("N", ""), x, y, values, np.stack([values * k for k in range(1, 6)]), condition,
         (condition == 4).astype(int), (3860.0, -0.1), float(values[2, 3]), 0, np.ones(5),
     )  # fmt: skip
+
+
+def test_the_answer_says_where_it_is_lowest_and_how_well_the_pair_is_determined():
+    found = a_map()
+    x, y = np.meshgrid((found.x - 5150.0) / 1e4, (found.y + 1 / 15) / 0.4)
+    valley = dataclasses.replace(found, objective=1.0 + x**2 + y**2 + 1.9 * x * y)
+    assert correlation(valley) == pytest.approx(-0.95, abs=1e-9)
+    answer = answer_of(valley)
+    at = "lowest, 1.000, at PCL.stiffness 5150 N, PCL.reference_strain -0.06667"
+    assert at in answer.sentence
+    assert "compensate each other (correlation -0.95)" in answer.sentence
+    edge = dataclasses.replace(found, objective=2.0 + x + y)
+    assert np.isnan(correlation(edge)) and "on the edge" in answer_of(edge).doubts[0]
+    fitted = answer_of(dataclasses.replace(found, start_objective=0.5), "fit")
+    assert "the fit has a lower objective, 0.5000, than any grid point" in fitted.doubts[0]
+
+
+def answer_of(found, begun="start"):
+    about = {"study": "S", "knee": "K", "grid": "9x7", "ranges": "r"}
+    return map_answer([found], about, {}, begun)
 
 
 def legend_of(figure):
