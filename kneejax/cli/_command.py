@@ -26,7 +26,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
-from kneejax.files import InputProblem
+from kneejax.files import InputProblem, InputProblems
 
 if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
@@ -95,19 +95,6 @@ class File:
     kind: str
 
 
-class Mistakes(ValueError):
-    """Everything that is wrong with what a person gave.
-
-    Attributes:
-        problems: at least two.
-    """
-
-    def __init__(self, problems: Iterable[InputProblem]):
-        """Collect them."""
-        self.problems = tuple(problems)
-        super().__init__("; ".join(map(str, self.problems)))
-
-
 def option_name(field: str) -> str:
     """`force_N` -> `force-N`."""
     return field.replace("_", "-")
@@ -140,7 +127,7 @@ class Command(BaseModel):
 
         Raises:
             InputProblem: one thing is wrong.
-            Mistakes: several are.
+            InputProblems: several are.
         """
         try:
             return cls.model_validate(dict(given))
@@ -173,7 +160,7 @@ class Command(BaseModel):
                 useless = {problem.field for problem in problems}
                 problems += [x for x in made.problems() if x.field not in useless]
         if problems:
-            raise problems[0] if len(problems) == 1 else Mistakes(problems)
+            raise problems[0] if len(problems) == 1 else InputProblems(problems)
         return made
 
     @classmethod
@@ -186,9 +173,7 @@ class Command(BaseModel):
             name = str(error["loc"][0]) if error["loc"] else ""
             field, value = fields.get(name), error["input"]
             if isinstance(nested, InputProblem):
-                yield nested
-            elif isinstance(nested, Mistakes):
-                yield from nested.problems
+                yield from getattr(nested, "problems", (nested,))
             elif field is None:
                 expected = f"no such option of kneejax {cls.command}"
                 yield InputProblem(cls.command, name, value, expected, known)
@@ -230,7 +215,7 @@ class Command(BaseModel):
 
         Raises:
             InputProblem: a file is missing, or a name is unknown.
-            Mistakes: several are.
+            InputProblems: several are.
         """
         problems = []
         for name, field in type(self).model_fields.items():
@@ -242,7 +227,7 @@ class Command(BaseModel):
                 except InputProblem as problem:
                     problems.append(problem)
         if problems:
-            raise problems[0] if len(problems) == 1 else Mistakes(problems)
+            raise problems[0] if len(problems) == 1 else InputProblems(problems)
 
     def check_ranges(self) -> None:
         """Refuse numbers that no such quantity has; imports the mechanics, and JAX with it.

@@ -70,7 +70,7 @@ class CommandLine:
 
         Raises:
             InputProblem: it is wrong somewhere.
-            Mistakes: in several places.
+            InputProblems: in several places.
         """
         command = self._named(words)
         words = [_hyphens(word) for word in words]

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from kneejax.cli._command import Command, Mistakes, Written
+from kneejax.cli._command import Command, Written
 from kneejax.cli._line import CommandLine
 from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
 from kneejax.cli.options import ABOVE, COMMANDS, Completion, ExportOsim, Init, Knees, Rerun
@@ -51,13 +51,10 @@ def main(arguments: Sequence[str] | None, begun: float) -> int:
                 raise InputProblem("stdout", "stream", "closed", "a place to print to")
             status = DONE if asked is None else carry_out(asked, begun)
             printed.flush()
-        except Mistakes as several:
-            return _refused(*map(str, several.problems))
         except ValueError as problem:
             if not _says_what_to_mend(problem):
                 raise
-            several = getattr(problem, "problems", (problem,))
-            return max(_refused(str(one)) for one in several)
+            return _refused(*map(str, getattr(problem, "problems", (problem,))))
         except BrokenPipeError:
             printed.flush()
             return DOUBTFUL if writes else DONE

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.cli._command import Command, Mistakes, option_name
+from kneejax.cli._command import Command, option_name
 from kneejax.cli._results_folder import FILE, WRITTEN
-from kneejax.files import InputProblem
+from kneejax.files import InputProblem, InputProblems
 from kneejax.files.reading import load_json
 
 _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
@@ -79,7 +79,7 @@ def command_again(
 
     Raises:
         InputProblem: the command or an option is unknown, a value is wrong, or a file is gone.
-        Mistakes: several are.
+        InputProblems: several are.
     """
     words = settings[_COMMAND]
     if words not in commands or "out" not in commands[words].model_fields:
@@ -89,10 +89,10 @@ def command_again(
         asked = commands[words].read({**given, "out": out})
         asked.check_inputs(worked_in(settings), os.fspath(file))
         return asked
-    except (InputProblem, Mistakes) as found:
-        problems = found.problems if isinstance(found, Mistakes) else (found,)
+    except InputProblem as found:
+        problems = getattr(found, "problems", (found,))
         said = [_of_file(problem, words, file) for problem in problems]
-        raise (said[0] if len(said) == 1 else Mistakes(said)) from None
+        raise (said[0] if len(said) == 1 else InputProblems(said)) from None
 
 
 def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
