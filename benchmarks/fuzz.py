@@ -84,8 +84,8 @@ def kinds() -> dict[str, Kind]:
     import trimesh
 
     from kneejax import files
-    from kneejax.cli._commands import build_parser
-    from kneejax.cli._settings import read_settings, words_again
+    from kneejax.cli._main import line
+    from kneejax.cli._settings import command_again, read_settings
     from kneejax.cohorts import read_cohort
     from kneejax.files import tables
     from kneejax.files.meshes._points import read_mesh_points
@@ -108,7 +108,7 @@ def kinds() -> dict[str, Kind]:
         table.at(tables.common_times([table], 5), [*table.columns])
 
     def settings(path: Path) -> None:
-        words_again(read_settings(path.parent), build_parser(), path)
+        command_again(read_settings(path.parent), line().commands, path, path.parent)
 
     def one(name: str, data: bytes, read: Callable[[Path], Any], **beside: bytes) -> Kind:
         files = {key.replace("_", "."): value for key, value in beside.items()}
@@ -268,38 +268,31 @@ def _unlimited(kind: str, one: Kind, data: bytes, folder: Path) -> Answer:
 
 def command_lines(count: int, seed: int = 0) -> list[list[str]]:
     """Wrong command lines: of every command, an option that is not there, or a wrong value."""
-    from kneejax.cli._commands import build_parser
+    from kneejax.cli._command import Place, marks
+    from kneejax.cli._main import line
+    from kneejax.cli._words import choices_of, plain_type
 
     found = []
-    for words, parser in _parsers(build_parser()):
-        places = [a for a in parser._actions if not a.option_strings and a.nargs != "?"]
-        filled = [*words, *(str(next(iter(a.choices or ["four_ligament"]))) for a in places)]
-        if isinstance(places[0] if places else None, argparse._SubParsersAction):
-            filled = [*words]
-        found.append([*filled, "--nonsense"])
-        found.append([*filled, "x", "y", "z", "ü", "1"])
-        for action in parser._actions:
-            flag = next(iter(action.option_strings), None)
-            if flag is None or action.nargs == 0 or flag in ("--help", "-h", "--version"):
+    for command, model in line().commands.items():
+        fields = model.model_fields.values()
+        places = [x for x in fields if marks(x, Place) and x.is_required()]
+        words = [next(iter(choices_of(x.annotation)), "four_ligament") for x in places]
+        filled = [*command.split(), *words]
+        found += [[*filled, "--nonsense"], [*filled, "x", "y", "z", "ü", "1"]]
+        for field in fields:
+            kind, flag = plain_type(field.annotation), f"--{field.alias}"
+            if marks(field, Place) or kind is bool:
                 continue
-            found += [[*filled, flag, ""], [*filled, flag]] if action.nargs is None else []
-            if action.type in (int, float):
+            found += [[*filled, flag, ""], [*filled, flag]]
+            if kind in (int, float):
                 found += [[*filled, flag, value] for value in ("1_000", "x", "١٢", "0x10", "1,5")]
-            if action.choices:
+            if choices_of(kind):
                 found.append([*filled, flag, "nonsense"])
     return random.Random(seed).sample(found, min(count, len(found)))
 
 
-def _parsers(parser, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    yield words, parser
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, below in action.choices.items():
-                yield from _parsers(below, (*words, name))
-
-
 def refused(words: list[str]) -> str:
-    """What is wrong with a command line's answer; empty where it is status 2 and one line."""
+    """What is wrong with an answer; empty where it is status 2 and a line for each mistake."""
     from kneejax.cli import main
 
     said = io.StringIO()
@@ -310,7 +303,7 @@ def refused(words: list[str]) -> str:
     except SystemExit as ended:
         status = ended.code
     lines = said.getvalue().splitlines()
-    good = status == 2 and len(lines) == 1 and lines[0].startswith("kneejax: ")
+    good = status == 2 and lines and all(line.startswith("kneejax: ") for line in lines)
     return "" if good else f"{words}: {status}: {lines}"
 
 

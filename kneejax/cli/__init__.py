@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from kneejax.cli._stopped import stopped_at_once
+from kneejax.cli._streams import stopped_at_once
 
 
 def main(arguments: list[str] | None = None) -> int:

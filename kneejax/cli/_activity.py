@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-
+from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import check_within, read_pairs
 from kneejax.cli._outer_rounds import asked_of_opensim, movement_of
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import Activity, Round, activity, cycle_of
@@ -16,7 +14,7 @@ from kneejax.files import (
     load_knee_file,
     read_activity,
 )
-from kneejax.mechanics import Knee, LegRecord, Range
+from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
 from kneejax.planning import AclPlan, intact_knee, operated_knees
 from kneejax.report import activity_answer
@@ -25,20 +23,17 @@ from kneejax.studies import read_plan
 INTACT = "intact"
 #: The knee where none is named.
 _USUAL = "lenhart2015_reduced"
-_INSTANTS = Range(4, 20_000, "instants")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.Activity) -> int:
     """Read what acted on the leg, and find the equilibria of each knee under it."""
-    if arguments.instants is not None:
-        check_within("--instants", "instants", [arguments.instants], _INSTANTS)
     body = movement_of(arguments)
     plan = _plan(arguments)
     if plan is None:
-        values = read_pairs("--set", arguments.values)
         read = load_knee_file(arguments.knee or _USUAL)
         document = read.document
-        knee = knee_with(read.with_patella() if arguments.patella else read.knee, values, "--set")
+        whole = read.with_patella() if arguments.patella else read.knee
+        knee = knee_with(whole, arguments.values, "--set")
     else:
         knee, document = intact_knee(plan), plan.document
     if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
@@ -62,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _record(
-    arguments: argparse.Namespace, body: WholeBody | None, knee: Knee, document
+    arguments: options.Activity, body: WholeBody | None, knee: Knee, document
 ) -> tuple[LegRecord, list[Round]]:
     """What acted on the leg: as it was recorded, or as OpenSim finds it."""
     if body is not None:
@@ -76,15 +71,10 @@ def _record(
     return record, []
 
 
-def _plan(arguments: argparse.Namespace) -> AclPlan | None:
+def _plan(arguments: options.Activity) -> AclPlan | None:
     """The plan that is asked for, if one is."""
     if arguments.plan is None:
         return None
-    others = {"--knee": arguments.knee, "--set": arguments.values, "--cut": arguments.cut}
-    for option, given in others.items():
-        if given:
-            expected = "one of both: a plan says what its knee is and which ligament is torn"
-            raise InputProblem("--plan", "options", f"--plan and {option}", expected)
     return read_plan(arguments.plan, patella=arguments.patella)
 
 

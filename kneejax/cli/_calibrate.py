@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import importlib
 import threading
@@ -10,22 +9,23 @@ import time
 
 from kneejax import studies
 from kneejax.cli._calibration_files import FILES, write_results
-from kneejax.cli._cohort_commands import check_single
+from kneejax.cli._command import is_given
 from kneejax.cli._deliver import say
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Calibrate
 from kneejax.cohorts import is_cohort
-from kneejax.files import check_new
+from kneejax.files import InputProblem, check_new
 from kneejax.numerics import adding_up
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Calibrate) -> int:
     """Calibrate, print the answer, write results, the calibrated knee and the report."""
     if is_cohort(arguments.study):
         from kneejax.cli import _cohort
 
         return _cohort.run(arguments)
     begun = time.perf_counter()
-    check_single(arguments)
+    _check_single(arguments)
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         check_new(arguments.out / new, study.knee_name)
@@ -42,3 +42,20 @@ def run(arguments: argparse.Namespace) -> int:
     if missing:
         print(f"not written: {arguments.out}/knee.yaml: {missing}")
     return max(status, int(bool(missing)))
+
+
+def _check_single(arguments: Calibrate) -> None:
+    """Refuse what only a cohort can be asked.
+
+    Raises:
+        InputProblem: such an option, and a single study.
+    """
+    for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
+        value = getattr(arguments, name)
+        if is_given(value):
+            expected = (
+                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
+                f"not {arguments.study}"
+            )
+            given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            raise InputProblem("calibrate", f"--{name}", given, expected)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import functools
-import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 
@@ -13,9 +11,10 @@ from tqdm import tqdm
 
 from kneejax.cli._cohort_work import CohortWork, draws_of, finished
 from kneejax.cli._deliver import deliver
+from kneejax.cli._main import BAD_INPUT
 from kneejax.cli._out import check_room
-from kneejax.cli._parser import BAD_INPUT
 from kneejax.cli._results_folder import KNEES, MARK
+from kneejax.cli.options import Calibrate
 from kneejax.cohorts import (
     CohortProblems,
     CohortSummary,
@@ -37,25 +36,26 @@ from kneejax.cohorts import (
     to_dataset,
     workers_of,
 )
-from kneejax.files import InputProblem, check_new, counted, write_netcdf, write_text
-from kneejax.files.reading import Field, format_yaml
+from kneejax.files import check_new, counted, write_netcdf, write_text
+from kneejax.files.reading import format_yaml
 from kneejax.numerics import MissingPackage, check_installed
 
 _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
 """
-_MOST_JOBS, _MOST_SHARDS, _MOST_DRAWS = 1024, 100_000, 1_000_000
 #: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
 _KNEE_MB = 0.25
 #: Computes tasks, each yielded with what became of its knees when it has ended.
 Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Calibrate) -> int:
     """Calibrate every knee of a cohort, and write what they say together."""
-    shard = _shard(arguments)
+    shard = arguments.shard or (1, 1)
+    if arguments.scheduler or (arguments.jobs or 1) > 1:
+        check_installed("distributed", "cohorts")
     try:
-        cohort, by_blocks = read_cohort(arguments.study), bool(arguments.blocks)
+        cohort, by_blocks = read_cohort(arguments.study), arguments.blocks
         if arguments.bootstrap:
             check_bootstraps(cohort, by_blocks)
     except CohortProblems as every:
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     size = f"{counted(len(cohort.members), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {arguments.shard}: {counted(len(own), 'task')}")
+        print(f"part {'/'.join(map(str, shard))}: {counted(len(own), 'task')}")
     if len(waiting) < len(own):
         print(f"{counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
@@ -119,7 +119,7 @@ def _unfinished(tasks: Sequence[Task], out) -> list[Task]:
 
 
 @contextlib.contextmanager
-def _computer(waiting: Sequence[Task], arguments: argparse.Namespace) -> Iterator[Compute]:
+def _computer(waiting: Sequence[Task], arguments: Calibrate) -> Iterator[Compute]:
     """Who computes: this process, or workers that stay for all rounds."""
     jobs, address = arguments.jobs or 1, arguments.scheduler
     if not waiting or (jobs < 2 and address is None):
@@ -131,31 +131,7 @@ def _computer(waiting: Sequence[Task], arguments: argparse.Namespace) -> Iterato
         yield functools.partial(on_workers, client)
 
 
-def _shard(arguments: argparse.Namespace) -> tuple[int, int]:
-    """Which part of how many; all options are checked before anything is read."""
-    counts = ("bootstrap", "draws", _MOST_DRAWS), ("jobs", "workers", _MOST_JOBS)
-    for option, name, most in counts:
-        if (given := getattr(arguments, option)) is not None:
-            Field(f"--{option}", name, given).integer(1, most)
-    if arguments.blocks and arguments.bootstrap is None:
-        raise InputProblem("--blocks", "option", "alone", "--bootstrap N beside it")
-    others = [name for name in ("jobs", "shard") if getattr(arguments, name)]
-    if arguments.scheduler and others:
-        expected = f"one of --scheduler and --{others[0]}"
-        raise InputProblem("--scheduler", "address", arguments.scheduler, expected)
-    if arguments.scheduler or (arguments.jobs or 1) > 1:
-        check_installed("distributed", "cohorts")
-    if arguments.shard is None:
-        return 1, 1
-    found = re.fullmatch(r"(\d+)/(\d+)", arguments.shard)
-    number, count = (int(found[1]), int(found[2])) if found else (0, 0)
-    if not 1 <= number <= count <= _MOST_SHARDS:
-        expected = "I/N with I from 1 to N, e.g. 3/20"
-        raise InputProblem("--shard", "part", arguments.shard, expected)
-    return number, count
-
-
-def _finish(summary: CohortSummary, arguments: argparse.Namespace) -> int:
+def _finish(summary: CohortSummary, arguments: Calibrate) -> int:
     """Write what the knees say together, and say it."""
     from kneejax.report.cohort import cohort_answer
 

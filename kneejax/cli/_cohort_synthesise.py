@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import CohortSynthesise
 from kneejax.cohorts import MadeUpKnee, Spread, synthesise
-from kneejax.files import InputProblem, write_knee, write_poses, write_rows, write_text
-from kneejax.files.reading import Field, format_yaml
+from kneejax.files import write_knee, write_poses, write_rows, write_text
+from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 
-_MOST_KNEES = 100_000
 _SOURCE = "made up: kneejax cohort synthesise"
 #: Bounds that hold what the distributions draw.
 _BOUNDS = {"stiffness": [300.0, 30000.0], "reference_strain": [-0.25, 0.25]}
@@ -22,17 +21,10 @@ _COMMENT = """A made-up knee: its size and shape are its own, its ligaments are 
 knee. What made its data stands in truth.csv."""
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: CohortSynthesise) -> int:
     """Make up a cohort and write its files."""
     out, count = arguments.out, arguments.knees
-    Field("--knees", "knees", count).integer(1, _MOST_KNEES)
-    Field("--seed", "seed", arguments.seed).integer(0)
     spread = Spread(noise_mm=arguments.noise_mm, noise_deg=arguments.noise_deg)
-    for name in ("noise_mm", "noise_deg"):
-        value = getattr(spread, name)
-        if not (np.isfinite(value) and value > 0):
-            option = f"--{name.replace('_', '-')}"
-            raise InputProblem(option, name, f"{value:g}", "a standard deviation above 0")
     rows, truth, redrawn, names = [], [], 0, []
     with stages_on_terminal("made-up knees") as progress:
         for made in synthesise(count, arguments.seed, arguments.knee, spread):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kneejax.cli._settings import options_of
+from kneejax.cli._command import Drawn
 from kneejax.files import write_rows, write_text
 
 if TYPE_CHECKING:
@@ -16,7 +15,7 @@ if TYPE_CHECKING:
 
 def deliver(
     answer: Answer,
-    arguments: argparse.Namespace,
+    arguments: Drawn,
     written: Sequence[str] = (),
     seconds: dict[str, float] | None = None,
 ) -> int:
@@ -36,7 +35,7 @@ def deliver(
     """
     from kneejax.inference import versions
 
-    settings = {"command": arguments.command, **options_of(arguments)}
+    settings = {"command": arguments.command, **arguments.options()}
     write_answer(
         answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
         seconds=seconds,

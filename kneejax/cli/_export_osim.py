@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import argparse
-
 from kneejax.cli._main import DONE
+from kneejax.cli.options import ExportOsim
 from kneejax.files import (
     InputProblem,
     counted,
@@ -15,7 +14,7 @@ from kneejax.files import (
 )
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: ExportOsim) -> int:
     """Write a knee's numbers into the OpenSim model that it came from."""
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 
+from kneejax.cli._command import option_name
 from kneejax.files import InputProblem
-from kneejax.files.reading import plain_number
+from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 from kneejax.numerics import WrongValue
 from kneejax.studies import Identify, Map, Sensitivity
 
 #: Arguments that an option gives under another name.
 _OPTION_OF = {"flexion_deg": "--flexion", "held": "--hold"}
-
-
-def given(arguments: argparse.Namespace, option: str) -> bool:
-    """Whether an option was given, be it as 0, which equals False."""
-    value = getattr(arguments, option)
-    return value is not None and value is not False and value != []
 
 
 def refused(command: str, problem: WrongValue) -> InputProblem:
@@ -30,45 +23,22 @@ def refused(command: str, problem: WrongValue) -> InputProblem:
         command: which was asked for.
         problem: of the calculation.
     """
-    option = _OPTION_OF.get(problem.field, f"--{problem.field}")
+    option = _OPTION_OF.get(problem.field, f"--{option_name(problem.field)}")
     return InputProblem(command, option, problem.found, problem.expected)
 
 
-def read_pairs(option: str, words: Iterable[str]) -> dict[str, float]:
-    """Read `NAME=NUMBER`, each name once.
+def read_loads(given: Mapping[str, float]) -> dict[str, float]:
+    """Check loads on the tibia.
 
     Args:
-        option: where they stand.
-        words: one each.
-
-    Raises:
-        InputProblem: a word of another form, a number that is not finite, a name given twice.
-    """
-    pairs: dict[str, float] = {}
-    for word in words:
-        name, found, value = word.partition("=")
-        number = plain_number(value)
-        if not found or number is None or not math.isfinite(number):
-            raise InputProblem(option, name, value, "NAME=NUMBER with a finite number")
-        if name in pairs:
-            raise InputProblem(option, name, word, "every name once")
-        pairs[name] = number
-    return pairs
-
-
-def read_loads(words: Iterable[str]) -> dict[str, float]:
-    """Read loads on the tibia, `NAME=SIZE`.
-
-    Args:
-        words: one each, with the names of `kneejax.mechanics.NAMED_LOADS`.
+        given: name -> size, with the names of `kneejax.mechanics.NAMED_LOADS`.
 
     Returns:
-        All of these names -> size, zero where nothing was asked for; empty without any word.
+        All of these names -> size, zero where nothing was asked for; empty without any.
 
     Raises:
         InputProblem: an unknown name (with the one that is meant), or a size out of range.
     """
-    given = read_pairs("--load", words)
     for name, size in given.items():
         if name not in NAMED_LOADS:
             known, meant = f"one of {', '.join(NAMED_LOADS)}", load_opposite_to(name)
@@ -95,48 +65,6 @@ def check_within(option: str, name: str, values: Iterable[float], allowed: Range
             raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
-def read_texts(option: str, words: Iterable[str]) -> dict[str, str]:
-    """Read `NAME=TEXT`, or a name alone, each name once.
-
-    Args:
-        option: where they stand.
-        words: one each.
-
-    Raises:
-        InputProblem: a name given twice.
-    """
-    texts: dict[str, str] = {}
-    for word in words:
-        name, _, text = word.partition("=")
-        if name in texts:
-            raise InputProblem(option, name, word, "every name once")
-        texts[name] = text
-    return texts
-
-
-def read_numbers(
-    option: str, texts: Mapping[str, str], form: str, counts: Sequence[int]
-) -> dict[str, tuple[float, ...]]:
-    """Read numbers with colons between them; what they may be is for the study to say.
-
-    Args:
-        option: where they stand.
-        texts: name -> text.
-        form: of a word, for the error.
-        counts: how many numbers there may be.
-
-    Raises:
-        InputProblem: a text of another form.
-    """
-    found: dict[str, tuple[float, ...]] = {}
-    for name, text in texts.items():
-        stated = [plain_number(part) for part in text.split(":")]
-        found[name] = tuple(x for x in stated if x is not None)
-        if len(stated) not in counts or len(found[name]) < len(stated):
-            raise InputProblem(option, name, text, form)
-    return found
-
-
 @contextlib.contextmanager
 def said_of_options(asked: type[Identify | Map | Sensitivity]) -> Iterator[None]:
     """Let what is wrong with options name the option where it was asked."""
@@ -145,7 +73,23 @@ def said_of_options(asked: type[Identify | Map | Sensitivity]) -> Iterator[None]
     except InputProblem as problem:
         if problem.file not in asked.model_fields:
             raise
-        option = {"indices": "--global"}.get(problem.file, "--" + problem.file.replace("_", "-"))
+        option = {"indices": "--global"}.get(problem.file, f"--{option_name(problem.file)}")
         raise InputProblem(
             option, problem.field, problem.value, problem.expected, problem.nearest
         ) from None
+
+
+def check_columns(names: Mapping[str, str]) -> None:
+    """Refuse columns of a table that stand for none of the package's.
+
+    Args:
+        names: column of the package -> column of the table.
+
+    Raises:
+        InputProblem: a name is unknown, or stands for nothing.
+    """
+    for name, column in names.items():
+        if name not in COLUMNS:
+            raise InputProblem("--column", "name", name, f"one of {', '.join(COLUMNS)}", COLUMNS)
+        if not column:
+            raise InputProblem("--column", name, column, f"one {name}=COLUMN of the table")

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import argparse
-
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import read_pairs
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import ImportOsim
 from kneejax.files import (
     add_osim_contacts,
     counted,
@@ -20,7 +18,7 @@ from kneejax.files.opensim import import_sections
 from kneejax.report import osim_import_answer
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
     read = import_osim(
         arguments.file,
@@ -30,7 +28,7 @@ def run(arguments: argparse.Namespace) -> int:
         without=arguments.without,
         inside=arguments.inside,
         patella=not arguments.without_patella,
-        at=read_pairs("--at", arguments.at),
+        at=arguments.at,
     )
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import copy
 from collections.abc import Sequence
 from typing import Any
 
 from kneejax.cli._deliver import deliver
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import ImportStl
 from kneejax.files import (
     InputProblem,
     MeshImport,
@@ -22,7 +22,7 @@ from kneejax.report.look import Table
 
 _SIDES = {"r": "right", "l": "left"}
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
@@ -71,7 +71,7 @@ def _replaced(knee, found: MeshImport) -> dict[str, Any]:
     return document
 
 
-def _contacts_only(arguments: argparse.Namespace, found: MeshImport) -> dict[str, Any]:
+def _contacts_only(arguments: ImportStl, found: MeshImport) -> dict[str, Any]:
     files = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
     pose = {
         "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,

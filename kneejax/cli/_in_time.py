@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,47 +10,25 @@ import numpy as np
 
 from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import check_within, given, read_loads, read_pairs, refused
+from kneejax.cli._given import read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli._recorded import check_free, fit_dampers, read_recorded
+from kneejax.cli._recorded import fit_dampers, read_recorded
+from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.experiments import MOST_ERROR_MM, lab_tests, leg_of_person, transient
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS
-from kneejax.inference.transients import DAMPING
-from kneejax.mechanics import RANGES, Knee, Range
+from kneejax.mechanics import Knee
 from kneejax.numerics import WrongValue
 from kneejax.report import transient_answer
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
 _OTHER_FLEXION = 30.0
 _MOST_TIMES = 20_000
-_SIZES = {
-    "duration_s": Range(1e-4, 120.0, "s"),
-    "every_ms": Range(1e-3, 1e3, "ms"),
-    "ramp_s": Range(0.0, 60.0, "s"),
-    **{
-        name: RANGES[name]
-        for name in (*DAMPING, "error_mm", "body_kg", "height_m", "ankle_kg", "femur_deg")
-    },
-}
-#: Of a test by load that nobody can ask for through time.
-_NOT_IN_TIME = (
-    "displacement_mm",
-    "rotation_deg",
-    "hold",
-    "both",
-    "counted_from",
-    "steps",
-    "branches",
-)
 
-
-def run_in_time(arguments: argparse.Namespace) -> int:
+def run_in_time(arguments: Simulate) -> int:
     """Move a knee through time, with dampers from a record where one is given."""
     name = arguments.experiment
-    _check(arguments)
-    check_in_time(arguments)
     flexion = _flexion(arguments)
     load_s, sizes, led = _loads(arguments, flexion)
     times = _times(arguments, load_s)
@@ -75,7 +52,7 @@ def run_in_time(arguments: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def moving_on_terminal(
-    arguments: argparse.Namespace, moving: MovingKnee, times: np.ndarray
+    arguments: Simulate, moving: MovingKnee, times: np.ndarray
 ) -> Iterator[dict[str, Any]]:
     """Options of a motion: how exact, and a line on the terminal, where steps stand for the time.
 
@@ -93,34 +70,7 @@ def moving_on_terminal(
             raise refused("simulate", problem) from None
 
 
-def check_in_time(arguments: argparse.Namespace) -> None:
-    """Refuse sizes that nothing has, and options of tests that nobody asks for through time."""
-    name = arguments.experiment
-    for option in _NOT_IN_TIME:
-        if given(arguments, option):
-            raise InputProblem("simulate", f"--{option}", name, "a test without --dynamic with it")
-    check_free(arguments)
-    if name == "leg-raise" and arguments.recorded is not None:
-        raise InputProblem("simulate", "--recorded", name, "settle, drop or a test under load")
-    for option, allowed in _SIZES.items():
-        value = getattr(arguments, option)
-        if value is not None:
-            check_within(f"--{option}", option, [value], allowed)
-
-
-def _check(arguments: argparse.Namespace) -> None:
-    name = arguments.experiment
-    if name in ("envelope", "passive-flexion"):
-        raise InputProblem("simulate", "--dynamic", name, "one test under load with it")
-    if arguments.loads is not None and name != "load":
-        raise InputProblem("simulate", "--loads", name, "load --dynamic with it")
-    if name in _FLEXION and name != "lachman":
-        for option in ("force_N", "moment_Nm", "ramp_s"):
-            if getattr(arguments, option) is not None:
-                raise InputProblem("simulate", f"--{option}", name, "a test under load with it")
-
-
-def _flexion(arguments: argparse.Namespace) -> float:
+def _flexion(arguments: Simulate) -> float:
     name = arguments.experiment
     if arguments.flexion is None:
         return _FLEXION.get(name, _OTHER_FLEXION)
@@ -130,7 +80,7 @@ def _flexion(arguments: argparse.Namespace) -> float:
     return float(angles[0])
 
 
-def _loads(arguments: argparse.Namespace, flexion: float):
+def _loads(arguments: Simulate, flexion: float):
     """Times, sizes of loads at these, and coordinates that are led."""
     name = arguments.experiment
     constant = {k: v for k, v in read_loads(arguments.load).items() if v}
@@ -153,8 +103,6 @@ def _loads(arguments: argparse.Namespace, flexion: float):
         except WrongValue as problem:
             raise refused("simulate --dynamic", problem) from None
         full = dict(test.full)
-    elif not full:
-        raise InputProblem("simulate", "--load", "load", "loads as NAME=SIZE, or --loads FILE.csv")
     ramp = 0.1 if arguments.ramp_s is None else arguments.ramp_s
     load_s = np.array([0.0, max(ramp, 1e-9)])
     sizes = {k: v * np.array([0.0, 1.0]) for k, v in full.items()}
@@ -162,35 +110,34 @@ def _loads(arguments: argparse.Namespace, flexion: float):
     return load_s, {**sizes, **rest}, {}
 
 
-def _times(arguments: argparse.Namespace, load_s: np.ndarray) -> np.ndarray:
+def _times(arguments: Simulate, load_s: np.ndarray) -> np.ndarray:
     first = load_s[0] if arguments.loads is not None else 0.0
     usual = 2.0 if arguments.experiment == "settle" else 1.0
     usual = load_s[-1] - first if arguments.loads is not None else usual
     return first + times_of(arguments, usual, 1.0)
 
 
-def times_of(arguments: argparse.Namespace, duration_s: float, every_ms: float) -> np.ndarray:
+def times_of(arguments: Simulate, duration_s: float, every_ms: float) -> np.ndarray:
     """Rows of the tables, s, of what was asked for or else of these."""
     duration = duration_s if arguments.duration_s is None else arguments.duration_s
     every = every_ms if arguments.every_ms is None else arguments.every_ms
     count = round(duration / (1e-3 * every))
     if not 1 <= count <= _MOST_TIMES:
         expected = f"1 to {_MOST_TIMES} rows in {duration:g} s"
-        raise InputProblem("--every_ms", "every_ms", f"{every:g}", expected)
+        raise InputProblem("--every-ms", "every_ms", f"{every:g}", expected)
     return np.linspace(0.0, duration, count + 1)
 
 
-def _offset(arguments: argparse.Namespace) -> Mapping[str, float]:
-    given = read_pairs("--from", arguments.offset)
-    for column in given:
+def _offset(arguments: Simulate) -> Mapping[str, float]:
+    for column in arguments.offset:
         if column not in COLUMNS:
             expected = f"one of {', '.join(COLUMNS)}"
             raise InputProblem("--from", "name", column, expected, COLUMNS)
     usual = {"anterior_mm": 3.0} if arguments.experiment == "settle" else {}
-    return given or usual
+    return arguments.offset or usual
 
 
-def moving_knee(arguments: argparse.Namespace, knee: Knee) -> MovingKnee:
+def moving_knee(arguments: Simulate, knee: Knee) -> MovingKnee:
     """With the mass of a person's leg, gravity where a thigh has an attitude, and damping."""
     leg = leg_of_person(
         75.0 if arguments.body_kg is None else arguments.body_kg,

@@ -1,32 +1,40 @@
-"""`kneejax knees`."""
+"""`kneejax knees` lists and copies what is bundled; `kneejax init` writes a file to begin with."""
 
 from __future__ import annotations
 
-import argparse
 import shutil
 import textwrap
 from pathlib import Path
 
+from kneejax.cli.options import Init, Knees
 from kneejax.files import (
     InputProblem,
     absent_measurement,
     bundled_examples,
+    bundled_files,
     bundled_knee_descriptions,
-    bundled_knees,
     bundled_laxity_sources,
     bundled_measurements,
     bundled_path,
     bundled_studies,
+    write_text,
 )
 
+#: What to do with the new file.
+_NEXT = {
+    "study": "kneejax calibrate {}",
+    "knee": "kneejax describe {}",
+    "cohort": "kneejax calibrate {}",
+    "plan": "kneejax plan acl {}",
+}
 _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Knees) -> int:
     """Print what is bundled, with its source, or copy some of it."""
-    if arguments.copy is not None:
-        return _copy(arguments.copy)
+    if arguments.copy_of is not None:
+        return _copy(arguments.copy_of)
     print("Knees")
     for name, description in bundled_knee_descriptions().items():
         print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))
@@ -54,19 +62,39 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _copy(name: str) -> int:
-    """Copy an example's folder, or a knee file, to where the command was called."""
-    known = {one: example.path for one, example in bundled_examples().items()} | bundled_knees()
+    """Copy something bundled, with the tables that it names, to where the command was called."""
+    known = {one: example.path for one, example in bundled_examples().items()}
+    for kind in ("knees", "studies", "plans", "measurements"):
+        files = bundled_files(kind)
+        known = {**files, **known, **{f"{kind}/{one}": path for one, path in files.items()}}
     if name not in known:
         expected = f"one of {', '.join(known)}"
         raise InputProblem("knees", "--copy", name, expected, known)
-    source, target = known[name], Path(known[name].name)
-    if target.exists():
-        raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+    source, folder = known[name], known[name].parent
     if source.is_dir():
-        shutil.copytree(source, target)
-        files = sorted(one.relative_to(target).as_posix() for one in target.rglob("*.*"))
-        print(f"written: {target}/{', '.join(files)}")
+        found = {one: one.relative_to(folder) for one in sorted(source.rglob("*.*"))}
     else:
-        shutil.copyfile(source, target)
-        print(f"written: {target}")
+        # A study's tables are called as it is; a table of measurements has its source beside it.
+        beside = [*folder.glob(f"{source.stem}.*"), *folder.glob(f"{source.stem}_*.csv")]
+        found = {one: Path(one.name) for one in sorted(beside)}
+    for target in {Path(one.parts[0]) for one in found.values()}:
+        if target.exists():
+            raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+    for one, target in found.items():
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(one, target)
+    print(f"written: {', '.join(one.as_posix() for one in found.values())}")
+    return 0
+
+
+def begin(asked: Init) -> int:
+    """Write the file, which runs as it is, and print what to do with it."""
+    out = asked.out or Path(f"{asked.kind}.yaml")
+    if out.exists():
+        raise InputProblem("init", "--out", str(out), "a file that is not there yet")
+    text = bundled_path("templates", asked.kind).read_text(encoding="utf-8")
+    if asked.kind == "knee":
+        text += bundled_path("knees", "four_ligament").read_text(encoding="utf-8")
+    write_text(out, text)
+    print(f"written: {out}\nnext: {_NEXT[asked.kind].format(out)}")
     return 0

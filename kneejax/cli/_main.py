@@ -1,31 +1,36 @@
-"""Running a command: float64, the compilation cache, and errors in one line."""
+"""Running a command: float64, the compilation cache, and errors in one line each."""
 
 from __future__ import annotations
 
-import argparse
 import contextlib
+import functools
 import os
 import sys
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from pathlib import Path
 
-from kneejax.cli._commands import build_parser
-from kneejax.cli._parser import BAD_INPUT
-from kneejax.cli._printed import Printed, open_standard_streams
-from kneejax.cli._stopped import STOPPED, stopped_at_once
+from kneejax.cli._command import Command, Written
+from kneejax.cli._line import CommandLine
+from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
+from kneejax.cli.options import ABOVE, COMMANDS, Completion, ExportOsim, Init, Knees, Rerun
 from kneejax.files import InputProblem
 
-DONE, DOUBTFUL = 0, 1
+DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
 #: Commands that compute nothing themselves. All others begin with JAX: seconds of imports.
-_WITHOUT_JAX = ("knees", "completion", "rerun")
+_WITHOUT_JAX = (Knees, Init, Completion, Rerun)
 #: Variables that say on what JAX computes.
 _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
-#: Commands that write a file elsewhere, or let another command write.
-_WITHOUT_SETTINGS = ("export", "rerun")
 
 
-def main(arguments: list[str] | None, begun: float) -> int:
+@functools.cache
+def line() -> CommandLine:
+    """The command line of kneejax."""
+    return CommandLine(COMMANDS, ABOVE)
+
+
+def main(arguments: Sequence[str] | None, begun: float) -> int:
     """Run the `kneejax` command.
 
     Args:
@@ -36,27 +41,20 @@ def main(arguments: list[str] | None, begun: float) -> int:
         Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
         input, nothing written.
     """
-    readable = open_standard_streams()
+    readable, writes = open_standard_streams(), False
     with contextlib.redirect_stdout(Printed(sys.stdout)) as printed:
         try:
             with stopped_at_once():
-                chosen = _parsed(arguments)
-            writes = hasattr(chosen, "out")
+                asked = line().read(sys.argv[1:] if arguments is None else arguments)
+            writes = hasattr(asked, "out")
             if not readable and not writes:
                 raise InputProblem("stdout", "stream", "closed", "a place to print to")
-            _prepare(chosen)
-            chosen.imports_s = time.perf_counter() - begun
-            with _doubts_in_words():
-                status = _run(chosen)
+            status = DONE if asked is None else carry_out(asked, begun)
             printed.flush()
-        except SystemExit:
-            printed.flush()
-            raise
         except ValueError as problem:
             if not _says_what_to_mend(problem):
                 raise
-            several = getattr(problem, "problems", (problem,))
-            return max(_refused(str(one)) for one in several)
+            return _refused(*map(str, getattr(problem, "problems", (problem,))))
         except BrokenPipeError:
             printed.flush()
             return DOUBTFUL if writes else DONE
@@ -71,20 +69,49 @@ def main(arguments: list[str] | None, begun: float) -> int:
     return status if writes else BAD_INPUT
 
 
-def _parsed(arguments: list[str] | None) -> argparse.Namespace:
-    """What was asked for; ends the process where that is not a command."""
-    parser = build_parser()
-    chosen, unknown = parser.parse_known_args(arguments)
-    if unknown:
-        chosen.parser.refuse(unknown)
-    if chosen.command is None:
-        parser.print_help()
-        raise SystemExit(DONE)
-    return chosen
+def carry_out(asked: Command, begun: float | None = None) -> int:
+    """Run a command that was read; the results of one that writes replace an earlier run's.
+
+    Args:
+        asked: the command.
+        begun: when the process began, by `time.perf_counter`.
+
+    Returns:
+        Exit status.
+    """
+    begun = time.perf_counter() if begun is None else begun
+    with stopped_at_once():
+        if (out := getattr(asked, "out", None)) is not None:
+            from kneejax.cli._out import try_out
+
+            try_out(out, folder=not isinstance(asked, ExportOsim | Init))
+        asked.check_inputs(Path())
+        if not isinstance(asked, _WITHOUT_JAX):
+            prepare_jax()
+            asked.check_ranges()
+        asked.import_body()
+    with _doubts_in_words():
+        if not isinstance(asked, Written):
+            return asked.run()
+        from kneejax.cli._results_folder import ResultsFolder
+        from kneejax.cli._settings import asked_for, with_versions
+        from kneejax.numerics import counted_programs
+
+        settings = asked_for(asked)
+        results = asked.begin(ResultsFolder(asked.out), time.perf_counter() - begun)
+        with results.gathered(vars(asked), asked.resumes()), counted_programs() as programs:
+            status = asked.run()
+            if status != BAD_INPUT:
+                results.add_to_result("programs", programs.summary())
+                results.commit(with_versions(settings))
+        if asked.verbose:
+            print(programs.sentence(), file=sys.stderr)
+        return status
 
 
-def _refused(sentence: str) -> int:
-    print(f"kneejax: {' '.join(sentence.split())}", file=sys.stderr)
+def _refused(*sentences: str) -> int:
+    for sentence in sentences:
+        print(f"kneejax: {' '.join(sentence.split())}", file=sys.stderr)
     return BAD_INPUT
 
 
@@ -114,38 +141,6 @@ def _doubts_in_words() -> Iterator[None]:
         warnings.showwarning = usual
 
 
-def _run(chosen: argparse.Namespace) -> int:
-    """Run a command; its results take the place of an earlier run's when it has ended."""
-    if not hasattr(chosen, "out") or chosen.command in _WITHOUT_SETTINGS:
-        return chosen.run(chosen)
-    from kneejax.cli._results_folder import ResultsFolder
-    from kneejax.cli._settings import asked_for, with_versions
-    from kneejax.numerics import counted_programs
-
-    settings = asked_for(chosen)  # before the command fills in what it was not told
-    chosen.results = ResultsFolder(chosen.out)
-    with chosen.results.gathered(chosen), counted_programs() as programs:
-        status = chosen.run(chosen)
-        if status != BAD_INPUT:
-            chosen.results.add_to_result("programs", programs.summary())
-            chosen.results.commit(with_versions(settings))
-    if getattr(chosen, "verbose", False):
-        print(programs.sentence(), file=sys.stderr)
-    return status
-
-
-def _prepare(chosen: argparse.Namespace) -> None:
-    """What comes before a command: a place for its results, and JAX."""
-    if getattr(chosen, "out", None) is not None:
-        from kneejax.cli._out import try_out
-
-        try_out(chosen.out, folder=chosen.command != "export")
-    with stopped_at_once():
-        if chosen.command not in _WITHOUT_JAX:
-            _prepare_jax()
-        chosen.run.load()
-
-
 def _says_what_to_mend(problem: ValueError) -> bool:
     """Whether it is about what a person gave; anything else is a fault of the package."""
     if isinstance(problem, InputProblem):
@@ -157,7 +152,7 @@ def _says_what_to_mend(problem: ValueError) -> bool:
     return isinstance(problem, UnknownParameter | UnsuitableData | Implausible | MissingPackage)
 
 
-def _prepare_jax() -> None:
+def prepare_jax() -> None:
     """Float64, and the compilation cache; JAX is imported.
 
     XLA tells whoever develops it how long it compiled ("Very slow compile"): a command says itself

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib.metadata
 import json
-import re
 from pathlib import Path
 
 from kneejax import studies
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Map
 from kneejax.files import (
     Checkpoints,
-    InputProblem,
     bundled_studies,
     read_calibrated,
     write_netcdf,
@@ -27,16 +25,15 @@ from kneejax.numerics import check_installed
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Map) -> int:
     """Compute maps of the objective, write them, draw them."""
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    ranges = read_numbers("--range", read_texts("--range", arguments.ranges), "NAME=LOW:HIGH", (2,))
     with said_of_options(studies.Map):
         question = studies.Map(
-            pair=arguments.pair, all_pairs=arguments.all_pairs, grid=_grid(arguments.grid),
-            range=ranges,
+            pair=arguments.pair, all_pairs=arguments.all_pairs, grid=arguments.grid,
+            range=arguments.ranges,
         )  # fmt: skip
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
@@ -80,10 +77,3 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
     study = studies.read_study(path.text())
     fitted = found.of_structures(study.knee).found
     return study.replace(start=fitted), "fit"
-
-
-def _grid(text: str) -> tuple[int, int]:
-    if not re.fullmatch(r"[0-9]{1,6}(x[0-9]{1,6})?", text.lower()):
-        raise InputProblem("--grid", "points", text, "points a side, as in 41 or 41x61")
-    sides = [int(word) for word in text.lower().split("x")]
-    return sides[0], sides[-1]

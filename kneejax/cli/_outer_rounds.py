@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from typing import Any
 
 import numpy as np
 
 from kneejax._whole_files import writing_place
+from kneejax.cli import options
 from kneejax.experiments import Round, activity, weights
 from kneejax.files import (
     InputProblem,
@@ -21,57 +21,30 @@ from kneejax.files import (
     whole_body,
     write_bytes,
 )
-from kneejax.files.reading import plain_number
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 
-_MOST_ROUNDS = 20
 
-
-def movement_of(arguments: argparse.Namespace) -> WholeBody | None:
+def movement_of(arguments: options.Activity) -> WholeBody | None:
     """The movement that OpenSim is to be asked about, checked; None where tables are given.
 
     Args:
         arguments: of the command.
 
     Raises:
-        InputProblem: options that do not go together, or a movement that does not fit the model.
+        InputProblem: a movement that does not fit the model.
     """
-    asked = {"--grf": arguments.grf, "--actuators": arguments.actuators,
-             "--time_s": arguments.time_s, "--rounds": arguments.rounds}  # fmt: skip
     if arguments.motion is None:
-        for option, value in asked.items():
-            if value:
-                expected = "--motion beside it: coordinates that OpenSim computes forces for"
-                raise InputProblem(option, "options", option, expected)
-        if not arguments.files:
-            expected = "OpenSim's tables, or --motion and --grf for OpenSim to make them"
-            raise InputProblem("FILES", "files", "none", expected)
         return None
-    if arguments.files:
-        expected = "one of both: with --motion OpenSim makes the other tables itself"
-        raise InputProblem("--motion", "options", "--motion and FILES", expected)
-    if not 0 <= arguments.rounds <= _MOST_ROUNDS:
-        raise InputProblem("--rounds", "rounds", arguments.rounds, f"0 to {_MOST_ROUNDS}")
     return whole_body(
         arguments.model, arguments.motion, arguments.grf, side=arguments.side,
         actuators=arguments.actuators, instants=arguments.instants,
-        time_s=_time(arguments.time_s), femur=arguments.femur, tibia=arguments.tibia,
+        time_s=arguments.time_s, femur=arguments.femur, tibia=arguments.tibia,
     )  # fmt: skip
 
 
-def _time(word: str | None) -> tuple[float, float] | None:
-    """Begin and end, s, as two numbers with a colon between."""
-    if word is None:
-        return None
-    stated = [plain_number(part) for part in word.split(":")]
-    if len(stated) != 2 or stated[0] is None or stated[1] is None:
-        raise InputProblem("--time_s", "time", word, "BEGIN:END, two numbers of seconds")
-    return stated[0], stated[1]
-
-
 def asked_of_opensim(
-    arguments: argparse.Namespace,
+    arguments: options.Activity,
     body: WholeBody,
     knee: Knee,
     document: dict[str, Any],

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 import importlib.metadata
 import json
@@ -12,6 +11,7 @@ import numpy as np
 from kneejax import planning, studies
 from kneejax.cli._deliver import deliver
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import PlanAcl
 from kneejax.files import (
     InputProblem,
     reconstructed,
@@ -23,21 +23,17 @@ from kneejax.files import (
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
 
-_MOST_POINTS = 401
 _MAP_PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COMMENT = """A computation on a model: {}
 Nothing here supports a decision about a patient."""
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: PlanAcl) -> int:
     """Carry out a plan; print, write tables, maps and the report."""
     check_installed("dtaidistance", "planning")
     plan = studies.read_plan(arguments.plan)
-    points = arguments.points
-    if points is not None:
-        if points != 0 and not 3 <= points <= _MOST_POINTS:
-            raise InputProblem("--points", "points", points, f"0, or 3 to {_MOST_POINTS}")
-        plan = dataclasses.replace(plan, map_points=points)
+    if arguments.points is not None:
+        plan = dataclasses.replace(plan, map_points=arguments.points)
     if arguments.front and not plan.population:
         if not plan.free:
             raise InputProblem(plan.file, "optimum", False, "what is free, for a front to be found")
@@ -64,7 +60,7 @@ def run(arguments: argparse.Namespace) -> int:
     return deliver(plan_answer(result), arguments, written, result.seconds)
 
 
-def _write_knees(arguments: argparse.Namespace, result: planning.PlanResult) -> list[str]:
+def _write_knees(arguments: PlanAcl, result: planning.PlanResult) -> list[str]:
     """The reconstructed knees as knee files, which every command takes."""
     plan, one = result.plan, result.plan.surgery.plan
     known = {"planned": result.planned}

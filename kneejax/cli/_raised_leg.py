@@ -2,34 +2,26 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._deliver import deliver
 from kneejax.cli._in_time import (
-    check_in_time,
     moving_knee,
     moving_on_terminal,
     times_of,
 )
+from kneejax.cli.options import Simulate
 from kneejax.experiments import raised_leg
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.report import raised_leg_answer
 
 _FLEXION, _DURATION_S, _EVERY_MS = "0:90:5", 20.0, 100.0
 _LENGTH = "quadriceps_mm"
-_NOT_RAISED = ("load", "ramp_s", "offset", "force_N", "moment_Nm")
 
 
-def run_raised_leg(arguments: argparse.Namespace) -> int:
+def run_raised_leg(arguments: Simulate) -> int:
     """Raise the leg, and compare it with one that is held at each flexion."""
-    for option in _NOT_RAISED:
-        if getattr(arguments, option) not in (None, []):
-            word = {"offset": "from"}.get(option, option)
-            raise InputProblem("simulate", f"--{word}", "leg-raise", "a test under load with it")
-    check_in_time(arguments)
     flexion = np.sort(parse_flexion(arguments.flexion or _FLEXION))[::-1]
     if len(flexion) < 4:
         expected = "four angles at least, at which the leg is also held, as 0:90:5"
@@ -44,7 +36,7 @@ def run_raised_leg(arguments: argparse.Namespace) -> int:
     return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)
 
 
-def _lengths(arguments: argparse.Namespace) -> tuple[np.ndarray, np.ndarray] | None:
+def _lengths(arguments: Simulate) -> tuple[np.ndarray, np.ndarray] | None:
     """Times, from 0 on, and lengths of the quadriceps, of a file."""
     if arguments.loads is None:
         return None

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-import argparse
 from typing import Any
 
 from kneejax.cli._given import refused
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee
 from kneejax.experiments import MOST_ERROR_MM, beginning
 from kneejax.files import InputProblem, read_loads_over_time
 from kneejax.geometry import COLUMNS
-from kneejax.inference.transients import DAMPING, FittedTransient, Recorded, fit_transient
+from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
 from kneejax.numerics import WrongValue
 
 
-def check_free(arguments: argparse.Namespace) -> None:
-    """Refuse dampers that are none, and a record without any, or the other way about."""
-    for name in arguments.free:
-        if name not in DAMPING:
-            raise InputProblem("--free", "name", name, f"one of {', '.join(DAMPING)}", DAMPING)
-    if arguments.free and arguments.recorded is None:
-        raise InputProblem("simulate", "--free", arguments.free[0], "--recorded FILE.csv with it")
-    if arguments.recorded is not None and not arguments.free:
-        expected = f"--free with one of {', '.join(DAMPING)}"
-        raise InputProblem("simulate", "--recorded", str(arguments.recorded), expected)
-
-
-def read_recorded(arguments: argparse.Namespace, start_s: float) -> Recorded | None:
+def read_recorded(arguments: Simulate, start_s: float) -> Recorded | None:
     """The record, which begins with the motion; None where none was asked for.
 
     Raises:
@@ -48,7 +36,7 @@ def read_recorded(arguments: argparse.Namespace, start_s: float) -> Recorded | N
 
 
 def fit_dampers(
-    arguments: argparse.Namespace,
+    arguments: Simulate,
     moving: MovingKnee,
     recorded: Recorded,
     flexion_deg: float,

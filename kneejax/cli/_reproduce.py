@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import argparse
 import importlib
 
-from kneejax.files import InputProblem
+from kneejax.cli.options import Reproduce
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: Reproduce) -> int:
     """Reproduce one of papers 1 to 5.
 
     A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
@@ -16,11 +15,7 @@ def run(arguments: argparse.Namespace) -> int:
     """
     given = {name: getattr(arguments, name) for name in ("knee", "patella")}
     options = {name: value for name, value in given.items() if value}
-    if arguments.paper != "1":
-        for name, value in options.items():
-            expected = "none of it: paper 1 alone takes one"
-            raise InputProblem(f"--{name}", "option", value, expected)
-    # Mistakes above are said before anything that computes is imported.
+    # A wrong option is answered before anything that computes is imported.
     from kneejax.cli._progress import stages_on_terminal
     from kneejax.papers.claims import summary, write
 

@@ -8,7 +8,6 @@ says what is left to do, and the next command does it.
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import os
 import shutil
@@ -32,9 +31,10 @@ from kneejax._whole_files import (
     with_checksum,
     write_whole,
 )
-from kneejax.cli._settings import FILE, WRITTEN
 from kneejax.files import InputProblem
 
+#: The file of a run's settings, and its field of what was written: file -> checksum.
+FILE, WRITTEN = "settings.json", "written"
 #: Folder of a cohort's knees; in a knee's folder: which task wrote it, its draws, and their folder.
 KNEES, MARK, DRAWS = "knees", "task.json", "bootstrap"
 RESULT = "result.json"
@@ -62,16 +62,17 @@ class ResultsFolder:
         self.holds: list[str] = []
 
     @contextlib.contextmanager
-    def gathered(self, chosen: argparse.Namespace) -> Iterator[None]:
+    def gathered(self, given: Mapping[str, Any], resumes: bool = False) -> Iterator[None]:
         """Gather what is written into the folder meanwhile; it is lost where an error ends it.
 
         Args:
-            chosen: of the command.
+            given: options of the command, some of which may be files in the folder.
+            resumes: whether it goes on with what an earlier run has finished.
 
         Raises:
             InputProblem: the folder's settings.json is damaged, and what it lists unknown.
         """
-        self._set_aside(chosen)
+        self._set_aside(given, resumes)
         try:
             with gathering(self.out, self._draft, self._object_to):
                 yield
@@ -148,22 +149,22 @@ class ResultsFolder:
             expected = f"another folder than that of {name}, which this run reads and would replace"
             raise InputProblem("--out", "folder", os.fspath(self.out), expected)
 
-    def _set_aside(self, chosen: argparse.Namespace) -> None:
+    def _set_aside(self, options: Mapping[str, Any], resumes: bool) -> None:
         """Move away what a run left whose list of files is damaged, or that made none."""
         if not (self.out / FILE).is_file() or _listed(self.out / FILE) is not None:
             return
         # Parts that can be gone on with say themselves what they are.
         from kneejax.files.results import CLAIM, PARTS
 
-        stays = (KNEES, PARTS, CLAIM) if _resumes(chosen) else ()
+        stays = (KNEES, PARTS, CLAIM) if resumes else ()
         moved = [
             path for path in self.out.iterdir()
             if path.name not in stays and not path.name.startswith((DRAFT, _ASIDE))
         ]  # fmt: skip
         home, given = Path(os.path.realpath(self.out)), [Path.cwd() / "x"]
-        for value in vars(chosen).values():
+        for value in options.values():
             for one in value if isinstance(value, list | tuple) else [value]:
-                if isinstance(one, str | Path) and one != chosen.out and os.path.exists(one):
+                if isinstance(one, str | Path) and one != self.out and os.path.exists(one):
                     given.append(Path(os.path.realpath(one)))
         if any(home in one.parents for one in given):
             expected = "a list of the files of the run before; choose another folder, or delete it"
@@ -260,16 +261,6 @@ def read_mark(folder: Path) -> dict[str, Any] | None:
     except OSError:
         return None
     return mark if same else None
-
-
-def _resumes(chosen: argparse.Namespace) -> bool:
-    """Whether a command goes on with what an earlier one has finished."""
-    if chosen.command == "calibrate":
-        from kneejax.cohorts import is_cohort
-
-        with contextlib.suppress(InputProblem):
-            return is_cohort(chosen.study)
-    return chosen.command == "map"
 
 
 def _listed(path: Path) -> dict[str, str] | None:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import argparse
-
 from kneejax import studies
+from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.studies import Sensitivity
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.Sensitivity) -> int:
     """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
     if arguments.knees:
         from kneejax.cli import _sensitivity_knees
@@ -26,33 +25,22 @@ def run(arguments: argparse.Namespace) -> int:
 
     names = {"sweep": "sweep", "scale": "scale", "prior": "prior", "global": "indices",
              "samples": "samples", "range": "ranges", "seed": "seed"}  # fmt: skip
-    options = {name: getattr(arguments, field) for name, field in names.items()}
-    return deliver(sensitivity_answer(found, options), arguments, seconds=found.seconds)
+    asked = {name: getattr(arguments, field) for name, field in names.items()}
+    return deliver(sensitivity_answer(found, asked), arguments, seconds=found.seconds)
 
 
-def _question(arguments: argparse.Namespace) -> Sensitivity:
-    swept, priors, ranges = (
-        read_texts(option, words)
-        for option, words in (
-            ("--sweep", arguments.sweep),
-            ("--prior", arguments.prior),
-            ("--range", arguments.ranges),
-        )
-    )
-    stated = {name: text for name, text in swept.items() if text}
-    values = read_numbers("--sweep", stated, "NAME=LOW:HIGH:COUNT", (2, 3))
+def _question(arguments: options.Sensitivity) -> Sensitivity:
     # A count is a whole number; what is none is refused as it was given.
     lines = {
-        name: (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-        for name, ends in values.items()
+        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+        for name, ends in arguments.sweep.items()
     }
-    widths = read_numbers("--prior", priors, "NAME=SD", (1,))
     return Sensitivity(
-        sweep={name: lines.get(name) for name in swept},
+        sweep=lines,
         scale=arguments.scale,
-        prior={name: width for name, (width,) in widths.items()},
+        prior=arguments.prior,
         indices=arguments.indices,
         samples=arguments.samples,
-        range=read_numbers("--range", ranges, "NAME=LOW:HIGH", (2,)),
+        range=arguments.ranges,
         seed=arguments.seed,
     )

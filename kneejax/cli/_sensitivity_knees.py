@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 
+from kneejax.cli import options
 from kneejax.cli._progress import balances_on_terminal
 from kneejax.files import InputProblem, load_knee, write_rows, write_text
 from kneejax.mechanics import Knee
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.Sensitivity) -> int:
     """Change one ligament at a time in each knee, print scores, write tables and figures."""
-    _check_used(arguments)
     knees, out = _loaded(arguments.knees), arguments.out
     from kneejax.papers import knee_comparison_report as shown
     from kneejax.papers.knee_comparison import compare_knees
@@ -32,21 +31,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(shown.comparison_summary(found))
     print(f"written: {out}/{', '.join([*tables, 'result.json'])}, settings.json, figures/")
     return 1 if found.doubts else 0
-
-
-def _check_used(arguments: argparse.Namespace) -> None:
-    """Options of the other studies mean nothing here, and are not ignored silently."""
-    others = {
-        "--sweep": arguments.sweep,
-        "--prior": arguments.prior,
-        "--range": arguments.ranges,
-        "--global": arguments.indices,
-        "--samples": arguments.samples,
-    }
-    for option, given in others.items():
-        if given not in ([], None):
-            value = given[0] if isinstance(given, list) else given
-            raise InputProblem(option, "option", value, "none of it beside --knees")
 
 
 def _loaded(names: list[str]) -> dict[str, Knee]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import numpy as np
 
 from kneejax import report
 from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli.options import View
 from kneejax.experiments import evaluate
 from kneejax.files import (
     InputProblem,
@@ -29,7 +29,7 @@ from kneejax.statics import Status
 _FARTHEST_MM = 50.0
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: View) -> int:
     """Draw a knee in space and the pressure on its plateaux; print what was written."""
     knee, state = _knee_and_state(arguments)
     out, count = arguments.out, state.shape[0]
@@ -63,7 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     return max(status, int((found != Status.BALANCED).any()))
 
 
-def _knee_and_state(arguments: argparse.Namespace) -> tuple[Knee, State]:
+def _knee_and_state(arguments: View) -> tuple[Knee, State]:
     """The knee, with its patella where that was asked for or the table says where it is."""
     path = arguments.poses
     patella = arguments.patella or arguments.patella_bone is not None

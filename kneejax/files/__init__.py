@@ -11,6 +11,7 @@ _MODULES = {
     "Measurement": "kneejax.files._bundled",
     "absent_measurement": "kneejax.files._bundled",
     "bundled_examples": "kneejax.files._bundled",
+    "bundled_files": "kneejax.files._bundled",
     "bundled_knee_descriptions": "kneejax.files._bundled",
     "bundled_knees": "kneejax.files._bundled",
     "bundled_laxity_sources": "kneejax.files._bundled",
@@ -101,6 +102,7 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import Measurement as Measurement
     from kneejax.files._bundled import absent_measurement as absent_measurement
     from kneejax.files._bundled import bundled_examples as bundled_examples
+    from kneejax.files._bundled import bundled_files as bundled_files
     from kneejax.files._bundled import bundled_knee_descriptions as bundled_knee_descriptions
     from kneejax.files._bundled import bundled_knees as bundled_knees
     from kneejax.files._bundled import bundled_laxity_sources as bundled_laxity_sources

@@ -16,6 +16,7 @@ _ENDINGS = {
     "measurements": ".csv",
     "plans": ".yaml",
     "studies": ".yaml",
+    "templates": ".yaml",
 }
 _ONE = {"knees": "knee", "plans": "plan", "studies": "study"}
 
@@ -48,7 +49,8 @@ def bundled_path(kind: str, name: str) -> Path:
     """The file of something that comes with the package.
 
     Args:
-        kind: a folder of the bundled data: `knees`, `laxity`, `measurements` or `studies`.
+        kind: a folder of the bundled data: `knees`, `laxity`, `measurements`, `plans`, `studies` or
+            `templates`.
         name: of the file, with or without its ending.
 
     Returns:

@@ -51,7 +51,7 @@ def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np
     Example:
         >>> from kneejax.mechanics import Range
         >>> lengths = Range(-20.0, 60.0, "mm")
-        >>> parse_range("0:-4:-2", "--quadriceps_mm", "lengths", lengths, "length").tolist()
+        >>> parse_range("0:-4:-2", "--quadriceps-mm", "lengths", lengths, "length").tolist()
         [0.0, -2.0, -4.0]
     """
     place = Field(file, field, text)

@@ -133,7 +133,7 @@ def counted_programs() -> Iterator[Programs]:
     try:
         yield programs
     finally:
-        _counting.remove(programs)
+        _counting[:] = [one for one in _counting if one is not programs]
 
 
 @functools.cache

@@ -68,7 +68,10 @@ BAD = {
         lambda t: ["simulate", "passive-flexon"],
         "did you mean passive-flexion?",
     ),
-    "too many words": (lambda t: ["calibrate", "paper1", "extra"], "unrecognized arguments: extra"),
+    "too many words": (
+        lambda t: ["calibrate", "paper1", "extra"],
+        "calibrate: argument: extra: expected no further argument",
+    ),
     "unknown knee": (lambda t: ["describe", "four_ligamnt"], "did you mean four_ligament?"),
     "unknown knee as a file": (
         lambda t: ["describe", str(t / "four_ligamnt.yaml")],
@@ -231,15 +234,21 @@ BAD = {
         lambda t: bad_table(t, POSES + "0,0,0,١٢,2,3\n"),
         "anterior_mm: ١٢: expected a number",
     ),
-    "no flexion": (lambda t: simulate(t, "--flexion", ""), "--flexion: expected a value"),
+    "no flexion": (
+        lambda t: simulate(t, "--flexion", ""),
+        "--flexion: empty: expected a value, not an empty text",
+    ),
     "an option of another experiment, given as 0": (
         lambda t: simulate(t, "--moment_Nm", "0"),
-        "--moment_Nm: passive-flexion: expected a test",
+        "--moment-Nm: passive-flexion: expected a test",
     ),
-    "nowhere": (lambda t: [*PASSIVE, "--out", ""], "--out: expected a value, not an empty text"),
+    "nowhere": (
+        lambda t: [*PASSIVE, "--out", ""],
+        "--out: empty: expected a value, not an empty text",
+    ),
     "an underscore in an option": (
         lambda t: ["simulate", "drawer", "--force_N", "1_00"],
-        "invalid float value: '1_00'",
+        "--force-N: 1_00: expected a number",
     ),
     "a slack length twice": (
         lambda t: simulate(t, "--set", "ACL.slack_length=20", "--set", "*.reference_strain=0.03"),
@@ -277,10 +286,7 @@ def test_the_knee_of_a_study_is_not_overwritten(name, tmp_path, unmeasured, caps
 @pytest.mark.parametrize("case", BAD)
 def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
     arguments, expected = BAD[case]
-    try:
-        status = main(arguments(tmp_path))
-    except SystemExit as stop:
-        status = stop.code
+    status = main(arguments(tmp_path))
     printed = capsys.readouterr()
     assert status == 2
     # A cohort's mistakes are counted in a line of their own.
@@ -291,8 +297,7 @@ def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
 
 
 def test_an_option_that_is_like_no_other_is_offered_none(capsys):
-    with pytest.raises(SystemExit):
-        main(["calibrate", "--colour", "blue"])
+    assert main(["calibrate", "--colour", "blue"]) == 2
     assert "did you mean" not in capsys.readouterr().err
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.cli import main
+from kneejax.cli.options import ImportOsim, JointFit
 from tests.files.meshes import meshed_knee as made
 
 MODELS = Path(__file__).parents[1] / "files" / "opensim" / "models"
@@ -14,10 +15,7 @@ HEADER = "flexion_deg,adduction_deg,internal_rotation_deg,anterior_mm,superior_m
 
 
 def refusal(words, capsys, out):
-    try:
-        status = main([str(word) for word in words])
-    except SystemExit as stop:
-        status = stop.code
+    status = main([str(word) for word in words])
     error = capsys.readouterr().err
     assert status == 2, error
     assert error.count("\n") == 1 and not out.exists()
@@ -71,10 +69,12 @@ def test_no_model_at_all(tmp_path, capsys):
         assert words in line
 
 
-def test_a_side_in_full_is_not_offered_another_options_choice(tmp_path, capsys):
+def test_a_side_is_given_by_its_letter_or_in_full(tmp_path, capsys):
     out = tmp_path / "out"
-    line = refusal(["import", "osim", RIGHT, "--side", "right", "--out", out], capsys, out)
-    assert "'r', 'l'" in line and "did you mean" not in line
+    line = refusal(["import", "osim", RIGHT, "--side", "both", "--out", out], capsys, out)
+    assert "expected one of r, l" in line and "did you mean" not in line
+    assert ImportOsim.read({"file": RIGHT, "side": "right"}).side == "r"
+    assert JointFit.read({"knee": "four_ligament", "side": "l"}).side == "left"
 
 
 def test_femur_and_tibia_that_changed_places_are_doubted(tmp_path, capsys):
@@ -162,7 +162,7 @@ def test_another_file_in_the_place_of_a_knee(meshes, tmp_path, capsys):
     ):
         for command in ("evaluate", "view"):
             assert words in refusal([command, knee, poses, "--out", out], capsys, out)
-    swapped = ["export", "osim", RIGHT, tmp_path / "knee.yaml", "--out", out]
+    swapped = ["export", "osim", RIGHT, tmp_path / "imported" / "knee.yaml", "--out", out]
     assert "kneejax import osim makes" in refusal(swapped, capsys, out)
 
 

@@ -1,6 +1,5 @@
 """What a command was asked for stands beside what it wrote, and is asked for again."""
 
-import argparse
 import json
 import os
 
@@ -8,7 +7,7 @@ import pytest
 
 from kneejax import __version__
 from kneejax.cli import main
-from kneejax.cli._commands import build_parser
+from kneejax.cli._main import line
 from kneejax.cli._settings import ADDED
 from kneejax.parameters import MEANING
 
@@ -43,21 +42,15 @@ def test_a_folder_says_what_was_asked_for(evaluated):
         "knee": "four_ligament",
         "poses": "poses.csv",
         "convention": "femoral",
+        "svg": False,
         "stiffness_of": "structure",
         "working_folder": os.fspath(evaluated.parent),
     }
 
 
 def test_no_option_is_called_as_what_is_added_to_the_options():
-    def names(parser):
-        for action in parser._actions:
-            if isinstance(action, argparse._SubParsersAction):
-                for one in action.choices.values():
-                    yield from names(one)
-            else:
-                yield next(iter(action.option_strings), action.dest).lstrip("-")
-
-    known = {*names(build_parser())}
+    models = line().commands.values()
+    known = {field.alias for model in models for field in model.model_fields.values()}
     assert "files" in known and not known & {*ADDED}
 
 
@@ -100,10 +93,7 @@ def test_what_cannot_run_again_is_said(spoil, said, evaluated, monkeypatch, caps
     spoil(evaluated)
     monkeypatch.setattr("kneejax.cli._evaluate.evaluate", lambda *_: pytest.fail("it computed"))
     out = evaluated.parent / "again"
-    try:
-        status = main(["rerun", str(evaluated), "--out", str(out)])
-    except SystemExit as ended:
-        status = ended.code
+    status = main(["rerun", str(evaluated), "--out", str(out)])
     error = capsys.readouterr().err
     assert status == 2 and said in error and error.count("\n") == 1
     assert not out.exists()

@@ -1,6 +1,5 @@
 """A folder of results holds one run: replaced whole, resumed where it can be, or refused."""
 
-import argparse
 import json
 import os
 import random
@@ -16,7 +15,7 @@ from kneejax.files.reading import read_text
 
 
 def chosen(out, **more):
-    return argparse.Namespace(**{"command": "evaluate", "study": None, "out": out} | more)
+    return {"study": None, "out": out} | more
 
 
 def run(out, files, **more):

@@ -1,10 +1,10 @@
 """What needs no knee is answered at once: help, versions, mistakes, places that take no files."""
 
-import argparse
 import importlib.metadata
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,35 +13,32 @@ import pytest
 
 from kneejax import __version__, geometry
 from kneejax.cli import main
-from kneejax.cli._commands import SHELLS, build_parser
-from kneejax.cli._parser import CONVENTIONS
-from kneejax.cli._settings import asked_for, words_again
+from kneejax.cli._command import Place, Written, is_given, marks
+from kneejax.cli._main import line
+from kneejax.cli._settings import asked_for, command_again
+from kneejax.cli._words import choices_of
+from kneejax.cli.options import ABOVE, Evaluate
 
 HEAVY = {
     "jax", "equinox", "optimistix", "numpy", "scipy", "matplotlib", "trimesh", "yaml", "tqdm",
-    "shtab",
 }  # fmt: skip
 
 
-def parsers(parser=None, words=()):
-    """Every command's words and parser; those that only hold further commands too."""
-    parser = build_parser() if parser is None else parser
-    yield words, parser
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            for name, below in action.choices.items():
-                yield from parsers(below, (*words, name))
+#: Words -> model, and those that only hold further commands.
+COMMANDS = {tuple(words.split()): model for words, model in line().commands.items()}
+EVERY = [*COMMANDS, *(tuple(words.split()) for words in ABOVE)]
+WITH_OUT = [words for words, model in COMMANDS.items() if "out" in model.model_fields]
+WITH_SETTINGS = [words for words, model in COMMANDS.items() if issubclass(model, Written)]
+SHELLS = ("bash", "zsh", "fish")
 
 
-COMMANDS = dict(parsers())
-#: These write a file, or let another command write.
-WITHOUT_SETTINGS = {("export", "osim"), ("rerun",)}
-WITH_OUT = [w for w, p in COMMANDS.items() if "--out" in p._option_string_actions]
-WITH_SETTINGS = [words for words in WITH_OUT if words not in WITHOUT_SETTINGS]
+def help_of(words, capsys):
+    assert main([*words, "--help"]) == 0
+    return capsys.readouterr().out
 
 
-def example(parser):
-    return parser.format_help().rstrip("\n").splitlines()[-1].strip()
+def example(words):
+    return COMMANDS[words].example if words in COMMANDS else ABOVE[" ".join(words)][2]
 
 
 @pytest.mark.parametrize(
@@ -54,9 +51,9 @@ def example(parser):
         ("--version", 0, set()),
         ("calibrat", 2, set()),
         ("calibrate --outt x", 2, set()),
-        ("calibrate --weigths x", 2, set()),
+        ("calibrate --weigths x", 2, {"numpy", "yaml"}),
         ("knees", 0, {"yaml"}),
-        ("completion fish", 0, {"shtab"}),
+        ("completion fish", 0, {"yaml"}),
         (f"calibrate --out {os.devnull}/x", 2, set()),
         (f"rerun {os.devnull}", 2, set()),
     ],
@@ -103,67 +100,75 @@ def test_the_module_runs_and_without_a_command_it_helps():
 
 
 def test_versions_are_those_that_are_installed(capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["--version"])
-    assert ended.value.code == 0
+    assert main(["--version"]) == 0
     first, second = capsys.readouterr().out.splitlines()
     assert first == f"kneejax {__version__}"
     for package in ("jax", "numpy", "optimistix"):
         assert f"{package} {importlib.metadata.version(package)}" in second
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_help_begins_with_a_sentence_and_ends_with_an_example(words):
-    parser = COMMANDS[words]
-    lines = parser.format_help().splitlines()
-    assert re.fullmatch(r"[A-Z].*\.", lines[0]) and len(lines[0]) < 80
-    assert lines[-2] == "example:"
-    assert f"kneejax {' '.join(words)}".strip() in example(parser)
-    # To show the help must leave the parser as it was.
-    assert parser.format_help().splitlines() == lines
+@pytest.mark.parametrize("words", EVERY, ids=" ".join)
+def test_help_begins_with_a_sentence_and_ends_with_an_example(words, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "300")  # no line is broken
+    lines = help_of(words, capsys).rstrip().splitlines()
+    assert re.fullmatch(r"[A-Z].*\.", lines[0].rstrip()) and len(lines[0].rstrip()) < 90
+    assert lines[-2].rstrip() == "example:" and lines[-1].strip() == example(words)
+    assert f"kneejax {' '.join(words)}".strip() in example(words)
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
-def test_help_explains_every_argument_with_its_default(words, monkeypatch):
+def test_help_explains_every_argument_with_its_default(words, monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "999")  # no line is broken
-    parser = COMMANDS[words]
-    said = " ".join(parser.format_help().split())
-    for action in parser._actions:
-        assert action.help or isinstance(action, argparse._SubParsersAction), action.dest
-        if action.default not in (None, argparse.SUPPRESS, []) and action.default is not False:
-            assert f"(default: {action.default})" in said
+    said = " ".join(help_of(words, capsys).split())
+    for field in COMMANDS[words].model_fields.values():
+        default = field.get_default(call_default_factory=True)
+        assert field.description and field.description in said
+        assert marks(field, Place) or f"--{field.alias}" in said
+        assert all(one in said for one in choices_of(field.annotation))
+        if is_given(default) and not field.is_required() and field.alias != "out":
+            shown = "x".join(map(str, default)) if isinstance(default, tuple) else default
+            assert f"(default: {shown})" in said
 
 
-@pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
+@pytest.mark.parametrize("words", EVERY, ids=" ".join)
 def test_the_example_is_a_command_line(words):
     """Of several commands in a row each one; $(...) is what a shell puts in its place."""
-    lines = re.sub(r'eval "\$\((.*)\)"', r"\1", example(COMMANDS[words])).split(" && ")
-    for line in lines:
-        name, *rest = line.split()
-        chosen, unknown = build_parser().parse_known_args(rest)
-        assert name == "kneejax" and not unknown and chosen.command
+    for command in re.sub(r'eval "\$\((.*)\)"', r"\1", example(words)).split(" && "):
+        name, *rest = command.split()
+        assert name == "kneejax" and line().read(rest) is not None
 
 
 @pytest.mark.parametrize(
     ("word", "near"), [("help", "--help"), ("version", "--version"), ("knes", "knees")]
 )
 def test_the_nearest_command_or_option_is_named(word, near, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main([word])
-    assert ended.value.code == 2 and f"did you mean {near}?" in capsys.readouterr().err
+    assert main([word]) == 2 and f"did you mean {near}?" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["--force_N=5", "--force-N=5"])
+def test_an_option_has_its_older_spelling_too(word):
+    assert line().read(["simulate", "drawer", word]).force_N == 5.0
+
+
+def test_all_mistakes_of_a_command_line_are_reported_at_once(capsys):
+    words = "simulate drawr --force-N x --convention tibal --duration-s 500"
+    assert main(words.split()) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 4 and all(line.startswith("kneejax: ") for line in lines)
 
 
 def test_conventions_are_those_of_the_package():
-    assert CONVENTIONS == tuple(geometry.CONVENTIONS)
+    choices = choices_of(Evaluate.model_fields["convention"].annotation)
+    assert choices == tuple(geometry.CONVENTIONS)
 
 
 @pytest.mark.parametrize("words", WITH_SETTINGS, ids=" ".join)
 def test_an_example_is_recorded_and_asked_for_again(words):
-    assert_asked_again(example(COMMANDS[words]).split(" && ")[-1].split()[1:])
+    assert_asked_again(example(words).split(" && ")[-1].split()[1:])
 
 
 @pytest.mark.parametrize(
-    "line",
+    "words",
     [
         "simulate passive-flexion --flexion=-10:30:5 --set ACL.stiffness=300 --set=*.slack_length=9"
         " --load anterior_N=-1e-7 --cut ACL --cut PCL --branches --convention tibial",
@@ -172,39 +177,68 @@ def test_an_example_is_recorded_and_asked_for_again(words):
         "sensitivity --knees four_ligament knee.yaml",
         "identify --noise-mm 1e-5 --prior *.x=1:inf --posterior --candidates tests.csv",
         "joint fit poses.csv --femur f.stl --at -5 0.5 90 --medial-epicondyle -0.00001 0 1e30"
-        " --column flexion_deg=7 --extension-facet 60 100",
-        "joint compare a.csv b.csv --joint x=a.yaml,b.yaml --calibrate-at 0 90 --no-anova",
-        "joint compare a.csv --knee four_ligament --anova --average-within 0.1",
+        " --lateral-epicondyle 1 2 -3 --column flexion_deg=7 --extension-facet 60 100",
+        "joint compare a.csv b.csv --joint x=a.yaml,b.yaml --calibrate-at 0 90 --axes c --no-anova",
+        "joint compare a.csv --knee four_ligament --anova --spread 0.1",
         "import stl --femur-cartilage f --tibia-cartilage t --side l --angle -10 160.5 --notch -1",
     ],
 )
-def test_arguments_are_recorded_and_asked_for_again(line):
-    assert_asked_again(line.split())
+def test_arguments_are_recorded_and_asked_for_again(words):
+    assert_asked_again(words.split())
 
 
 def assert_asked_again(words):
-    parser = build_parser()
-    chosen = parser.parse_args([*words, "--out", "somewhere"])
-    settings = json.loads(json.dumps(asked_for(chosen)))
+    asked = line().read([*words, "--out", "somewhere"])
+    settings = json.loads(json.dumps(asked_for(asked)))
     assert settings["command"].split() == words[: len(settings["command"].split())]
+    settings["versions"] = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("os.path.exists", lambda path: True)
-        again = words_again(settings, parser, Path("settings.json"))
-    found = vars(parser.parse_args([*again, "--out", "somewhere"]))
-    numbers = {name: asked_for(parser.parse_args(again))[name] for name in settings}
-    assert numbers == settings and found.keys() == vars(chosen).keys()
+        file = Path("settings.json")
+        again = command_again(settings, line().commands, file, Path("somewhere"))
+    assert again == asked
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"command": "simulate", "experiment": "drawer", "knee": "four_ligament", "flexion": "0:9:3",
+         "force_N": 100.0, "moment_Nm": None, "hold": ["adduction"], "both": True, "set": {},
+         "load": {"anterior_N": 5.0}, "from": [], "free": [], "loads": None, "dynamic": False},
+        {"command": "map", "study": "paper1", "pair": [["A.x", "B.x"]], "all-pairs": False,
+         "grid": "5x7", "range": ["A.x=-1:2"], "svg": False},
+        {"command": "identify", "study": "paper1", "noise-mm": 0.1, "prior": ["*.x=1:inf"]},
+        {"command": "sensitivity", "study": "paper1", "sweep": ["A.x", "B.x=0:1:5"], "knees": None,
+         "global": "morris", "samples": 8, "prior": ["A.x=3"]},
+        {"command": "joint fit", "poses": None, "knee": "four_ligament", "at": [0.0, 90.0],
+         "medial-epicondyle": None, "column": None},
+        {"command": "import osim", "file": "m.osim", "side": "r", "at": ["hip_flexion_r=5"]},
+        {"command": "calibrate", "study": "cohort", "shard": "3/20", "blocks": None, "jobs": None},
+    ],
+    ids=lambda one: one["command"],
+)  # fmt: skip
+def test_settings_of_earlier_versions_are_understood(settings, monkeypatch):
+    monkeypatch.setattr("os.path.exists", lambda path: True)
+    more = {"working_folder": "/", "versions": {}}
+    commands = line().commands
+    again = command_again(settings | more, commands, Path("settings.json"), Path("out"))
+    recorded = again.settings()
+    for name, value in settings.items():
+        if isinstance(value, float | bool):
+            assert recorded[name.replace("_", "-")] == value
 
 
 def needed(words):
     """Words for everything that a command cannot do without."""
     given = list(words)
-    for action in COMMANDS[words]._actions:
-        word = str(next(iter(action.choices or ["x"])))
-        if action.required and action.option_strings and action.dest != "out":
-            given += [action.option_strings[0], word]
-        elif not action.option_strings and action.nargs != "?":
+    for field in COMMANDS[words].model_fields.values():
+        word = next(iter(choices_of(field.annotation)), "x")
+        if marks(field, Place) and field.is_required():
             given.append(word)
-    return given
+        elif field.is_required() and field.alias != "out":
+            given += [f"--{field.alias}", word]
+    more = {"activity": ["x.sto"], "fit": ["x.csv", "--axes", "x.csv"]}
+    return given + more.get(words[-1], [])
 
 
 @pytest.mark.parametrize("words", WITH_OUT, ids=" ".join)
@@ -212,7 +246,7 @@ def test_a_place_that_takes_no_files_is_known_before_anything_else(
     words, tmp_path, monkeypatch, capsys
 ):
     """Once it was said after the work; and as root, who may write everywhere, on Linux's /proc."""
-    monkeypatch.setattr("kneejax.cli._main._prepare_jax", lambda: pytest.fail("JAX came first"))
+    monkeypatch.setattr("kneejax.cli._main.prepare_jax", lambda: pytest.fail("JAX came first"))
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").write_text("")
     for place in ("file/x", *(["/proc/x"] if os.path.isdir("/proc/self") else [])):
@@ -235,10 +269,34 @@ def test_the_trial_leaves_nothing_behind(tmp_path):
 def test_a_shell_completes_every_command_and_option(shell, capsys):
     assert main(["completion", shell]) == 0
     script = capsys.readouterr().out
-    for words, parser in COMMANDS.items():
+    for words, model in COMMANDS.items():
         assert all(word in script for word in words)
-        options = [name for name in parser._option_string_actions if name.startswith("--")]
-        assert all(name.lstrip("-") in script for name in options)
+        options = (field for field in model.model_fields.values() if not marks(field, Place))
+        assert all((field.alias or "") in script for field in options)
+    # Names of bundled knees, studies and plans too.
+    assert all(name in script for name in ("lenhart2015_reduced", "paper1", "ten_bundle"))
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize(
+    ("line", "offered"),
+    [
+        ("si", "simulate"),
+        ("joint c", "compare"),
+        ("describe len", "lenhart2015 lenhart2015_reduced"),
+        ("simulate drawer --knee t", "ten_bundle twelve_bundle"),
+        ("simulate drawer --fo", "--force-N"),
+        ("calibrate pa", "paper1 passive_flexion"),
+        ("evaluate four_ligament --convention g", "grood-suntay"),
+    ],
+)
+def test_bash_offers_commands_options_choices_and_bundled_names(line, offered, capsys):
+    assert main(["completion", "bash"]) == 0
+    script = capsys.readouterr().out
+    ask = f"COMP_WORDS=(kneejax {line}); COMP_CWORD=$((${{#COMP_WORDS[@]}}-1)); COMPREPLY=()"
+    code = f'{script}\n{ask}; _kneejax; echo "${{COMPREPLY[*]}}"'
+    done = subprocess.run(["bash", "-c", code], capture_output=True, text=True)
+    assert done.stdout.strip() == offered
 
 
 def command(code, *words, **options):

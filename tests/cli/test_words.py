@@ -1,19 +1,16 @@
 """Words of options as numbers; what the numbers may be is for the study to say."""
 
-import argparse
-
 import pytest
 
-from kneejax.cli._given import read_numbers, read_texts, said_of_options
+from kneejax.cli import options
+from kneejax.cli._given import said_of_options
 from kneejax.cli._identify import _question
 from kneejax.files import InputProblem
 from kneejax.studies import Identify, Sensitivity
 
-FORM = "NAME=MEAN:SD"
-
 
 def read(*words):
-    return read_numbers("--prior", read_texts("--prior", words), FORM, (2,))
+    return options.Identify.read({"prior": list(words)}).prior
 
 
 def test_names_and_numbers_are_read_in_order():
@@ -22,9 +19,11 @@ def test_names_and_numbers_are_read_in_order():
         "PCL.reference_strain": (-0.1, float("inf")),
     }
     assert read() == {}
-    assert read_texts("--sweep", ["ACL.stiffness", "*.reference_strain=0:1"]) == {
-        "ACL.stiffness": "",
-        "*.reference_strain": "0:1",
+    words = ["ACL.stiffness", "*.reference_strain=0:1", "PCL.stiffness=1:2:3"]
+    assert options.Sensitivity.read({"sweep": words}).sweep == {
+        "ACL.stiffness": None,
+        "*.reference_strain": (0.0, 1.0),
+        "PCL.stiffness": (1.0, 2.0, 3.0),
     }
 
 
@@ -32,7 +31,7 @@ def test_names_and_numbers_are_read_in_order():
     "word", ["ACL.stiffness=4500", "ACL.stiffness", "=4500:wide", "ACL.stiffness=1:2:3"]
 )
 def test_a_word_of_another_form_is_refused_in_one_line(word):
-    with pytest.raises(InputProblem, match="^--prior: .*expected NAME=MEAN:SD$") as caught:
+    with pytest.raises(InputProblem, match="^--prior: .*expected NAME=MEAN:SD, e.g. ") as caught:
         read(word)
     assert "\n" not in str(caught.value)
 
@@ -57,7 +56,4 @@ def test_a_problem_of_a_question_names_the_option(asked, field, option):
 
 
 def test_options_that_nobody_gives_are_the_questions_defaults():
-    from kneejax.cli._commands import build_parser
-
-    words: argparse.Namespace = build_parser().parse_args(["identify"])
-    assert _question(words) == Identify()
+    assert _question(options.Identify.read({})) == Identify()

@@ -122,10 +122,10 @@ def test_a_bundled_study_or_a_file_may_be_the_template(tmp_path):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--shard", "3/2"], "--shard: part: 3/2: expected I/N with I from 1 to N"),
-        (["--jobs", "0"], "--jobs: workers: 0: expected a whole number from 1"),
-        (["--bootstrap", "0"], "--bootstrap: draws: 0: expected a whole number from 1"),
-        (["--jobs", "2", "--scheduler", "x"], "--scheduler: address: x: expected one of"),
+        (["--shard", "3/2"], "--shard: 3/2: expected I/N with I from 1 to N"),
+        (["--jobs", "0"], "--jobs: 0: expected a whole number between 1 and 1024"),
+        (["--bootstrap", "0"], "--bootstrap: 0: expected a whole number between 1 and 1,000,000"),
+        (["--jobs", "2", "--scheduler", "x"], "--scheduler: x: expected one of"),
     ],
 )
 def test_an_option_that_means_nothing_is_one_line(tmp_path, capsys, words, said):
@@ -133,7 +133,7 @@ def test_an_option_that_means_nothing_is_one_line(tmp_path, capsys, words, said)
     folder = written(tmp_path, rows)
     out = tmp_path / "out"
     assert main(["calibrate", str(folder), *words, "--out", str(out)]) == 2
-    assert capsys.readouterr().err.startswith(f"kneejax: {said}")
+    assert capsys.readouterr().err.startswith(f"kneejax: calibrate: {said}")
     assert not out.exists()
 
 
@@ -152,7 +152,7 @@ def test_a_single_study_refuses_what_only_a_cohort_can_be_asked(capsys):
     assert main(["calibrate", "paper1", "--jobs", "2"]) == 2
     assert "with a cohort alone" in capsys.readouterr().err
     assert main(["calibrate", "paper1", "--blocks"]) == 2
-    assert "--blocks: option: given: expected" in capsys.readouterr().err
+    assert "--blocks: given: expected --bootstrap N" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("knee", "same"), [("four_ligament", True), ("ten_bundle", False)])

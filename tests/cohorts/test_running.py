@@ -1,6 +1,5 @@
 """A cohort from its files to its report: bad knees among good ones, parts, and what is there."""
 
-import argparse
 import csv
 import math
 import resource
@@ -159,7 +158,7 @@ def test_a_cohort_takes_the_place_of_a_study_and_mends_what_was_damaged(
     """Once its report.html stood beside the study's result.json and poses.csv."""
     out, computed = tmp_path / "kneejax-calibration", []
     study = ResultsFolder(out)
-    with study.gathered(argparse.Namespace(command="calibrate", study="paper1", out=out)):
+    with study.gathered({"study": "paper1", "out": out}):
         for name in ("result.json", "poses.csv", "report.html", "figures/fit.png"):
             write_text(out / name, "of a study")
         study.commit({"command": "calibrate"})

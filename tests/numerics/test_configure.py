@@ -60,9 +60,9 @@ def test_too_late_is_said_and_float64_holds_all_the_same(tmp_path):
 
 def test_the_command_line_begins_with_it(monkeypatch):
     import kneejax.numerics
-    from kneejax.cli._main import _prepare_jax
+    from kneejax.cli._main import prepare_jax
 
     called = []
     monkeypatch.setattr(kneejax.numerics, "configure", lambda: called.append("configure"))
-    _prepare_jax()
+    prepare_jax()
     assert called == ["configure"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from kneejax.cli._contact_knee import ContactKnee
+from kneejax.cli.options import JointFit
 from kneejax.files import (
     InputProblem,
     read_axis_points,
@@ -72,7 +72,7 @@ class FemurAxes:
 FindAxes = Callable[[Pose], FemurAxes]
 
 
-def axes_from_file(arguments: argparse.Namespace, side: str) -> FindAxes:
+def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
     """Axis points by coordinates (`--axes`).
 
     Raises:
@@ -87,7 +87,7 @@ def axes_from_file(arguments: argparse.Namespace, side: str) -> FindAxes:
     return lambda _: FemurAxes(found.points, known, "the epicondyles", known)
 
 
-def axes_from_mesh(arguments: argparse.Namespace, side: str) -> FindAxes:
+def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`.
 
     Raises:
@@ -127,7 +127,7 @@ def axes_from_mesh(arguments: argparse.Namespace, side: str) -> FindAxes:
     return touched
 
 
-def axes_from_knee(arguments: argparse.Namespace, read: ContactKnee) -> FindAxes:
+def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
     """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset.
 
     Raises:
@@ -169,7 +169,7 @@ def problem(file: str | Path, error: JointProblem) -> InputProblem:
 
 
 def _fitted(
-    arguments: argparse.Namespace,
+    arguments: JointFit,
     file: str | Path,
     points: np.ndarray,
     normals: np.ndarray,
@@ -200,7 +200,7 @@ def _fitted(
     return FemurAxes(found.points, hinge, words, epicondyles, points, found, regions, doubts)
 
 
-def _tibia(arguments: argparse.Namespace, side: str) -> np.ndarray:
+def _tibia(arguments: JointFit, side: str) -> np.ndarray:
     """Points of the tibia's mesh, in its anatomical frame if there are landmarks."""
     mesh = read_mesh_points(arguments.tibia, arguments.unit or "auto")
     points = mesh.points_mm * _mirror(side)
@@ -225,13 +225,10 @@ def _centers(mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None
     )
 
 
-def _given_epicondyles(arguments: argparse.Namespace, side: str) -> np.ndarray | None:
+def _given_epicondyles(arguments: JointFit, side: str) -> np.ndarray | None:
     both = arguments.medial_epicondyle, arguments.lateral_epicondyle
     if both == (None, None):
         return None
-    if None in both:
-        missing = "--medial-epicondyle" if both[0] is None else "--lateral-epicondyle"
-        raise InputProblem(missing, "point", "missing", "both epicondyles, or none")
     return np.array(both) * _mirror(side)
 
 

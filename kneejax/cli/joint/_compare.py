@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
 from kneejax.cli._contact_knee import read_contact_knee
 from kneejax.cli._deliver import deliver
-from kneejax.cli._settings import options_of
-from kneejax.cli.joint._command import renamed_columns
+from kneejax.cli._given import check_columns
 from kneejax.cli.joint._models import (
     Modelled,
     curve_flexion,
@@ -18,6 +15,7 @@ from kneejax.cli.joint._models import (
     joint_models,
     knee_model,
 )
+from kneejax.cli.options import JointCompare
 from kneejax.files import InputProblem, counted, read_poses
 from kneejax.joints import (
     Comparison,
@@ -29,18 +27,10 @@ from kneejax.joints import (
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
 
-#: Poses as near as this to a flexion of calibration are averaged for it, unless another is given.
-_WITHIN_DEG = 0.5
 
-
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: JointCompare) -> int:
     """Compare models with what was measured."""
-    _check_options(arguments)
-    # From here on, and in result.json, what is used.
-    arguments.convention = arguments.convention or "femoral"
-    arguments.side = arguments.side or "right"
-    if arguments.average_within is None:
-        arguments.average_within = _WITHIN_DEG
+    _check_tests(arguments)
     tables = _measured(arguments)
     flexion = tables[..., 0]
     # All that can be at fault is read before the knees move, which takes long.
@@ -58,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     for title, (read, name) in knees.items():
         models[title] = knee_model(read, name, flexion)
     found = _compared(arguments, tables, models, used)
-    settings = options_of(arguments)
+    settings = arguments.options()
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
     answer = comparison_answer(
@@ -68,37 +58,18 @@ def run(arguments: argparse.Namespace) -> int:
     return deliver(answer, arguments)
 
 
-def _check_options(arguments: argparse.Namespace) -> None:
-    """What needs no file to be wrong: no option is silently ignored."""
-    for name, value in (
-        ("--spread", arguments.spread), ("--average-within", arguments.average_within)
-    ):  # fmt: skip
-        if value is not None and not 0.0 <= value < np.inf:
-            raise InputProblem(name, "degrees", f"{value:g}", "a number of at least 0")
-    if not 0.0 < arguments.alpha < 1.0:
-        expected = "a number between 0 and 1, as 0.01"
-        raise InputProblem("--alpha", "level", f"{arguments.alpha:g}", expected)
-    for i, file in enumerate(arguments.measured):
-        if file in arguments.measured[:i]:
-            raise InputProblem("joint compare", "measured", str(file), "every subject once")
-    if bool(arguments.calibrate_at) != bool(arguments.axes):
-        missing = "--calibrate-at" if arguments.axes else "--axes"
-        raise InputProblem(missing, "option", "missing", "both --calibrate-at and --axes")
-    for name, value in (
-        ("--side", arguments.side), ("--average-within", arguments.average_within)
-    ):  # fmt: skip
-        if value is not None and not arguments.axes:
-            expected = "this option beside --calibrate-at and --axes only"
-            raise InputProblem(name, "option", str(value), expected)
+def _check_tests(arguments: JointCompare) -> None:
+    """Whether there are subjects enough for the tests that are asked for."""
     try:
         is_tested(len(arguments.measured), arguments.anova)
     except UnsuitableMotions as problem:
         raise UnsuitableData(f"--anova: {problem}") from problem
 
 
-def _measured(arguments: argparse.Namespace) -> np.ndarray:
+def _measured(arguments: JointCompare) -> np.ndarray:
     """Tables of all subjects by flexion, shape `(subjects, n, 6)`."""
-    tables, columns = [], renamed_columns(arguments.column)
+    tables, columns = [], arguments.column
+    check_columns(columns)
     for file in arguments.measured:
         table = read_poses(file, arguments.convention, columns)
         tables.append(table[np.argsort(table[:, 0], kind="stable")])
@@ -118,7 +89,7 @@ def _measured(arguments: argparse.Namespace) -> np.ndarray:
     return np.array(tables)
 
 
-def _calibration_rows(arguments: argparse.Namespace, flexion: np.ndarray) -> np.ndarray:
+def _calibration_rows(arguments: JointCompare, flexion: np.ndarray) -> np.ndarray:
     """Which of the flexions, means over the subjects, joints are fitted at, shape `(k, n)`."""
     rows = np.zeros((0, len(flexion)), bool)
     for angle in sorted(arguments.calibrate_at):
@@ -141,7 +112,7 @@ def _calibration_rows(arguments: argparse.Namespace, flexion: np.ndarray) -> np.
 
 
 def _joints(
-    arguments: argparse.Namespace, tables: np.ndarray, used: np.ndarray
+    arguments: JointCompare, tables: np.ndarray, used: np.ndarray
 ) -> dict[str, Modelled]:
     """Joints from files, and those fitted to the mean of each subject's poses in `used` rows."""
     flexion = tables[..., 0]
@@ -160,7 +131,7 @@ def _joints(
 
 
 def _compared(
-    arguments: argparse.Namespace, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
+    arguments: JointCompare, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
 ) -> Comparison:
     flexion = tables[..., 0].mean(axis=0)
     # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import argparse
-
 import numpy as np
 
+from kneejax.cli.options import JointExport
 from kneejax.files import export_joint, read_joint, write_poses, write_text
 
 #: Splines that leave more than this of a pose, degrees or mm, are doubtful.
 _DOUBTFUL = 1e-6
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: JointExport) -> int:
     """Write the joint for OpenSim and as a table of coupled coordinates; say how well."""
     file = read_joint(arguments.joint)
     found = export_joint(file)

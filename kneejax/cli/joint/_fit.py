@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import dataclasses
 
 import numpy as np
 
+from kneejax.cli import options
 from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
 from kneejax.cli._deliver import deliver
-from kneejax.cli._settings import options_of
+from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import (
     FemurAxes,
     FindAxes,
@@ -18,7 +18,6 @@ from kneejax.cli.joint._axes import (
     axes_from_mesh,
     problem,
 )
-from kneejax.cli.joint._command import renamed_columns
 from kneejax.files import (
     AxisPoints,
     InputProblem,
@@ -32,17 +31,6 @@ from kneejax.geometry import Pose
 from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_rows, fit_joints
 from kneejax.report import joint_fit_answer
 from kneejax.statics import Status
-
-# Options that mean nothing without another, and that mean nothing beside another.
-_NEEDED = {
-    "convention": "poses",
-    "column": "poses",
-    "unit": "femur",
-    "landmarks": "femur",
-    "tibia": "femur",
-    "touching_within": "tibia",
-}
-_EXCLUDED = {"extension_facet": ("axes", "tibia"), "flexion_facet": ("axes", "tibia")}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,9 +54,8 @@ class _Motion:
     doubts: tuple[str, ...] = ()
 
 
-def run(arguments: argparse.Namespace) -> int:
+def run(arguments: options.JointFit) -> int:
     """Calibrate the joints, and say what they keep of the motion."""
-    _check_options(arguments)
     flexion = parse_flexion(arguments.flexion)
     # All that can be at fault is read before a knee is bent, which takes long.
     read = None if arguments.knee is None else read_contact_knee(arguments.knee)
@@ -93,47 +80,16 @@ def run(arguments: argparse.Namespace) -> int:
         facets=axes.facets, regions=axes.regions, surface=axes.surface,
         doubts=(*motion.doubts, *axes.doubts),
         document={
-            "poses": None if motion.status else arguments.poses.name,
+            "poses": None if arguments.poses is None else arguments.poses.name,
             "knee": motion.name if motion.status else None,
             "convention": arguments.convention or "femoral", "side": side, "axes": whence,
-            "facets": axes.regions or None, "settings": options_of(arguments),
+            "facets": axes.regions or None, "settings": arguments.options(),
         },
     )  # fmt: skip
     return deliver(answer, arguments, written)
 
 
-def _check_options(arguments: argparse.Namespace) -> None:
-    """Every option must be of use: none is silently ignored."""
-    if (arguments.poses is None) == (arguments.knee is None):
-        found = "none" if arguments.poses is None else "a table and --knee"
-        expected = "a CSV of measured poses, or --knee"
-        raise InputProblem("joint fit", "poses", found, expected)
-    if arguments.knee is None and arguments.femur is None and arguments.axes is None:
-        expected = "--femur MESH, --axes FILE or, of a contact knee, --knee"
-        raise InputProblem("joint fit", "axis points", "none", expected)
-    given = {name for name, value in vars(arguments).items() if value is not None}
-    for name, other in _NEEDED.items():
-        if name in given and other not in given:
-            expected = f"this option beside {_option(other)} only"
-            raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
-    for name, others in _EXCLUDED.items():
-        for other in others:
-            if {name, other} <= given:
-                expected = f"this option or {_option(other)}, one of both"
-                raise InputProblem(_option(name), "option", _shown(arguments, name), expected)
-
-
-def _option(name: str) -> str:
-    return "a CSV of poses" if name == "poses" else f"--{name.replace('_', '-')}"
-
-
-def _shown(arguments: argparse.Namespace, name: str) -> str:
-    value = getattr(arguments, name)
-    words = value if isinstance(value, list) else [value]
-    return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in words)
-
-
-def _side(arguments: argparse.Namespace, read: ContactKnee | None) -> str:
+def _side(arguments: options.JointFit, read: ContactKnee | None) -> str:
     if read is None:
         return arguments.side or "right"
     if arguments.side not in (None, read.knee.side):
@@ -141,7 +97,7 @@ def _side(arguments: argparse.Namespace, read: ContactKnee | None) -> str:
     return read.knee.side
 
 
-def _axes(arguments: argparse.Namespace, side: str, read: ContactKnee | None) -> FindAxes:
+def _axes(arguments: options.JointFit, side: str, read: ContactKnee | None) -> FindAxes:
     if arguments.axes is not None:
         return axes_from_file(arguments, side)
     if arguments.femur is None and read is not None:
@@ -149,13 +105,13 @@ def _axes(arguments: argparse.Namespace, side: str, read: ContactKnee | None) ->
     return axes_from_mesh(arguments, side)
 
 
-def _measured(arguments: argparse.Namespace) -> _Motion:
-    columns = renamed_columns(arguments.column)
-    table = read_poses(arguments.poses, arguments.convention or "femoral", columns)
+def _measured(arguments: options.JointFit) -> _Motion:
+    check_columns(arguments.column)
+    table = read_poses(arguments.poses, arguments.convention or "femoral", arguments.column)
     return _Motion(table, tuple(arguments.at or ()), "measured", str(arguments.poses))
 
 
-def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray) -> _Motion:
+def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -> _Motion:
     """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
     at = tuple(arguments.at or (flexion.min(), flexion.max()))
     parse_flexion(",".join(map(str, at)), "--at", "degrees")
@@ -180,12 +136,13 @@ def _bent(arguments: argparse.Namespace, read: ContactKnee, flexion: np.ndarray)
 
 
 def _write(
-    arguments: argparse.Namespace, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence
+    arguments: options.JointFit, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence
 ) -> list[str]:
     """Write the joints, and axis points that were found; the names of the files."""
     out, name = arguments.out, arguments.out.name or "joint"
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
-    whose = f"{motion.name}, passive flexion" if motion.status else arguments.poses.name
+    table = arguments.poses
+    whose = f"{motion.name}, passive flexion" if table is None else table.name
     for joint, file, title, source in (
         (fit.moving, "joint.yaml", name, f"{whose} at {angles} degrees; axes from {whence}"),
         (fit.hinge, "hinge.yaml", f"{name} hinge", f"{whose}; axis through {axes.hinge_source}"),

@@ -136,7 +136,7 @@ def whole_body(
     if time_s is not None:
         if not begin <= time_s[0] < time_s[1] <= end:
             expected = f"two times from {begin:g} to {end:g} s, which the tables cover"
-            raise InputProblem("--time_s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
+            raise InputProblem("--time-s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
         begin, end = time_s
     coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
     rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))

@@ -257,7 +257,7 @@ def _last(values) -> str:
 
 def _wrong(found: Transient) -> Iterator[str]:
     if not found.account.closes:
-        yield "the account of energy does not close: ask for a smaller --error_mm"
+        yield "the account of energy does not close: ask for a smaller --error-mm"
     motion = found.trajectory
     if motion.ended is not Status.BALANCED:
         yield f"the motion ends at {motion.ended_s:.4g} s: {motion.ended.sentence}"

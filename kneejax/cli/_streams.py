@@ -1,11 +1,16 @@
-"""What a command prints, where it may be that nobody reads it."""
+"""Where a command prints, though nobody may read it, and Ctrl-C before it has begun."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
+from collections.abc import Iterator
 from typing import Any
+
+#: Exit status of what Ctrl-C stopped, as shells have it.
+STOPPED = 130
 
 
 class Printed:
@@ -65,3 +70,32 @@ def open_standard_streams() -> bool:
         if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
     return there
+
+
+@contextlib.contextmanager
+def stopped_at_once() -> Iterator[None]:
+    """Let Ctrl-C end the process at once, with one line: there is nothing to tidy up yet.
+
+    An exception would be raised wherever the import is, also where Python can only print and
+    forget it.
+    """
+    # Whoever has a handler of its own, or ignores Ctrl-C (nohup), keeps that.
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield
+        return
+    try:
+        signal.signal(signal.SIGINT, _end)
+    except ValueError:  # not in the main thread, which alone hears of Ctrl-C
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def _end(*_) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        if sys.stderr is not None:
+            os.write(sys.stderr.fileno(), b"kneejax: stopped; no half-written files are left\n")
+    os._exit(STOPPED)

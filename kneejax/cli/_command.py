@@ -1,0 +1,357 @@
+"""A command as a typed model: each option, its limits, its help and its conditions stand once.
+
+The model is the command line (`_line.py`), the settings.json of its results, what `rerun` reads,
+and a call in Python: `Simulate(experiment="drawer", force_N=100)`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    model_validator,
+)
+from pydantic.fields import FieldInfo
+
+from kneejax.cli._words import choices_of, expected_of, read_value
+from kneejax.files import InputProblem, InputProblems
+
+if TYPE_CHECKING:
+    from kneejax.cli._results_folder import ResultsFolder
+
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """An argument without a name, given by its place."""
+
+    name: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Form:
+    """How a value is written, where its type does not say so: `NAME=LOW:HIGH`."""
+
+    form: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Several:
+    """An option that takes several words at one mention; otherwise it is given once for each."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """The heading under which help shows an option."""
+
+    title: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Only:
+    """An option that means something only where a condition holds; elsewhere it is refused.
+
+    Attributes:
+        where: of the command, whether it means something.
+        expected: what should be given with it, or in its place.
+        shown: the field whose value the error shows; the option's own if empty.
+    """
+
+    where: Callable[[Any], bool]
+    expected: str
+    shown: str = ""
+
+
+@dataclasses.dataclass(frozen=True)
+class InRange:
+    """A number held against what such a quantity can be: a name of `kneejax.mechanics.RANGES`."""
+
+    quantity: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Bundled:
+    """A name of the package's data, or a file."""
+
+    kind: str
+    others: bool = False  # whether folders and patterns may stand in its place
+
+
+@dataclasses.dataclass(frozen=True)
+class File:
+    """A file that must exist, and what it is."""
+
+    kind: str
+
+
+def option_name(field: str) -> str:
+    """`force_N` -> `force-N`."""
+    return field.replace("_", "-")
+
+
+class Command(BaseModel):
+    """The options of a command, checked. A subclass states them as fields.
+
+    Attributes:
+        command: words after `kneejax`.
+        example: a line that runs, for the end of its help.
+        body: the module whose `run`, or the function after a colon, does the work; imported when
+            it is called.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", defer_build=True, alias_generator=option_name, populate_by_name=True,
+        ser_json_inf_nan="strings",
+    )  # fmt: skip
+    command: ClassVar[str]
+    example: ClassVar[str]
+    body: ClassVar[str]
+
+    @classmethod
+    def read(cls, given: Mapping[str, Any]) -> Self:
+        """Check options as words, or as a file of settings holds them.
+
+        Args:
+            given: option or field -> words, or a value.
+
+        Raises:
+            InputProblem: one thing is wrong.
+            InputProblems: several are.
+        """
+        try:
+            return cls.model_validate(dict(given))
+        except ValidationError as found:
+            raise found.errors()[0].get("ctx", {})["error"] from None  # as `_checked` raised it
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _checked(cls, given: Any, build: ValidatorFunctionWrapHandler) -> Any:
+        """Read words where there are words, then check what goes together."""
+        if not isinstance(given, Mapping):
+            return build(given)
+        values, problems = dict(given), []
+        for name, field in cls.model_fields.items():
+            key = field.alias if field.alias in values else name
+            if key in values:
+                try:
+                    values[key] = read_value(field, values[key], cls.command, shown_name(field))
+                except InputProblem as problem:
+                    problems.append(problem)
+                    del values[key]
+        wrong = {problem.field for problem in problems}
+        try:
+            made = build(cls.usual(values))
+        except ValidationError as found:
+            problems += [x for x in cls._in_words(found) if x.field not in wrong]
+        else:
+            if not problems:
+                problems = [*made._only_with()]
+                useless = {problem.field for problem in problems}
+                problems += [x for x in made.problems() if x.field not in useless]
+        if problems:
+            raise problems[0] if len(problems) == 1 else InputProblems(problems)
+        return made
+
+    @classmethod
+    def _in_words(cls, found: ValidationError) -> Iterator[InputProblem]:
+        """What pydantic found, as file, field, value and what was expected."""
+        known = {field.alias or name: field for name, field in cls.model_fields.items()}
+        fields = known | cls.model_fields
+        for error in found.errors(include_url=False):
+            nested = error.get("ctx", {}).get("error")
+            name = str(error["loc"][0]) if error["loc"] else ""
+            field, value = fields.get(name), error["input"]
+            if isinstance(nested, InputProblem):
+                yield from getattr(nested, "problems", (nested,))
+            elif field is None:
+                expected = f"no such option of kneejax {cls.command}"
+                yield InputProblem(cls.command, name, value, expected, known)
+            elif error["type"] == "missing":
+                words = field.description or "a value"
+                yield InputProblem(cls.command, shown_name(field), "missing", words)
+            else:
+                expected, near = expected_of(field, error), choices_of(field.annotation)
+                place, shown = shown_name(field), _shown(value)
+                yield InputProblem(cls.command, place, shown, expected, near)
+
+    def _only_with(self) -> Iterator[InputProblem]:
+        """Options that mean nothing here: none is silently ignored."""
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            if not is_given(value) or value == field.get_default(call_default_factory=True):
+                continue
+            for rule in marks(field, Only):
+                if not rule.where(self):
+                    shown = getattr(self, rule.shown) if rule.shown else _shown(value)
+                    yield InputProblem(self.command, shown_name(field), shown, rule.expected)
+                    break
+
+    @classmethod
+    def usual(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """The values with defaults that depend on others."""
+        return values
+
+    def problems(self) -> Iterable[InputProblem]:
+        """What is wrong with options that are good one by one; for a subclass to say."""
+        return ()
+
+    def check_inputs(self, folder: Path, gone: str = "") -> None:
+        """Refuse files and names of bundled data that are missing, before anything is imported.
+
+        Args:
+            folder: to which names of files are relative.
+            gone: file of settings that name them, if they were recorded earlier.
+
+        Raises:
+            InputProblem: a file is missing, or a name is unknown.
+            InputProblems: several are.
+        """
+        problems = []
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            for one in value if isinstance(value, list) else [value]:
+                try:
+                    if one is not None:
+                        _check_input(field, str(one), folder, gone)
+                except InputProblem as problem:
+                    problems.append(problem)
+        if problems:
+            raise problems[0] if len(problems) == 1 else InputProblems(problems)
+
+    def check_ranges(self) -> None:
+        """Refuse numbers that no such quantity has; imports the mechanics, and JAX with it.
+
+        Raises:
+            InputProblem: a number is out of its range.
+        """
+        from kneejax.mechanics import RANGES
+
+        for name, field in type(self).model_fields.items():
+            value = getattr(self, name)
+            for mark in marks(field, InRange):
+                allowed = RANGES[mark.quantity]
+                if value is not None and not allowed.holds(value):
+                    expected = allowed.expected(value)
+                    raise InputProblem(self.command, shown_name(field), f"{value:g}", expected)
+
+    def options(self) -> dict[str, Any]:
+        """Options and their values, defaults among them, as a result's own settings hold them."""
+        values = self.model_dump(exclude={"out", "verbose"})
+        return {k: str(x) if isinstance(x, Path) else x for k, x in values.items()}
+
+    def settings(self) -> dict[str, Any]:
+        """The command and its options as JSON holds them; where it writes is no part of them."""
+        values = json.loads(self.model_dump_json(by_alias=True, exclude={"out", "verbose"}))
+        return {"command": self.command, **values}
+
+    def import_body(self) -> None:
+        """Import what does the work."""
+        importlib.import_module(self.body.partition(":")[0])
+
+    def run(self) -> int:
+        """Do the work; the exit status."""
+        module, _, function = self.body.partition(":")
+        return getattr(importlib.import_module(module), function or "run")(self)
+
+
+class Written(Command):
+    """A command that writes a folder of results.
+
+    Attributes:
+        folder: where, unless `--out` names another one.
+    """
+
+    folder: ClassVar[str]
+    _results: Any = PrivateAttr(None)
+    _imports_s: float = PrivateAttr(0.0)
+    out: Annotated[Path, Group("Results")] = Field(Path(), description="folder for the results")
+    verbose: Annotated[bool, Group("Results")] = Field(
+        False, description="say what was compiled, and how long it took"
+    )
+
+    @classmethod
+    def usual(cls, values: dict[str, Any]) -> dict[str, Any]:
+        """Name the folder, where nothing else is said."""
+        folder = cls.folder.replace("EXPERIMENT", str(values.get("experiment")))
+        return {"out": Path(folder), **values}
+
+    def resumes(self) -> bool:
+        """Whether a run goes on with what an earlier one has finished."""
+        return False
+
+    def begin(self, results: ResultsFolder, imports_s: float) -> ResultsFolder:
+        """Note where the run writes, and how long it took until it could begin."""
+        self._results, self._imports_s = results, imports_s
+        return results
+
+    @property
+    def results(self) -> ResultsFolder:
+        """The folder of results, while the command runs."""
+        return self._results
+
+    @property
+    def imports_s(self) -> float:
+        """Seconds until the command could begin."""
+        return self._imports_s
+
+
+class Drawn(Written):
+    """A command that draws figures too."""
+
+    svg: Annotated[bool, Group("Results")] = Field(False, description="write figures as SVG too")
+
+
+def marks(field: FieldInfo, kind: type) -> list[Any]:
+    """Marks of a kind on a field."""
+    return [one for one in field.metadata if isinstance(one, kind)]
+
+
+def shown_name(field: FieldInfo) -> str:
+    """What an option is called in errors: `--force-N`, or the name of its place."""
+    places = marks(field, Place)
+    return places[0].name if places else f"--{field.alias}"
+
+
+def is_given(value: Any) -> bool:
+    """Whether an option was given, be it as 0, which equals False."""
+    return value is not None and value is not False and value not in ([], {}, ())
+
+
+def _shown(value: Any) -> Any:
+    """A value as a person wrote it."""
+    if value is True:
+        return "given"
+    if isinstance(value, list | tuple):
+        return " ".join(f"{x:g}" if isinstance(x, float) else str(x) for x in value)
+    if isinstance(value, dict):
+        return next(iter(value), "")
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
+    bundled, files = marks(field, Bundled), marks(field, File)
+    named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
+    if not (bundled or files) or any(c in value for c in "*?[") or os.path.exists(folder / value):
+        return
+    if gone and not named:
+        expected = f"a file that is still there; {folder / value} is gone"
+        raise InputProblem(gone, field.alias or "", value, expected)
+    if bundled:
+        from kneejax.files import named_path
+
+        named_path(bundled[0].kind, value)
+        return
+    from kneejax.files.reading import neighbour
+
+    raise InputProblem(value, "file", "missing", files[0].kind, neighbour(folder / value))

@@ -1,0 +1,272 @@
+"""Options of `kneejax simulate`; each belongs to some of the experiments."""
+
+from collections.abc import Iterator
+from typing import Annotated, ClassVar, Literal, get_args
+
+from pydantic import Field
+
+from kneejax.cli._command import Drawn, Form, Group, InRange, Only, Place, option_name
+from kneejax.cli.options._common import KNEE, SET, Convention, Knee, Table, Values
+from kneejax.files import InputProblem
+
+#: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
+Test = Literal[
+    "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
+    "envelope", "load",
+]  # fmt: skip
+#: Experiments in which the quadriceps pulls on a patella, and those through time.
+Extensor = Literal["patellar-tracking", "extension", "leg-raise"]
+InTime = Literal["settle", "drop"]
+Damper = Literal["critical", "damping_N_s_per_mm", "dissipation_s_per_mm"]
+TESTS, EXTENSOR, IN_TIME = get_args(Test), get_args(Extensor), get_args(InTime)
+
+
+def _only(where, expected: str) -> Only:
+    return Only(where, f"{expected} with it", "experiment")
+
+
+#: What an option belongs to.
+BY_LOAD = _only(lambda asked: asked.experiment in TESTS, "a test under load")
+AT_REST = _only(lambda asked: not asked.dynamic, "a test without --dynamic")
+PASSIVE = _only(lambda asked: asked.experiment == "passive-flexion", "passive-flexion")
+LEG = _only(
+    lambda asked: asked.experiment == "leg-raise" or asked.in_time, "leg-raise, or a motion in time"
+)
+PULLED = _only(
+    lambda asked: asked.experiment in EXTENSOR[:2] and not asked.in_time,
+    f"{' or '.join(EXTENSOR[:2])}",
+)
+DRIVEN = _only(lambda asked: asked.experiment in EXTENSOR[1:], "extension or leg-raise")
+HELD = Only(
+    lambda asked: not asked.in_time, "one at rest; in time --loads gives lengths", "experiment"
+)
+TIME = _only(lambda asked: asked.in_time, f"--dynamic, or {' or '.join(IN_TIME)},")
+NOT_RAISED = _only(lambda asked: asked.experiment != "leg-raise", "a test under load")
+LOAD, QUADRICEPS = Group("Tests under load"), Group("Pull of the quadriceps")
+MOTION, KNEE_OPTIONS = Group("Motion through time"), Group("Knee")
+
+
+class Simulate(Drawn):
+    """Move a knee through flexion, or load it as a laboratory does."""
+
+    command: ClassVar = "simulate"
+    example: ClassVar = (
+        "kneejax simulate drawer --knee lenhart2015_reduced --flexion 0:90:15 --force-N 100 --both"
+    )
+    body: ClassVar = "kneejax.cli._simulate"
+    folder: ClassVar = "kneejax-EXPERIMENT"
+
+    experiment: Annotated[
+        Literal["passive-flexion", Test, Extensor, InTime], Place("EXPERIMENT")
+    ] = Field(
+        description=f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the "
+        "load that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion; "
+        f"or with the patella, {', '.join(EXTENSOR)}; or through time, {', '.join(IN_TIME)}, or a "
+        "test with --dynamic"
+    )
+    knee: Annotated[Knee, KNEE_OPTIONS] = Field("average_knee", description=KNEE)
+    flexion: Annotated[str | None, KNEE_OPTIONS] = Field(
+        None,
+        description="degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, "
+        "0:90:15 in tests, 20 in lachman)",
+    )
+    values: Values = Field({}, alias="set", description=SET)
+    cut: Annotated[list[str], Form("LIGAMENT"), KNEE_OPTIONS] = Field(
+        [], description="a ligament, or a group of them, that does not act; once for each"
+    )
+    load: Annotated[dict[str, float], Form("NAME=SIZE"), KNEE_OPTIONS] = Field(
+        {},
+        description="on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, "
+        "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134. In a "
+        "test it acts throughout",
+    )
+    branches: Annotated[bool, PASSIVE, KNEE_OPTIONS] = Field(
+        False,
+        description="look for other stable balances at the same angles and load as well: "
+        "branches.csv",
+    )
+    force_N: Annotated[float | None, BY_LOAD, InRange("anterior_N"), LOAD] = Field(
+        None, description="full force of a test (default: 100; compression 500, distraction 50)"
+    )
+    moment_Nm: Annotated[float | None, BY_LOAD, InRange("varus_Nm"), LOAD] = Field(
+        None,
+        description="full moment of a test (default: 10; torsion 5); pivot adds half of it in "
+        "internal torque, torsion in an envelope is half of it",
+    )
+    displacement_mm: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = Field(
+        None,
+        description="of drawer and lachman: a machine moves the tibia so far, and its force is "
+        "read",
+    )
+    rotation_deg: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = Field(
+        None,
+        description="of torsion and varus-valgus: a machine turns the tibia so far; its moment is "
+        "read",
+    )
+    hold: Annotated[
+        list[Literal["adduction", "internal_rotation"]], BY_LOAD, AT_REST, Form("ROTATION"), LOAD
+    ] = Field(
+        [],
+        description="a rotation that a machine holds where it is without the test's load: "
+        "adduction or internal_rotation; once for each",
+    )
+    counted_from: Annotated[Literal["unloaded", "intact"] | None, BY_LOAD, AT_REST, LOAD] = Field(
+        None,
+        description="what displacements of a cut knee are counted from: its own unloaded pose "
+        "(default), or that of the intact knee, from which a machine moves it too; as in a study",
+    )
+    both: Annotated[bool, BY_LOAD, AT_REST, LOAD] = Field(
+        False, description="load a test in the opposite sense too"
+    )
+    steps: Annotated[
+        int | None,
+        _only(lambda asked: asked.experiment in (*TESTS, *EXTENSOR), "a test under load"),
+        AT_REST,
+        LOAD,
+    ] = Field(None, description="of a test, from nothing to the full load (default: 20)")
+    quadriceps_N: Annotated[float | None, PULLED, QUADRICEPS] = Field(
+        None,
+        description="pull of the quadriceps: of patellar-tracking (default: 100), and the largest "
+        "of extension (default: 1000), which --steps divides",
+        ge=1,
+        le=12_000,
+    )
+    quadriceps_mm: Annotated[str | None, DRIVEN, HELD, Form("FROM:TO:STEP"), QUADRICEPS] = Field(
+        None,
+        description="of extension and leg-raise, instead of a pull: how much longer the "
+        "quadriceps is than at rest, at the flexion that is held or in extension; as 0:-3:-0.5; "
+        "its pull, and of leg-raise flexion, is a result",
+    )
+    body_kg: Annotated[float | None, LEG, InRange("body_kg"), QUADRICEPS] = Field(
+        None,
+        description="of leg-raise: the person (default: 75); shank and foot are 6.1 % of it",
+    )
+    height_m: Annotated[float | None, LEG, InRange("height_m"), QUADRICEPS] = Field(
+        None, description="of leg-raise (default: 1.75)"
+    )
+    ankle_kg: Annotated[float | None, LEG, InRange("ankle_kg"), QUADRICEPS] = Field(
+        None, description="of leg-raise: a weight at the ankle in addition (default: 0)"
+    )
+    femur_deg: Annotated[float | None, LEG, InRange("femur_deg"), QUADRICEPS] = Field(
+        None,
+        description="of leg-raise: of the thigh from the horizontal, knee above hip positive "
+        "(default: 0)",
+    )
+    dynamic: Annotated[bool, MOTION] = Field(
+        False,
+        description="of a test by load, at one flexion: with mass, damping and time; the load "
+        "grows in --ramp-s and stays; of leg-raise: a motor shortens the quadriceps. settle and "
+        "drop are so anyway",
+    )
+    loads: Annotated[Table | None, TIME, Form("FILE.csv"), MOTION] = Field(
+        None,
+        description="of `load --dynamic`: loads over time, a column time_s and columns like "
+        "anterior_N; columns like flexion_deg lead a coordinate; of `leg-raise --dynamic`: a "
+        "column quadriceps_mm, what a motor makes of its length",
+    )
+    duration_s: Annotated[float | None, TIME, MOTION] = Field(
+        None,
+        description="of a motion through time (default: 1; settle 2; leg-raise 20; that of "
+        "--loads)",
+        ge=1e-4,
+        le=120,
+    )
+    every_ms: Annotated[float | None, TIME, MOTION] = Field(
+        None,
+        description="between two rows of its tables (default: 1; leg-raise 100)",
+        ge=1e-3,
+        le=1000,
+    )
+    ramp_s: Annotated[float | None, TIME, BY_LOAD, NOT_RAISED, MOTION] = Field(
+        None, description="in which the load of a test grows (default: 0.1)", ge=0, le=60
+    )
+    critical: Annotated[float | None, TIME, InRange("critical"), MOTION] = Field(
+        None, description="damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)"
+    )
+    damping_N_s_per_mm: Annotated[
+        float | None, TIME, InRange("damping_N_s_per_mm"), MOTION
+    ] = Field(
+        None, description="of every coordinate, rotations at 30 mm (default: 0; settle 1)"
+    )
+    dissipation_s_per_mm: Annotated[
+        float | None, TIME, InRange("dissipation_s_per_mm"), MOTION
+    ] = Field(
+        None,
+        description="of every contact: its force grows by so much with each mm/s of its overlap "
+        "(default: 0)",
+    )
+    recorded: Annotated[
+        Table | None, TIME, _only(
+            lambda asked: asked.experiment != "leg-raise", "settle, drop or a test under load"
+        ), Form("FILE.csv"), MOTION,
+    ] = Field(
+        None,
+        description="a recorded motion, columns time_s and some like anterior_mm, of which "
+        "changes from the first row count: finds the damping that --free names",
+    )  # fmt: skip
+    free: Annotated[list[Damper], TIME, Form("NAME"), MOTION] = Field(
+        [],
+        description="what is found from --recorded: critical, damping_N_s_per_mm or "
+        "dissipation_s_per_mm; once for each",
+    )
+    offset: Annotated[dict[str, float], TIME, NOT_RAISED, Form("NAME=SIZE"), MOTION] = Field(
+        {},
+        alias="from",
+        description="how far from its balance the knee is let go, as anterior_mm=3 or "
+        "adduction_deg=2; once for each (default of settle: anterior_mm=3)",
+    )
+    error_mm: Annotated[float | None, TIME, InRange("error_mm"), MOTION] = Field(
+        None,
+        description="that the steps may leave in any pose (default: 0.01); they become as short "
+        "as it takes",
+    )
+    convention: Annotated[Convention, Group("Results")] = Field(
+        "femoral", description="of the poses that are printed and written"
+    )
+
+    @property
+    def in_time(self) -> bool:
+        """Whether mass and time play a part."""
+        return self.dynamic or self.experiment in IN_TIME
+
+    def problems(self) -> Iterator[InputProblem]:
+        """Options that an experiment needs, or that exclude each other."""
+        name = self.experiment
+
+        def problem(option: str, expected: str, value: object = name) -> InputProblem:
+            return InputProblem("simulate", f"--{option}", str(value), expected)
+
+        if self.dynamic and name in EXTENSOR[:2]:
+            yield problem("dynamic", "leg-raise, or a test under load")
+        if self.dynamic and name in ("envelope", "passive-flexion"):
+            yield problem("dynamic", "one test under load with it")
+        if self.loads is not None and name not in ("load", "leg-raise"):
+            yield problem("loads", "load --dynamic with it")
+        if name == "leg-raise" and self.load:
+            yield problem("load", "patellar-tracking, extension or a test under load with it")
+        if self.counted_from == "intact" and not self.cut:
+            yield problem("counted-from", "--cut too, or unloaded", "intact")
+        if self.free and self.recorded is None:
+            yield problem("free", "--recorded FILE.csv with it", self.free[0])
+        if self.recorded is not None and not self.free:
+            expected = f"--free with one of {', '.join(get_args(Damper))}"
+            yield problem("recorded", expected, self.recorded)
+        most = 200 if name in EXTENSOR else 1000
+        if self.steps is not None and not 1 <= self.steps <= most:
+            yield problem("steps", f"between 1 and {most}", self.steps)
+        if self.quadriceps_mm is not None:
+            results = ["quadriceps_N", "steps", *(["flexion"] if name == "leg-raise" else [])]
+            for option in results:
+                if getattr(self, option) is not None:
+                    yield problem(option_name(option), "--quadriceps-mm without it: a result")
+        for option in ("force_N", "moment_Nm", "displacement_mm", "rotation_deg"):
+            size = getattr(self, option)
+            if size is not None and name == "load":
+                expected = "the load's size in --load NAME=SIZE"
+                yield problem(option_name(option), expected)
+            elif size is not None and not size > 0:
+                expected = "a size above zero; --both for both"
+                yield problem(option_name(option), expected, f"{size:g}")
+        if name == "load" and not self.load and self.loads is None:
+            more = ", or --loads FILE.csv" if self.dynamic else ""
+            yield problem("load", f"the load that grows, loads as NAME=SIZE{more}")
