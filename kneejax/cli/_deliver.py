@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.cli._command import Drawn
+from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import write_rows, write_text
 
 if TYPE_CHECKING:
@@ -36,10 +37,11 @@ def deliver(
     from kneejax.inference import versions
 
     settings = {"command": arguments.command, **arguments.options()}
-    write_answer(
-        answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
-        seconds=seconds,
-    )  # fmt: skip
+    with stages_on_terminal("figures and report"):
+        write_answer(
+            answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
+            seconds=seconds,
+        )  # fmt: skip
     return say(answer, arguments.out, written)
 
 

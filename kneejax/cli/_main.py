@@ -86,10 +86,11 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
 
             try_out(out, folder=not isinstance(asked, ExportOsim | Init))
         asked.check_inputs(Path())
-        if not isinstance(asked, _WITHOUT_JAX):
-            prepare_jax()
-            asked.check_ranges()
-        asked.import_body()
+        with _starting(not isinstance(asked, _WITHOUT_JAX)) as computes:
+            if computes:
+                prepare_jax()
+                asked.check_ranges()
+            asked.import_body()
     with _doubts_in_words():
         if not isinstance(asked, Written):
             return asked.run()
@@ -107,6 +108,19 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         if asked.verbose:
             print(programs.sentence(), file=sys.stderr)
         return status
+
+
+@contextlib.contextmanager
+def _starting(computes: bool) -> Iterator[bool]:
+    """Say on a terminal that a command has begun, while JAX is imported: it takes seconds."""
+    shown = computes and sys.stderr.isatty()
+    if shown:
+        print("starting", end="", file=sys.stderr, flush=True)
+    try:
+        yield computes
+    finally:
+        if shown:
+            print("\r        \r", end="", file=sys.stderr, flush=True)
 
 
 def _refused(*sentences: str) -> int:

@@ -13,7 +13,7 @@ from kneejax.numerics import compiling
 from kneejax.statics import Progress
 
 #: After so long a person wonders, s.
-_PATIENCE_S = 2.0
+_PATIENCE_S = 0.5
 _EVERY_S = 0.5
 _WITHOUT_COUNT = "{desc}, {elapsed}"
 
@@ -22,8 +22,8 @@ _WITHOUT_COUNT = "{desc}, {elapsed}"
 def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], None]]:
     """Show what is computed and how many balances are done, as long as the block lasts.
 
-    Until a stage is told, and in commands that tell none, the line says after two seconds how long
-    it has taken, and whether it is the compiler that is waited for.
+    Until a stage is told, and in commands that tell none, the line says how long it has taken, and
+    once there was something to compile, that it is kept.
 
     Args:
         what: is computed, where no stage says so.
@@ -51,13 +51,13 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
                 bar.update(max(done - bar.n, 0))
 
         def wait() -> None:
-            pause = _PATIENCE_S
+            pause, compiles = _PATIENCE_S, False
             while not over.wait(pause):
-                pause = _EVERY_S
+                pause, compiles = _EVERY_S, compiles or bool(compiling())
                 with lock:
                     if not shown:
                         bar.delay = 0.0  # what was shown is wiped out in the end
-                        bar.set_description_str(waiting_for(what, bool(compiling())))
+                        bar.set_description_str(waiting_for(what, compiles))
 
         if not bar.disable:
             threading.Thread(target=wait, daemon=True).start()
@@ -70,11 +70,15 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
 def waiting_for(what: str, compiles: bool) -> str:
     """The words of the line while nothing is counted.
 
+    Args:
+        what: is computed.
+        compiles: whether something was compiled for it.
+
     Example:
         >>> waiting_for("calibration", True)
-        'calibration: compiling (kept for later runs)'
+        'calibration: compiling (kept for later runs) and computing'
     """
-    now = "compiling (kept for later runs)" if compiles else "computing"
+    now = "compiling (kept for later runs) and computing" if compiles else "computing"
     return f"{what}: {now}" if what else now
 
 
