@@ -11,7 +11,6 @@ import dataclasses
 import functools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -180,72 +179,33 @@ def write(found: Reproduction, out: Path, svg: bool = False) -> list[str]:
     return [*tables, *found.documents, "report.html"]
 
 
-_STYLE = """
-.badge.none { background: #5c6670; }
-.badge { white-space: nowrap; font-size: .8125rem; }
-article { border-bottom: 1px solid #e6e8ea; padding: .8rem 0; break-inside: avoid; }
-article h3 { margin: 0 0 .3rem; display: flex; gap: .7rem; align-items: baseline; }
-article h3 span.n { color: #555; min-width: 2.2rem; text-align: left; }
-article h3 span.s { flex: 1; }
-article dl { display: grid; grid-template-columns: 5.5rem 1fr; gap: .15rem .8rem;
-  margin: 0 0 0 2.9rem; }
-article dt { font-size: .875rem; }
-article dd { font-size: .875rem; font-weight: 400; overflow-wrap: anywhere; }
-"""
-
-
 def _write_page(found: Reproduction, out: Path, svg: bool) -> None:
     """report.html, which needs no other file, and `figures/NAME.png`."""
-    from kneejax.report.look import (
-        boxes,
-        json_safe,
-        page,
-        picture,
-        save_and_inline,
-        section,
-        table,
-        warnings_box,
-        write_whole,
-    )
+    from kneejax.report.look import as_setting, json_safe, rendered, save_and_inline, write_whole
 
-    document = claimed(found.paper)
-    pictures = ""
+    document, pictures = claimed(found.paper), []
     for name, drawn in found.figures.items():
         figure, caption = drawn if isinstance(drawn, tuple) else (drawn, document["figures"][name])
         _, inline = save_and_inline(figure, out / "figures", name, svg=svg)
-        pictures += picture(inline, caption)
+        pictures.append((name, inline, caption))
     words = {"verdicts": ", ".join(VERDICTS), **found.words}
-    about = "".join(f"<p>{escape(text.format(**words))}</p>\n" for text in document["about"])
     verdicts = [claim.verdict for claim in found.claims]
-    counts = boxes((word.capitalize(), str(verdicts.count(word))) for word in _BADGES)
-    settings = [
-        [key, value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)]
-        for key, value in json_safe(found.settings).items()
-    ]
-    again = (
-        "<h3>Settings</h3>\n" + table(["Setting", "Value"], settings, (0, 1))
-        + "<h3>Versions</h3>\n" + table(["Package", "Version"], list(versions().items()), (0, 1))
-    )  # fmt: skip
-    title = document["title"]
-    body = [
-        f"<header>\n<h1>{escape(title)}</h1>\n{about}{counts}\n</header>\n"
-        + warnings_box("Doubts", found.doubts),
-        section("Claims", "".join(map(_article, found.claims))),
-        section("Figures", pictures) if pictures else "",
-        section("How to run it again", again),
-    ]
-    write_whole(out / "report.html", page(title, body, _STYLE).encode())
+    page = rendered(
+        "claims.html.j2",
+        title=document["title"],
+        about=[text.format(**words) for text in document["about"]],
+        counts=[(word.capitalize(), verdicts.count(word)) for word in _BADGES],
+        doubts=found.doubts,
+        claims=[(claim, _BADGES[claim.verdict], _rows(claim)) for claim in found.claims],
+        pictures=pictures,
+        settings=[(k, as_setting(value)) for k, value in json_safe(found.settings).items()],
+        versions=[*versions().items()],
+    )
+    write_whole(out / "report.html", page.encode())
 
 
-def _article(claim: Claim) -> str:
+def _rows(claim: Claim) -> list[tuple[str, str]]:
     rows = [("Criterion", claim.criterion), ("Printed", claim.printed), ("Ours", claim.ours)]
     if claim.verdict == CANNOT_BE_JUDGED and claim.ours == "-":
         rows = [("Printed", claim.printed)]
-    rows += [("Reason", claim.reason)] * bool(claim.reason)
-    facts = "".join(f"<dt>{escape(k)}</dt><dd>{escape(v)}</dd>" for k, v in rows)
-    return (
-        f'<article>\n<h3><span class="n">{escape(claim.number)}</span>'
-        f'<span class="s">{escape(claim.statement)}</span>'
-        f'<strong class="badge {_BADGES[claim.verdict]}">{escape(claim.verdict)}</strong></h3>\n'
-        f"<dl>{facts}</dl>\n</article>\n"
-    )
+    return rows + [("Reason", claim.reason)] * bool(claim.reason)

@@ -154,8 +154,7 @@ def balance_in_order(
 ) -> Equilibria:
     """Balance a knee at load cases that follow each other, as the instants of a movement.
 
-    From one of them the knee is followed in both directions. What it does not hold is passed over
-    once; where the next one is lost too, the path ends.
+    From one of them the knee is followed in both directions; two lost in a row end the way.
 
     Args:
         knee: without a lane axis.
@@ -173,13 +172,11 @@ def balance_in_order(
     needs_float64()
     variants, load_cases = Variants.of(knee, itself, np.zeros((1, 0))), load_cases.of(knee).plain()
     batch, count = _Batch(variants, load_cases, True), len(load_cases)
-    one, here = np.zeros(1, int), np.array([first])
-    batch.seek(one, here, q[None], contact_points[None], lambda _: None)
-    way = np.array([1, -1])
+    none, here = np.zeros(1, int), np.array([first])
+    batch.seek(none, here, q[None], contact_points[None], lambda _: None)
     length = np.array([count - 1 - first, first])
     steps = np.minimum(np.arange(1, max(count, 2)), length[:, None])
-    places = first + way[:, None] * steps
-    origin = np.zeros(2, int), np.full(2, first)
+    places, origin = first + np.array([[1], [-1]]) * steps, (np.zeros(2, int), np.full(2, first))
     batch.follow(0 * places, places, length, origin, _WHILE_CHANGED, lambda _: None)
     return batch.answer((1,))
 
@@ -248,11 +245,8 @@ class _Batch:
         length = np.where(known[origin], length, 0)
         if not anew:
             length = np.where(known[variant[:, 0], load_case[:, 0]], 0, length)
-        q, contact_points, begun = (
-            self.found.q[origin],
-            self.found.contact_points[origin],
-            known[origin],
-        )
+        q, contact_points = self.found.q[origin], self.found.contact_points[origin]
+        begun = known[origin]
         behind = self._behind(origin[0], origin[1], q, contact_points, begun.astype(int))
         self._run(variant, load_case, length, behind, give_up, report)
 

@@ -160,7 +160,7 @@ class Identify(Drawn):
     """Report what the data of a study determine, and what to measure next."""
 
     command: ClassVar = "identify"
-    example: ClassVar = "kneejax identify paper1 --next-tests 2"
+    example: ClassVar = "kneejax identify --next-tests 2"
     body: ClassVar = "kneejax.cli._identify"
     folder: ClassVar = "kneejax-identify"
 

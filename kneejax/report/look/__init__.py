@@ -4,6 +4,8 @@ from kneejax.report.look._answer import Answer as Answer
 from kneejax.report.look._answer import Drawing as Drawing
 from kneejax.report.look._answer import Section as Section
 from kneejax.report.look._answer import Verdict as Verdict
+from kneejax.report.look._answer import as_setting as as_setting
+from kneejax.report.look._answer import rendered as rendered
 from kneejax.report.look._answer import write_page as write_page
 from kneejax.report.look._json import json_safe as json_safe
 from kneejax.report.look._matrix import both_signs as both_signs
@@ -17,13 +19,6 @@ from kneejax.report.look._numbers import short as short
 from kneejax.report.look._numbers import trimmed as trimmed
 from kneejax.report.look._numbers import unit_after as unit_after
 from kneejax.report.look._numbers import with_error as with_error
-from kneejax.report.look._page import boxes as boxes
-from kneejax.report.look._page import page as page
-from kneejax.report.look._page import picture as picture
-from kneejax.report.look._page import section as section
-from kneejax.report.look._page import table as table
-from kneejax.report.look._page import warnings_box as warnings_box
-from kneejax.report.look._page_style import CSS as CSS
 from kneejax.report.look._saving import picture_png as picture_png
 from kneejax.report.look._saving import picture_svg as picture_svg
 from kneejax.report.look._saving import save_and_inline as save_and_inline

@@ -130,10 +130,11 @@ class Answer:
             An HTML document.
         """
         asked_again = [
-            (name, _setting(value)) for name, value in json_safe(dict(settings or {})).items()
+            (name, as_setting(value)) for name, value in json_safe(dict(settings or {})).items()
         ]
         lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
-        return _template("answer.html.j2").render(
+        return rendered(
+            "answer.html.j2",
             answer=self,
             pictures=pictures,
             table=self._table,
@@ -195,7 +196,8 @@ def write_page(
     return [write_whole(folder / "report.html", page.encode()), *paths]
 
 
-def _setting(value: Any) -> str:
+def as_setting(value: Any) -> str:
+    """A setting for people: JSON but for words, `none` for what is empty."""
     if isinstance(value, str):
         return value
     return "none" if value in (None, [], {}) else json.dumps(value, ensure_ascii=False)
@@ -224,6 +226,16 @@ def _width(svg: str) -> str:
         return ""
     points = head.split(' width="', 1)[1].split("pt", 1)[0]
     return f"max-width:{float(points) / 9.33:.1f}rem"
+
+
+def rendered(template: str, **values: Any) -> str:
+    """A page made of one of the templates of this folder.
+
+    Args:
+        template: name of the file.
+        values: what its names stand for; plain text is escaped.
+    """
+    return _template(template).render(**values)
 
 
 @functools.cache
