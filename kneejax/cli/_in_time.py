@@ -1,4 +1,4 @@
-"""`kneejax simulate settle | drop`, and tests with `--dynamic`: mass, damping and time."""
+"""`kneejax simulate settle | drop`, and `--dynamic`: mass, damping, time; dampers of a record."""
 
 from __future__ import annotations
 
@@ -12,19 +12,87 @@ from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli._recorded import fit_dampers, read_recorded
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
-from kneejax.experiments import MOST_ERROR_MM, lab_tests, leg_of_person, transient
+from kneejax.experiments import (
+    MOST_ERROR_MM,
+    beginning,
+    lab_tests,
+    leg_of_person,
+    raised_leg,
+    transient,
+)
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS
+from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
 from kneejax.mechanics import Knee
 from kneejax.numerics import WrongValue
-from kneejax.report import transient_answer
+from kneejax.report import raised_leg_answer, transient_answer
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
 _OTHER_FLEXION = 30.0
 _MOST_TIMES = 20_000
+#: Of a raised leg: flexions at which it is also held; its time, and between two rows of its tables.
+_RAISED, _RAISED_S, _RAISED_EVERY_MS = "0:90:5", 20.0, 100.0
+_LENGTH = "quadriceps_mm"
+
+
+def read_recorded(arguments: Simulate, start_s: float) -> Recorded | None:
+    """The record, which begins with the motion; None where none was asked for.
+
+    Raises:
+        InputProblem: a column that is no free coordinate, or another start.
+    """
+    if arguments.recorded is None:
+        return None
+    compared = COLUMNS[1:]
+    time_s, loads, seen = read_loads_over_time(arguments.recorded, compared)
+    if loads or not seen:
+        expected = f"some of {', '.join(compared)}; loads stand in --loads"
+        wrong = min(loads, default="time_s alone")
+        raise InputProblem(str(arguments.recorded), "header", wrong, expected)
+    if abs(time_s[0] - start_s) > 1e-9:
+        expected = f"{start_s:g}, where the motion begins"
+        raise InputProblem(str(arguments.recorded), "row 1, time_s", f"{time_s[0]:g}", expected)
+    return Recorded.of_table(time_s, seen)
+
+
+def fit_dampers(
+    arguments: Simulate,
+    moving: MovingKnee,
+    recorded: Recorded,
+    flexion_deg: float,
+    motion: dict[str, Any],
+) -> FittedTransient:
+    """Find the dampers.
+
+    Args:
+        arguments: of the command; what is free begins at the options' sizes.
+        moving: the knee, with these.
+        recorded: the motion.
+        flexion_deg: at which it begins.
+        motion: options of `kneejax.experiments.beginning`.
+
+    Raises:
+        InputProblem: the motion cannot begin, or ends early with the first sizes.
+    """
+    usual = {"critical": 1.0, "damping_N_s_per_mm": 0.1, "dissipation_s_per_mm": 1e-3}
+    first = {name: getattr(arguments, name) or usual[name] for name in arguments.free}
+    with stages_on_terminal(moving.knee.name) as show:
+
+        def told(done: int) -> None:
+            show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
+
+        try:
+            begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
+            found = fit_transient(
+                moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
+                most_mm=arguments.error_mm or MOST_ERROR_MM, progress=told,
+            )  # fmt: skip
+        except WrongValue as problem:
+            raise refused("simulate", problem) from None
+    return found
+
 
 def run_in_time(arguments: Simulate) -> int:
     """Move a knee through time, with dampers from a record where one is given."""
@@ -156,3 +224,29 @@ def moving_knee(arguments: Simulate, knee: Knee) -> MovingKnee:
     usual = 1.0 if arguments.experiment == "settle" else 0.0
     everywhere = arguments.damping_N_s_per_mm
     return moving.damped_everywhere(usual if everywhere is None else everywhere)
+
+
+def run_raised_leg(arguments: Simulate) -> int:
+    """Raise the leg, and compare it with one that is held at each flexion."""
+    flexion = np.sort(parse_flexion(arguments.flexion or _RAISED))[::-1]
+    if len(flexion) < 4:
+        expected = "four angles at least, at which the leg is also held, as 0:90:5"
+        raise InputProblem("--flexion", "flexion", arguments.flexion, expected)
+    lengths = _lengths(arguments)
+    duration = _RAISED_S if lengths is None else lengths[0][-1] - lengths[0][0]
+    times = times_of(arguments, duration, _RAISED_EVERY_MS)
+    moving = moving_knee(arguments, asked_knee(arguments, patella=True))
+    with moving_on_terminal(arguments, moving, times) as options:
+        found = raised_leg(moving, flexion, times, lengths=lengths, **options)
+    knee = knee_words(arguments, moving.knee)
+    return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)
+
+
+def _lengths(arguments: Simulate) -> tuple[np.ndarray, np.ndarray] | None:
+    """Times, from 0 on, and lengths of the quadriceps, of a file."""
+    if arguments.loads is None:
+        return None
+    times, loads, ways = read_loads_over_time(arguments.loads, (_LENGTH,))
+    if loads or _LENGTH not in ways:
+        raise InputProblem(str(arguments.loads), "header", ", ".join(loads), f"time_s, {_LENGTH}")
+    return times - times[0], ways[_LENGTH]

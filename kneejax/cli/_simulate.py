@@ -1,22 +1,57 @@
-"""`kneejax simulate EXPERIMENT`."""
+"""`kneejax simulate EXPERIMENT`: passive flexion, tests under load, and the quadriceps' pull."""
 
 from __future__ import annotations
 
-from kneejax.cli._asked_knee import asked_knee, knee_words
+import numpy as np
+
+from kneejax.cli._asked_knee import asked_knee, knee_words, whole_knee
+from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import read_loads
+from kneejax.cli._given import check_within, read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import EXTENSOR, Simulate
-from kneejax.experiments import branches, evaluate, passive_flexion
-from kneejax.files import parse_flexion
-from kneejax.mechanics import load_of
-from kneejax.report import flexion_answer
+from kneejax.experiments import (
+    DrivenExtensor,
+    Extensor,
+    LabTest,
+    Shank,
+    branches,
+    evaluate,
+    extension_by_length,
+    isometric_extension,
+    lab_tests,
+    leg_raise,
+    leg_raise_by_length,
+    load_curves,
+    load_cycle,
+    mechanics_of,
+    passive_flexion,
+    patellar_tracking,
+    second_balances,
+)
+from kneejax.files import InputProblem, bundled_bands, parse_flexion, parse_range
+from kneejax.geometry import COORDINATES
+from kneejax.mechanics import LIMITS, NAMED_LOADS, Knee, Range, load_of
+from kneejax.numerics import WrongValue
+from kneejax.parameters import cut
+from kneejax.report import extensor_answer, flexion_answer, laboratory_answer
+
+#: Sizes of a test. Farther than a limit a knee is dislocated.
+_SIZES = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg")
+_FARTHEST = {
+    "displacement_mm": Range(0.0, LIMITS["anterior"], "mm"),
+    "rotation_deg": Range(0.0, LIMITS["internal_rotation"], "deg"),
+}
+_FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
+_PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
+_LONGER = Range(-20.0, 100.0, "mm")
+_OF_LEG = ("body_kg", "height_m", "ankle_kg", "femur_deg")
 
 
 def run(arguments: Simulate) -> int:
     """Move a knee through flexion or time, load it, or let its quadriceps pull."""
     if arguments.in_time and arguments.experiment == "leg-raise":
-        from kneejax.cli._raised_leg import run_raised_leg
+        from kneejax.cli._in_time import run_raised_leg
 
         return run_raised_leg(arguments)
     if arguments.in_time:
@@ -24,13 +59,9 @@ def run(arguments: Simulate) -> int:
 
         return run_in_time(arguments)
     if arguments.experiment in EXTENSOR:
-        from kneejax.cli._extensor import run_extensor
-
         return run_extensor(arguments)
     if arguments.experiment == "passive-flexion":
         return _passive_flexion(arguments)
-    from kneejax.cli._laboratory import run_test
-
     return run_test(arguments)
 
 
@@ -49,3 +80,113 @@ def _passive_flexion(arguments: Simulate) -> int:
             convention=arguments.convention,
         )  # fmt: skip
     return deliver(answer, arguments)
+
+
+def run_test(arguments: Simulate) -> int:
+    """Load a knee, print its laxity, write curves, laxity, poses, forces and two figures."""
+    tests = _tests(arguments)
+    from_intact = arguments.counted_from == "intact"
+    whole = whole_knee(arguments)
+    knee = cut(whole, arguments.cut)
+    with stages_on_terminal(knee.name):
+        curves = load_curves(knee, tests, whole if from_intact else None)
+        mechanics = mechanics_of(curves[0])
+        others = [second_balances(one, whole) for one in curves] if arguments.cut else []
+    answer = laboratory_answer(
+        knee_words(arguments, knee), knee, curves, mechanics, second=others,
+        bands=bundled_bands(arguments.cut), convention=arguments.convention,
+    )  # fmt: skip
+    return deliver(answer, arguments)
+
+
+def _tests(arguments: Simulate) -> tuple[LabTest, ...]:
+    """What is asked for; everything wrong with it is said before a knee is read."""
+    name, loads = arguments.experiment, read_loads(arguments.load)
+    given = {load: size for load, size in loads.items() if size}
+    steps = 20 if arguments.steps is None else arguments.steps
+    angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
+    sizes = {key: getattr(arguments, key) for key in _SIZES}
+    asked = {key: size for key, size in sizes.items() if size is not None}
+    for key, size in asked.items():
+        check_within(f"--{option_name(key)}", key, [size], _FARTHEST.get(key))
+    if name == "load":
+        path = load_cycle(steps, arguments.both)
+        return (_wrench(given, angles, path, tuple(arguments.hold)),)
+    try:
+        return lab_tests(
+            name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
+            constant=given,
+        )  # fmt: skip
+    except WrongValue as problem:
+        raise refused(f"simulate {name}", problem) from None
+
+
+def _wrench(given, angles, path, held) -> LabTest:
+    """The test `load`: what `--load` says grows, observed where its first part works."""
+    if not given:
+        raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
+    first = next(name for name in NAMED_LOADS if name in given)
+    observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
+    flexion = range(0, 91, 15) if angles is None else angles
+    ordered = {first: given[first], **given}
+    try:
+        angles = tuple(float(x) for x in flexion)
+        return LabTest("load", ordered, observed, angles, path, held=held)
+    except WrongValue as problem:
+        raise refused("simulate load", problem) from None
+
+
+def run_extensor(arguments: Simulate) -> int:
+    """Pull, print forces and the patella, write tables and two figures."""
+    name = arguments.experiment
+    flexion = parse_flexion(arguments.flexion or _FLEXION[name])
+    lengths = _lengths(arguments)
+    loads = read_loads(arguments.load)
+    knee = asked_knee(arguments, patella=True)
+    acting, driven = [load_of(**loads)] if loads else [], None
+    with stages_on_terminal(knee.name):
+        if lengths is None:
+            found = _made(arguments, knee, flexion, acting)
+        else:
+            driven = _driven(arguments, knee, flexion, lengths, acting)
+            found = driven.found
+    answer = extensor_answer(
+        knee_words(arguments, knee), name, found, loads=loads, driven=driven
+    )
+    return deliver(answer, arguments)
+
+
+def _lengths(arguments: Simulate) -> np.ndarray | None:
+    """How much longer the quadriceps is to be than at rest, mm."""
+    if arguments.quadriceps_mm is None:
+        return None
+    return parse_range(arguments.quadriceps_mm, "--quadriceps-mm", "lengths", _LONGER, "length")
+
+
+def _driven(
+    arguments: Simulate, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads
+) -> DrivenExtensor:
+    if arguments.experiment == "extension":
+        return extension_by_length(knee, flexion, lengths, loads)
+    try:
+        return leg_raise_by_length(knee, lengths, _shank(arguments))
+    except WrongValue as problem:
+        expected = problem.expected
+        raise InputProblem("--quadriceps-mm", "lengths", problem.found, expected) from None
+
+
+def _shank(arguments: Simulate) -> Shank:
+    usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0, "femur_deg": 0.0}
+    given = {option: getattr(arguments, option) for option in _OF_LEG}
+    return Shank.of_person(**{k: usual[k] if given[k] is None else given[k] for k in usual})
+
+
+def _made(arguments: Simulate, knee: Knee, flexion: np.ndarray, loads) -> Extensor:
+    name = arguments.experiment
+    if name == "leg-raise":
+        return leg_raise(knee, flexion, _shank(arguments))
+    pull = arguments.quadriceps_N or _PULL_N[name]
+    if name == "patellar-tracking":
+        return patellar_tracking(knee, flexion, pull, loads)
+    steps = arguments.steps or 20
+    return isometric_extension(knee, flexion, pull * np.arange(1, steps + 1) / steps, loads)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.cli._contact_knee import ContactKnee
+from kneejax.cli.joint._models import ContactKnee
 from kneejax.cli.options import JointFit
 from kneejax.files import (
     InputProblem,

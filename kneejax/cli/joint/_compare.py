@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.cli._contact_knee import read_contact_knee
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._models import (
@@ -14,6 +13,7 @@ from kneejax.cli.joint._models import (
     fitted_models,
     joint_models,
     knee_model,
+    read_contact_knee,
 )
 from kneejax.cli.options import JointCompare
 from kneejax.files import InputProblem, counted, read_poses

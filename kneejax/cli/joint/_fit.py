@@ -1,4 +1,4 @@
-"""`kneejax joint fit`: a moving axis and a hinge, of measured poses or of a contact knee."""
+"""`kneejax joint fit`: a moving axis and a hinge, of poses or of a contact knee; `joint export`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import dataclasses
 import numpy as np
 
 from kneejax.cli import options
-from kneejax.cli._contact_knee import ContactKnee, passive_motion, read_contact_knee
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import (
@@ -18,19 +17,28 @@ from kneejax.cli.joint._axes import (
     axes_from_mesh,
     problem,
 )
+from kneejax.cli.joint._models import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli.options import JointExport
 from kneejax.files import (
     AxisPoints,
     InputProblem,
     JointFile,
+    export_joint,
     parse_flexion,
+    read_joint,
     read_poses,
     write_axis_points,
     write_joint,
+    write_poses,
+    write_text,
 )
 from kneejax.geometry import Pose
 from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_rows, fit_joints
 from kneejax.report import joint_fit_answer
 from kneejax.statics import Status
+
+#: Splines that leave more than this of a pose, degrees or mm, are doubtful.
+_DOUBTFUL = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -152,3 +160,25 @@ def _write(
         return ["joint.yaml", "hinge.yaml"]
     write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
     return ["joint.yaml", "hinge.yaml", "axes.csv"]
+
+
+def export(arguments: JointExport) -> int:
+    """Write the joint for OpenSim and as a table of coupled coordinates; say how well."""
+    file = read_joint(arguments.joint)
+    found = export_joint(file)
+    low, high = np.ceil(found.flexion_deg[0]), np.floor(found.flexion_deg[-1])
+    table = file.joint.pose(np.deg2rad(np.arange(low, high + 1.0))).to_table()
+    out = arguments.out
+    write_text(out / "custom_joint.xml", found.snippet)
+    write_text(out / "joint.osim", found.model)
+    write_poses(out / "coupled_coordinates.csv", np.asarray(table))
+    turn, shift = found.error[:2].max(), found.error[2:].max()
+    print(
+        f"{file.name}: flexion {found.flexion_deg[0]:g} to {found.flexion_deg[-1]:g} degrees, "
+        f"{len(found.flexion_deg)} knots; splines within {turn:.1e} degrees and {shift:.1e} mm"
+    )
+    print(f"written: {out}/custom_joint.xml, joint.osim, coupled_coordinates.csv, settings.json")
+    if found.error.max() > _DOUBTFUL:
+        print("doubtful: the joint turns its axis too sharply for a cubic spline of OpenSim")
+        return 1
+    return 0

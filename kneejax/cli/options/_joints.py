@@ -185,7 +185,7 @@ class JointExport(Written):
     example: ClassVar = (
         "kneejax joint fit --knee four_ligament && kneejax joint export kneejax-joint/joint.yaml"
     )
-    body: ClassVar = "kneejax.cli.joint._export"
+    body: ClassVar = "kneejax.cli.joint._fit:export"
     folder: ClassVar = "kneejax-joint-export"
 
     joint: Annotated[Path, File("a joint file"), Place("JOINT")] = Field(description="joint file")

@@ -36,5 +36,5 @@ def drawn_only_where_wanted(request, monkeypatch):
             figure = f"kneejax.report.joints._fit.joint_{name}_figure"
             monkeypatch.setattr(figure, lambda *_: None)
         monkeypatch.setattr(
-            "kneejax.report.look.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
+            "kneejax.report.look._answer.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
         )
