@@ -170,7 +170,8 @@ def write_page(
         figures: whether figures are files at all.
         settings: of the command, at the foot of the page.
         versions: package -> version, likewise.
-        seconds: part of the work -> how long it took, likewise; `figures` is added.
+        seconds: part of the work -> how long it took, likewise; `figures` is added, unless there
+            is a `total`.
 
     Returns:
         `report.html`, which needs no other file, then `figures/NAME.png`.
@@ -190,7 +191,7 @@ def write_page(
     finally:
         if running:
             gc.enable()
-    if seconds is not None:
+    if seconds is not None and "total" not in seconds:
         seconds["figures"] = time.perf_counter() - begun
     page = answer.page(pictures, settings, versions, seconds)
     return [write_whole(folder / "report.html", page.encode()), *paths]

@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kneejax.cli._outer_rounds import _reaction_off, _record
+from kneejax.cli._outer_rounds import _reaction_off
 from kneejax.files import (
     InputProblem,
     ask_opensim,
     couple_model,
     coupled_motion,
     load_knee_file,
+    read_activity,
     read_storage,
     registered,
     whole_body,
@@ -97,8 +98,11 @@ def test_the_reaction_is_the_sum_of_what_is_read(walk, knee, coupled, tmp_path):
         model = tmp_path / "coupled.osim"
         model.write_bytes(couple_model(MODEL, "r", coupled_motion(poses), shifts))
         said = ask_opensim(body, tmp_path, model)
-    record = _record(body, model, said, knee.knee, shifts)
-    assert _reaction_off(body, model, said, knee.knee, shifts, record) < 1.0
+    known = {"side": "r", "knee": knee.knee, "frames": shifts}
+    known |= {"femur": body.bones[0], "tibia": body.bones[1]}
+    record = read_activity(model, [body.motion, said.forces, body.loads], **known)
+    theirs = read_activity(model, [body.motion, said.reactions], **known)
+    assert _reaction_off(record, theirs) < 1.0
     if coupled:
         found = coupled_motion(poses).at(record.pose[:, 0])
         assert np.abs(record.pose[:, 1:] - found).max() < 1e-4
