@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
-from kneejax.geometry import COLUMNS, FEMORAL, convert_table, coordinate
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
 from kneejax.report.laboratory._figures import laxity_figure, load_figure
 from kneejax.report.look import Answer, Column, Drawing, Section, Table
@@ -104,7 +104,7 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     load, by_load = NAMED_LOADS[test.driven_by], test.displacement is None
     ends = unit if by_load else load.unit
     slope = f"{load.unit}/{unit}"
-    observed = test.observed.replace("_", " ")
+    observed = COORDINATES[test.observed].phrase
     counted = ", from the intact knee" if curves.intact is not None else ""
     two = digits(2)
     columns = [
