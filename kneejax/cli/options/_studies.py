@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from kneejax.cli._command import Bundled, Drawn, File, Form, Only, Place, Several, Written
+from kneejax.cli._command import Bundled, Command, Drawn, File, Form, Only, Place, Several, Written
 from kneejax.cli._words import Split
 from kneejax.cli.options._common import KNEE, Knee
 from kneejax.files import InputProblem
@@ -92,7 +92,7 @@ class Map(Drawn):
 
     command: ClassVar = "map"
     example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
-    body: ClassVar = "kneejax.cli._map"
+    body: ClassVar = "kneejax.cli._studies:objective_maps"
     folder: ClassVar = "kneejax-map"
 
     study: Study = Field("passive_flexion", description=STUDY)
@@ -118,7 +118,7 @@ class Sensitivity(Drawn):
 
     command: ClassVar = "sensitivity"
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
-    body: ClassVar = "kneejax.cli._sensitivity"
+    body: ClassVar = "kneejax.cli._studies:sensitivity"
     folder: ClassVar = "kneejax-sensitivity"
 
     study: Study = Field("passive_flexion", description=STUDY)
@@ -161,7 +161,7 @@ class Identify(Drawn):
 
     command: ClassVar = "identify"
     example: ClassVar = "kneejax identify --next-tests 2"
-    body: ClassVar = "kneejax.cli._identify"
+    body: ClassVar = "kneejax.cli._studies:what_data_tell"
     folder: ClassVar = "kneejax-identify"
 
     study: Study = Field("passive_flexion", description=STUDY)
@@ -192,7 +192,7 @@ class CohortSynthesise(Written):
     example: ClassVar = (
         "kneejax cohort synthesise --knees 100 --out made-up && kneejax calibrate made-up"
     )
-    body: ClassVar = "kneejax.cli._cohort_synthesise"
+    body: ClassVar = "kneejax.cli._cohort:make_up"
     folder: ClassVar = "kneejax-cohort"
 
     knees: int = Field(100, description="how many", ge=1, le=100_000)
@@ -252,4 +252,33 @@ class Reproduce(Drawn):
         None,
         description="of paper 1, on which its 2 kg pull: on-path, with one degree of freedom as "
         "in the paper (default); balanced, a third bone; none, a line of constant tension instead",
+    )
+
+
+class Rerun(Command):
+    """Repeat the run that wrote a folder."""
+
+    command: ClassVar = "rerun"
+    example: ClassVar = (
+        "kneejax simulate passive-flexion && kneejax rerun kneejax-passive-flexion --out again"
+    )
+    body: ClassVar = "kneejax.cli._main:rerun"
+
+    folder: Annotated[Path, Place("FOLDER")] = Field(
+        description="folder with the settings.json of a command"
+    )
+    out: Path | None = Field(
+        None, description="folder for the results; the same one otherwise"
+    )
+
+
+class Completion(Command):
+    """Print a script that lets a shell complete commands, options and files."""
+
+    command: ClassVar = "completion"
+    example: ClassVar = 'eval "$(kneejax completion bash)"'
+    body: ClassVar = "kneejax.cli._main:completion"
+
+    shell: Annotated[Literal["bash", "zsh", "fish"], Place("SHELL")] = Field(
+        description="bash, zsh or fish"
     )
