@@ -1,4 +1,4 @@
-"""Running a command, or one that ran before again: float64, the compilation cache, errors in a line."""
+"""Running a command, also again: float64, the compilation cache, and errors in a line each."""
 
 from __future__ import annotations
 

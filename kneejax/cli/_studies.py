@@ -37,10 +37,7 @@ def objective_maps(arguments: options.Map) -> int:
         # Better known before the work than after it.
         check_installed(package, "maps")
     with said_of_options(studies.Map):
-        question = studies.Map(
-            pair=arguments.pair, all_pairs=arguments.all_pairs, grid=arguments.grid,
-            range=arguments.ranges,
-        )  # fmt: skip
+        question = arguments.question()
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
     with said_of_options(studies.Map):
@@ -88,7 +85,12 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
 def what_data_tell(arguments: options.Identify) -> int:
     """Say what the data of a study determine; write the answer."""
     with said_of_options(studies.Identify):
-        question = identify_question(arguments)
+        table = vars(arguments)["candidates"]
+        candidates = None if table is None else [
+            Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
+            for row in read_candidates(table)
+        ]  # fmt: skip
+        question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
     with said_of_options(studies.Identify), stages_on_terminal("what the data tell"):
         found = studies.identify(study, question)
@@ -99,62 +101,26 @@ def what_data_tell(arguments: options.Identify) -> int:
     return deliver(answer, arguments, seconds={"total": found.seconds})
 
 
-def identify_question(arguments: options.Identify) -> studies.Identify:
-    return studies.Identify(
-        noise_mm=arguments.noise_mm,
-        noise_deg=arguments.noise_deg,
-        posterior=arguments.posterior,
-        prior=arguments.prior,
-        chains=arguments.chains,
-        draws=arguments.draws,
-        seed=arguments.seed,
-        next_tests=arguments.next_tests,
-        criterion=arguments.criterion,
-        candidates=_candidates(arguments.candidates),
-    )
-
-
-def _candidates(path: Path | None) -> list[Candidate] | None:
-    if path is None:
-        return None
-    return [
-        Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
-        for row in read_candidates(path)
-    ]
-
-
 def sensitivity(arguments: options.Sensitivity) -> int:
     """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
     if arguments.knees:
         return _knees_side_by_side(arguments)
     with said_of_options(studies.Sensitivity):
-        question = _question(arguments)
+        # A count is a whole number; what is none is refused as it was given.
+        lines = {
+            name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+            for name, ends in vars(arguments)["sweep"].items()
+        }
+        question = arguments.question(sweep=lines)
     study = studies.read_study(arguments.study)
     with said_of_options(studies.Sensitivity), stages_on_terminal() as progress:
         found = studies.sensitivity(study, question, progress=progress)
     from kneejax.report.sensitivity import sensitivity_answer
 
-    names = {"sweep": "sweep", "scale": "scale", "prior": "prior", "global": "indices",
-             "samples": "samples", "range": "ranges", "seed": "seed"}  # fmt: skip
-    asked = {name: getattr(arguments, field) for name, field in names.items()}
+    asked = {field.alias: getattr(arguments, name)
+             for name, field in options.Sensitivity.model_fields.items()
+             if name in studies.Sensitivity.model_fields}  # fmt: skip
     return deliver(sensitivity_answer(found, asked), arguments, seconds=found.seconds)
-
-
-def _question(arguments: options.Sensitivity) -> studies.Sensitivity:
-    # A count is a whole number; what is none is refused as it was given.
-    lines = {
-        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-        for name, ends in arguments.sweep.items()
-    }
-    return studies.Sensitivity(
-        sweep=lines,
-        scale=arguments.scale,
-        prior=arguments.prior,
-        indices=arguments.indices,
-        samples=arguments.samples,
-        range=arguments.ranges,
-        seed=arguments.seed,
-    )
 
 
 def _knees_side_by_side(arguments: options.Sensitivity) -> int:
