@@ -133,6 +133,7 @@ def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
             else:
                 marks.append(one)
         default = field.get_default(call_default_factory=True)
+        default = list(default) if get_origin(kind) is list else default
         kind = kind | None if default is None else kind
         alias = "global" if name == "indices" else option_name(name)
         option = Field(default, alias=alias, description=meaning)
