@@ -15,7 +15,7 @@ from pathlib import Path
 from _protocol import arguments, finish, peak_memory_mb
 
 from kneejax.cli import main as kneejax
-from kneejax.cli._cohort_work import CohortWork
+from kneejax.cli._cohort import CohortWork
 from kneejax.cohorts import Task, plan, read_cohort
 
 KNEES = 4

@@ -1,24 +1,124 @@
-"""`kneejax activity`: what a recorded movement does to a knee."""
+"""An activity that was recorded or computed, and rounds between the knee and OpenSim."""
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from kneejax._whole_files import writing_place
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._outer_rounds import asked_of_opensim, movement_of
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.experiments import Activity, Round, activity, cycle_of
+from kneejax.experiments import Activity, Round, activity, cycle_of, weights
 from kneejax.files import (
     InputProblem,
     WholeBody,
+    ask_opensim,
+    couple_model,
+    coupled_motion,
     knee_with,
     load_knee_file,
     read_activity,
+    registered,
+    whole_body,
+    write_bytes,
 )
+from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
 from kneejax.planning import AclPlan, intact_knee, operated_knees
 from kneejax.report import activity_answer
 from kneejax.studies import read_plan
+
+
+def movement_of(arguments: options.Activity) -> WholeBody | None:
+    """The movement that OpenSim is to be asked about, checked; None where tables are given.
+
+    Args:
+        arguments: of the command.
+
+    Raises:
+        InputProblem: a movement that does not fit the model.
+    """
+    if arguments.motion is None:
+        return None
+    return whole_body(
+        arguments.model, arguments.motion, arguments.grf, side=arguments.side,
+        actuators=arguments.actuators, instants=arguments.instants,
+        time_s=arguments.time_s, femur=arguments.femur, tibia=arguments.tibia,
+    )  # fmt: skip
+
+
+def asked_of_opensim(
+    arguments: options.Activity,
+    body: WholeBody,
+    knee: Knee,
+    document: dict[str, Any],
+    show,
+) -> tuple[LegRecord, list[Round]]:
+    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for.
+
+    Args:
+        arguments: of the command.
+        body: the movement, checked.
+        knee: whose secondary motion goes back into the model.
+        document: of its file.
+        show: called with what is done.
+
+    Returns:
+        The record, and the rounds; none where no motion was to go back.
+    """
+    shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
+    known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
+             "tibia": body.bones[1]}  # fmt: skip
+    rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
+    for number in range(arguments.rounds + 1):
+        show(f"OpenSim, round {number}" if arguments.rounds else "OpenSim", 0, 0)
+        place = arguments.out / "opensim" / (f"round_{number}" if arguments.rounds else "")
+        folder = writing_place(place)
+        if motion is not None:
+            model = folder / body.model.name
+            data = couple_model(body.model, body.side, motion, shifts, body.bones)
+            write_bytes(model, data)
+        said = ask_opensim(body, folder, model)
+        # Where no ground is given, the feet's own contacts are among the forces. The instants are
+        # those of static optimisation, between which nothing is known.
+        forces = [said.forces, *([] if body.loads is None else [body.loads])]
+        record = read_activity(model, [body.motion, *forces], **known)
+        if not arguments.rounds:
+            break
+        show(f"{knee.name}, round {number}", 0, 0)
+        one = activity(knee, record)
+        poses, file = np.asarray(one.motion.to_table())[one.holds], str(arguments.motion)
+        if not len(poses):
+            expected = "a movement under which the knee balances, for its motion to go back"
+            raise InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
+        before = coupled_motion(record.pose) if motion is None else motion
+        after = coupled_motion(poses, file, before.flexion_deg)
+        off = float("nan")
+        if body.loads is not None and not record.quadriceps_N.any():
+            theirs = read_activity(model, [body.motion, said.reactions], **known)
+            off = _reaction_off(record, theirs)
+        moment = float(np.sqrt(np.nanmean(one.residual_Nm**2)))
+        holds = int(one.holds.sum()), len(one.holds)
+        secondary = before.secondary, after.secondary
+        rounds.append(Round(number, after.flexion_deg, *secondary, after.rms, holds, moment, off))
+        part = before.secondary + weights(rounds)[-1] * rounds[-1].change
+        motion = dataclasses.replace(after, secondary=part)
+    return record, rounds
+
+
+def _reaction_off(record: LegRecord, theirs: LegRecord) -> float:
+    """By how much OpenSim's joint reaction differs from the sum of what was read, rms, N."""
+    state = State({TIBIA: Pose.from_table(record.pose)})
+    pulls = np.asarray(record.muscles.on_tibia(state)).sum(axis=0).T
+    ours = sum(record.acting.values(), pulls)[:, :3]
+    there = theirs.acting["joint reaction"][:, :3]
+    same = np.stack([np.interp(record.time_s, theirs.time_s, x) for x in there.T], axis=1)
+    return float(np.sqrt(np.mean(np.sum((ours - same) ** 2, axis=1))))
+
 
 INTACT = "intact"
 #: The knee where none is named.

@@ -1,4 +1,4 @@
-"""`kneejax calibrate [STUDY.yaml]`."""
+"""Calibrate a study, and write what was found."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import threading
 import time
 
 from kneejax import studies
-from kneejax.cli._calibration_files import FILES, write_results
 from kneejax.cli._command import is_given
-from kneejax.cli._deliver import say
+from kneejax.cli._deliver import FILES, say, write_results
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Calibrate
 from kneejax.cohorts import is_cohort

@@ -1,24 +1,34 @@
-"""`kneejax calibrate COHORT`: many knees, whoever computes them, and what they say together."""
+"""Cohorts: what a worker does with a block of knees, the whole calibrated, and one made up."""
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
+import io
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
-from kneejax.cli._cohort_work import CohortWork, draws_of, finished
-from kneejax.cli._deliver import deliver
+from kneejax._whole_files import read_sealed, write_sealed
+from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._main import BAD_INPUT
 from kneejax.cli._out import check_room
-from kneejax.cli._results_folder import KNEES, MARK
-from kneejax.cli.options import Calibrate
+from kneejax.cli._progress import stages_on_terminal
+from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
+from kneejax.cli.options import Calibrate, CohortSynthesise
 from kneejax.cohorts import (
     CohortProblems,
     CohortSummary,
     KneeDone,
+    MadeUpKnee,
+    Member,
+    Spread,
     Task,
     Work,
     bootstraps,
@@ -33,12 +43,140 @@ from kneejax.cohorts import (
     shard_of,
     structures,
     summed_up,
+    synthesise,
     to_dataset,
     workers_of,
 )
-from kneejax.files import check_new, counted, write_netcdf, write_text
+from kneejax.files import (
+    check_new,
+    counted,
+    read_calibrated,
+    write_knee,
+    write_netcdf,
+    write_poses,
+    write_rows,
+    write_text,
+)
 from kneejax.files.reading import format_yaml
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.inference import Calibration
 from kneejax.numerics import MissingPackage, check_installed
+from kneejax.parameters import UnsuitableData
+from kneejax.studies import Study, bootstrapped, run_side_by_side
+
+
+@dataclasses.dataclass(frozen=True)
+class CohortWork:
+    """Computes tasks of a cohort into a folder.
+
+    Attributes:
+        out: of the cohort's results.
+        svg: whether each knee's figures are files too, as PNG and SVG; its page holds them.
+    """
+
+    out: Path
+    svg: bool = False
+
+    def __call__(self, task: Task) -> list[KneeDone]:
+        """Calibrate the knees of a task, unless their results are there."""
+        if (done := finished(task, self.out)) is not None:
+            return done
+        if task.draws is not None:
+            return [self._bootstrap(task, *task.members)]
+        begun = time.perf_counter()
+        answers = _answers([member.study for member in task.members])
+        share = (time.perf_counter() - begun) / len(answers)
+        return [
+            self._one(task, member, answer, share)
+            for member, answer in zip(task.members, answers, strict=True)
+        ]
+
+    def _one(
+        self, task: Task, member: Member, answer: Calibration | Exception, seconds: float
+    ) -> KneeDone:
+        begun, folder = time.perf_counter(), self.out / KNEES / member.name
+        failed = " ".join(str(answer).split()) if isinstance(answer, Exception) else ""
+
+        def write() -> dict[str, Any]:
+            if not isinstance(answer, Exception):
+                write_results(answer, folder, svg=self.svg, figures=self.svg)
+            took = seconds + time.perf_counter() - begun
+            return {"task": task.fingerprint, "failed": failed, "seconds": took}
+
+        return KneeDone(member.name, failed, replace_knee(folder, write)["seconds"])
+
+    def _bootstrap(self, task: Task, member: Member) -> KneeDone:
+        """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
+        begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
+        if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
+            return KneeDone(member.name, "its calibration was not finished")
+        values = np.zeros((0, 0))
+        if (folder / "result.json").is_file():
+            answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
+            try:
+                draws = range(*task.draws or ())
+                values = bootstrapped(member.study, draws, answer, task.by_blocks)
+            except UnsuitableData as problem:
+                failed = " ".join(str(problem).split())
+        stream, seconds = io.BytesIO(), time.perf_counter() - begun
+        np.savez(stream, values=values, failed=failed, seconds=seconds)
+        write_sealed(_draws_file(task, self.out), stream.getvalue(), task.fingerprint)
+        return KneeDone(member.name, failed, seconds)
+
+
+def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
+    """Answers of studies; where one brings all down, each by itself, so that others have theirs.
+
+    Raises:
+        OSError: of a machine, not of a knee; and so is MemoryError.
+    """
+    try:
+        return run_side_by_side(studies)
+    except (OSError, MemoryError):
+        raise
+    except Exception as problem:
+        if len(studies) == 1:
+            words = " ".join(str(problem).split())
+            return [RuntimeError(f"{type(problem).__name__}: {words}")]
+        return [answer for study in studies for answer in _answers([study])]
+
+
+def finished(task: Task, out: Path) -> list[KneeDone] | None:
+    """What became of the knees of a task; None where any of them is still to be computed."""
+    if task.draws is not None:
+        if (kept := _kept_draws(task, out)) is None:
+            return None
+        return [KneeDone(task.names[0], str(kept["failed"]), float(kept["seconds"]))]
+    marks = [read_mark(out / KNEES / name) or {} for name in task.names]
+    if any(mark.get("task") != task.fingerprint for mark in marks):
+        return None
+    pairs = zip(task.names, marks, strict=True)
+    return [KneeDone(name, str(x["failed"]), float(x["seconds"])) for name, x in pairs]
+
+
+def draws_of(tasks: Sequence[Task], out: Path) -> dict[str, np.ndarray]:
+    """Knee -> draws of its bootstrap, `(draws, p)`, of the tasks that have ended."""
+    found: dict[str, list[np.ndarray]] = {}
+    for task in tasks:
+        kept = None if task.draws is None else _kept_draws(task, out)
+        if kept is not None and kept["values"].size:
+            found.setdefault(task.names[0], []).append(kept["values"])
+    return {name: np.concatenate(parts) for name, parts in found.items()}
+
+
+def _draws_file(task: Task, out: Path) -> Path:
+    first = 0 if task.draws is None else task.draws[0]
+    return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
+
+
+def _kept_draws(task: Task, out: Path) -> dict[str, np.ndarray] | None:
+    """What a task of a bootstrap has left; None where there is nothing, or something damaged."""
+    data = read_sealed(_draws_file(task, out), task.fingerprint)
+    if data is None:
+        return None
+    with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+        return {name: kept[name] for name in ("values", "failed", "seconds")}
+
 
 _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 # In a study: prior: prior.yaml
@@ -149,3 +287,70 @@ def _finish(summary: CohortSummary, arguments: Calibrate) -> int:
     if missing:
         print(f"not written: {out}/cohort.nc: {missing}")
     return status
+
+
+_SOURCE = "made up: kneejax cohort synthesise"
+#: Bounds that hold what the distributions draw.
+_BOUNDS = {"stiffness": [300.0, 30000.0], "reference_strain": [-0.25, 0.25]}
+_COMMENT = """A made-up knee: its size and shape are its own, its ligaments are those of the bundled
+knee. What made its data stands in truth.csv."""
+
+
+def make_up(arguments: CohortSynthesise) -> int:
+    """Make up a cohort and write its files."""
+    out, count = arguments.out, arguments.knees
+    spread = Spread(noise_mm=arguments.noise_mm, noise_deg=arguments.noise_deg)
+    rows, truth, redrawn, names = [], [], 0, []
+    with stages_on_terminal("made-up knees") as progress:
+        for made in synthesise(count, arguments.seed, arguments.knee, spread):
+            rows.append(_written(made, out))
+            truth += [[made.name, "size", made.size]]
+            truth += [[made.name, name, value] for name, value in made.truth.items()]
+            redrawn, names = redrawn + made.redrawn, [test.name for test in made.tests]
+            progress("made-up knees", len(rows), count)
+    files = [f"{name}.file" for name in names]
+    write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
+    write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *files], rows)
+    study: dict[str, Any] = {
+        "title": "Made-up knee",
+        "knee": "four_ligament",
+        "parameters": ["*.stiffness", "*.reference_strain"],
+        "bounds": _BOUNDS,
+        "procedures": ["III"],
+        # One over the variances.
+        "weights": {"mm": spread.noise_mm**-2, "deg": spread.noise_deg**-2},
+        "noise_mm": spread.noise_mm,
+        "noise_deg": spread.noise_deg,
+        "measured": {"file": "", "source": _SOURCE},
+        "tests": [
+            {"name": name, "file": "", "source": _SOURCE, "sd_mm": spread.noise_mm,
+             "sd_deg": spread.noise_deg}
+            for name in names
+        ],
+    }  # fmt: skip
+    title = f"{count} made-up knees, seed {arguments.seed}"
+    document = {"title": title, "study": study, "knees": "knees.csv"}
+    # Last of all: without it the folder is no cohort.
+    write_text(out / "cohort.yaml", format_yaml(document))
+    print(f"{count} made-up knees of {arguments.knee}, seed {arguments.seed}")
+    if redrawn:
+        print(f"drawn again, since they had no balance somewhere: {redrawn}")
+    print(f"written: {out}/cohort.yaml, knees.csv, truth.csv, knees/, data/")
+    print(f"next: kneejax calibrate {out}")
+    return 0
+
+
+def _written(made: MadeUpKnee, out: Path) -> list[str]:
+    """Write a knee and its data; its row of the table."""
+    knee, passive = f"knees/{made.name}.yaml", f"data/{made.name}_passive.csv"
+    write_knee(made.document, out / knee, _COMMENT)
+    write_poses(out / passive, made.passive)
+    row = [made.name, "right", knee, passive]
+    for test in made.tests:
+        row.append(f"data/{made.name}_{test.name.replace(' ', '_')}.csv")
+        places = [FREE_COORDINATES.index(name) for name in test.coordinates]
+        observed = [f"{name}_{COORDINATES[name].unit}" for name in test.coordinates]
+        columns = [test.flexion_deg, *test.loads.values(), *test.observed[:, places].T]
+        rows = np.column_stack(columns).tolist()
+        write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
+    return row

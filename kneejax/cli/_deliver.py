@@ -6,12 +6,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from kneejax._whole_files import written_place
 from kneejax.cli._command import Drawn
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.files import write_rows, write_text
+from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
+from kneejax.geometry import PATELLA
+from kneejax.statics import Status
 
 if TYPE_CHECKING:
+    from kneejax.inference import Calibration
     from kneejax.report.look import Answer
+
+#: Files of every calibration.
+FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
 
 
 def deliver(
@@ -76,3 +83,41 @@ def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
     files += ["figures/"] * bool(answer.drawings)
     print("\n".join(wrapped(f"{out}/{', '.join(files)}", "written: ")))
     return answer.exit_status
+
+
+def write_results(
+    result: Calibration, out: Path, *, svg: bool, figures: bool = True
+) -> tuple[Answer, str]:
+    """Write what was found, the calibrated knee and the report.
+
+    Args:
+        result: of a study.
+        out: folder.
+        svg: whether figures are written as SVG too.
+        figures: whether they are files at all; the report holds them.
+
+    Returns:
+        The answer, and why there is no calibrated knee, where the search ended at none.
+    """
+    from kneejax.report import calibration_answer, motion_words
+
+    answer, motion = calibration_answer(result), result.fit.motion
+    write_answer(
+        answer, out, svg=svg, figures=figures, settings=result.settings, versions=result.versions,
+        seconds=result.seconds,
+    )  # fmt: skip
+    words = [Status(s) for s in motion.status]
+    write_poses(
+        out / "poses.csv",
+        motion.table,
+        status=words,
+        converged=[w.converged for w in words],
+        stable=[w.sound for w in words],
+        doubts=motion_words(motion),
+        patella=motion.other_bones.get(PATELLA),
+    )
+    try:
+        write_calibrated_knee(written_place(out / "result.json"), out / "knee.yaml")
+    except InputProblem as problem:
+        return answer, str(problem)
+    return answer, ""

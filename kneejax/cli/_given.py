@@ -1,4 +1,4 @@
-"""Numbers as words of a command, held against what such a quantity can be at all."""
+"""What was given as words of a command: its knee, its loads, and numbers within their range."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import contextlib
 from collections.abc import Iterable, Iterator, Mapping
 
 from kneejax.cli._command import option_name
-from kneejax.files import InputProblem
+from kneejax.cli.options import Simulate
+from kneejax.files import InputProblem, knee_with, load_knee
 from kneejax.geometry import COLUMNS
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
+from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, load_opposite_to
 from kneejax.numerics import WrongValue
+from kneejax.parameters import cut
 from kneejax.studies import Identify, Map, Sensitivity
 
 #: Arguments that an option gives under another name.
@@ -93,3 +95,18 @@ def check_columns(names: Mapping[str, str]) -> None:
             raise InputProblem("--column", "name", name, f"one of {', '.join(COLUMNS)}", COLUMNS)
         if not column:
             raise InputProblem("--column", name, column, f"one {name}=COLUMN of the table")
+
+
+def whole_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
+    """The knee with the parameters that were set, before anything is cut."""
+    return knee_with(load_knee(arguments.knee, patella=patella), arguments.values, "--set")
+
+
+def asked_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
+    """The knee in which what was cut does not act."""
+    return cut(whole_knee(arguments, patella=patella), arguments.cut)
+
+
+def knee_words(arguments: Simulate, knee: Knee) -> str:
+    """What a knee is called, with what was cut."""
+    return knee.name + (f" without {', '.join(arguments.cut)}" if arguments.cut else "")

@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.cli._asked_knee import asked_knee, knee_words
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import read_loads, refused
+from kneejax.cli._given import asked_knee, knee_words, read_loads, refused
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of

@@ -1,4 +1,4 @@
-"""Running a command: float64, the compilation cache, and errors in one line each."""
+"""Running a command, also again: float64, the compilation cache, and errors in a line each."""
 
 from __future__ import annotations
 
@@ -121,6 +121,39 @@ def _starting(computes: bool) -> Iterator[bool]:
     finally:
         if shown:
             print("\r        \r", end="", file=sys.stderr, flush=True)
+
+
+def rerun(asked: Rerun) -> int:
+    """Print which versions differ, and run the command as its settings say."""
+    from kneejax.cli._settings import (
+        FILE,
+        changed_versions,
+        check_meaning,
+        command_again,
+        read_settings,
+        worked_in,
+    )
+
+    folder = asked.folder
+    settings = read_settings(folder)
+    out = (folder if asked.out is None else asked.out).resolve()
+    again = command_again(settings, line().commands, folder / FILE, out)
+    prepare_jax()
+    check_meaning(settings, folder / FILE)
+    if changes := changed_versions(settings):
+        print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
+    # Paths lead from where the command ran; without one, it may run anywhere.
+    there = worked_in(settings)
+    with contextlib.chdir(there) if there.is_dir() else contextlib.nullcontext():
+        return carry_out(again)
+
+
+def completion(asked: Completion) -> int:
+    """Print the script by which a shell completes commands, options, bundled names and files."""
+    script = line().app(completing=True).generate_completion(shell=asked.shell)
+    # In the place of the name of a bundled knee or study, a file may be meant.
+    print(script.replace("complete -F _kneejax", "complete -o default -F _kneejax"))
+    return 0
 
 
 def _refused(*sentences: str) -> int:

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.cli._asked_knee import asked_knee, knee_words, whole_knee
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import check_within, read_loads, refused
+from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, refused, whole_knee
 from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import EXTENSOR, Simulate
 from kneejax.experiments import (

@@ -38,8 +38,8 @@ class Part(BaseModel):
     """A mapping in a file; what is no field of it is a mistake."""
 
     model_config = ConfigDict(
-        extra="forbid", frozen=True, arbitrary_types_allowed=True, populate_by_name=True
-    )
+        extra="forbid", frozen=True, arbitrary_types_allowed=True, populate_by_name=True,
+        defer_build=True)  # fmt: skip
 
     def given(self) -> dict[str, Any]:
         """What was given, by the names that a file has."""

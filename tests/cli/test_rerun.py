@@ -91,7 +91,7 @@ def test_a_command_runs_again_from_anywhere(evaluated, tmp_path, monkeypatch, ca
 )
 def test_what_cannot_run_again_is_said(spoil, said, evaluated, monkeypatch, capsys):
     spoil(evaluated)
-    monkeypatch.setattr("kneejax.cli._evaluate.evaluate", lambda *_: pytest.fail("it computed"))
+    monkeypatch.setattr("kneejax.cli._look.evaluate", lambda *_: pytest.fail("it computed"))
     out = evaluated.parent / "again"
     status = main(["rerun", str(evaluated), "--out", str(out)])
     error = capsys.readouterr().err

@@ -4,7 +4,6 @@ import pytest
 
 from kneejax.cli import options
 from kneejax.cli._given import said_of_options
-from kneejax.cli._identify import _question
 from kneejax.files import InputProblem
 from kneejax.studies import Identify, Sensitivity
 
@@ -56,4 +55,4 @@ def test_a_problem_of_a_question_names_the_option(asked, field, option):
 
 
 def test_options_that_nobody_gives_are_the_questions_defaults():
-    assert _question(options.Identify.read({})) == Identify()
+    assert options.Identify.read({}).question() == Identify()

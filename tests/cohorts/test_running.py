@@ -129,8 +129,8 @@ def test_parts_make_the_very_same_and_what_is_there_is_not_computed_again(
         main(["calibrate", str(cohort), "--out", str(out), *words])
     assert "left to other parts" in capsys.readouterr().out
     assert numbers(out) == numbers(calibrated[1])
-    monkeypatch.setattr("kneejax.cli._cohort_work.run_side_by_side", None)
-    monkeypatch.setattr("kneejax.cli._cohort_work.bootstrapped", None)
+    monkeypatch.setattr("kneejax.cli._cohort.run_side_by_side", None)
+    monkeypatch.setattr("kneejax.cli._cohort.bootstrapped", None)
     for path in (out / "cohort.csv", out / "cohort.nc", out / "prior.yaml"):
         path.unlink()
     assert main(["calibrate", str(cohort), "--out", str(out), "--bootstrap", "25"]) == 1
@@ -144,8 +144,8 @@ def test_what_ends_a_task_is_met_once_more_and_then_said(cohort, capsys, monkeyp
         met.append(1)
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("kneejax.cli._cohort_work.write_results", full)
-    found = "kneejax.cli._cohort_work.run_side_by_side"
+    monkeypatch.setattr("kneejax.cli._cohort.write_results", full)
+    found = "kneejax.cli._cohort.run_side_by_side"
     monkeypatch.setattr(found, lambda studies: [None] * len(studies))
     assert main(["calibrate", str(cohort), "--out", str(out)]) == 1
     assert len(met) == 4
@@ -168,7 +168,7 @@ def test_a_cohort_takes_the_place_of_a_study_and_mends_what_was_damaged(
         computed.append(len(studies))
         return [UnsuitableData("it does not balance") for _ in studies]
 
-    monkeypatch.setattr("kneejax.cli._cohort_work.run_side_by_side", answered)
+    monkeypatch.setattr("kneejax.cli._cohort.run_side_by_side", answered)
     words = ["calibrate", str(cohort), "--out", str(out)]
     assert main(words) == 1
     marks = {f"knees/{name}/task.json" for name in (*KNEES, "bad")}

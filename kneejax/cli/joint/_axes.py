@@ -5,10 +5,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.cli.joint._models import ContactKnee
 from kneejax.cli.options import JointFit
 from kneejax.files import (
     InputProblem,
@@ -33,6 +33,9 @@ from kneejax.joints import (
     touching_rows,
 )
 from kneejax.mechanics import condyle_points
+
+if TYPE_CHECKING:
+    from kneejax.cli.joint._fit import ContactKnee
 
 #: Points of the femur as near to the tibia as this, mm, meet it.
 TOUCHING_MM = 4.0

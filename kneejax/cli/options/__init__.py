@@ -1,7 +1,5 @@
 """Every command and its options. Nothing heavy is imported: help and mistakes come at once."""
 
-from kneejax.cli.options._again import Completion as Completion
-from kneejax.cli.options._again import Rerun as Rerun
 from kneejax.cli.options._joints import JointCompare as JointCompare
 from kneejax.cli.options._joints import JointExport as JointExport
 from kneejax.cli.options._joints import JointFit as JointFit
@@ -19,10 +17,12 @@ from kneejax.cli.options._simulate import TESTS as TESTS
 from kneejax.cli.options._simulate import Simulate as Simulate
 from kneejax.cli.options._studies import Calibrate as Calibrate
 from kneejax.cli.options._studies import CohortSynthesise as CohortSynthesise
+from kneejax.cli.options._studies import Completion as Completion
 from kneejax.cli.options._studies import Identify as Identify
 from kneejax.cli.options._studies import Map as Map
 from kneejax.cli.options._studies import PlanAcl as PlanAcl
 from kneejax.cli.options._studies import Reproduce as Reproduce
+from kneejax.cli.options._studies import Rerun as Rerun
 from kneejax.cli.options._studies import Sensitivity as Sensitivity
 
 #: Heading of the help -> its commands.

@@ -65,7 +65,7 @@ class Describe(Command):
 
     command: ClassVar = "describe"
     example: ClassVar = "kneejax describe four_ligament"
-    body: ClassVar = "kneejax.cli._describe"
+    body: ClassVar = "kneejax.cli._look:describe_knee"
 
     knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
     fibres: bool = Field(
@@ -86,7 +86,7 @@ class Evaluate(Drawn):
         "kneejax simulate passive-flexion && "
         "kneejax evaluate average_knee kneejax-passive-flexion/poses.csv"
     )
-    body: ClassVar = "kneejax.cli._evaluate"
+    body: ClassVar = "kneejax.cli._look:evaluate_poses"
     folder: ClassVar = "kneejax-evaluate"
 
     knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
@@ -102,7 +102,7 @@ class View(Drawn):
         "kneejax simulate passive-flexion && "
         "kneejax view average_knee kneejax-passive-flexion/poses.csv"
     )
-    body: ClassVar = "kneejax.cli._view"
+    body: ClassVar = "kneejax.cli._look:view_knee"
     folder: ClassVar = "kneejax-view"
 
     knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
@@ -131,7 +131,7 @@ class ImportOsim(Drawn):
 
     command: ClassVar = "import osim"
     example: ClassVar = "kneejax import osim MODEL.osim --side r"
-    body: ClassVar = "kneejax.cli._import_osim"
+    body: ClassVar = "kneejax.cli._exchange:import_model"
     folder: ClassVar = "kneejax-import"
 
     file: Annotated[Model, Place("FILE")] = Field(description="the model")
@@ -171,7 +171,7 @@ class ImportStl(Drawn):
         "kneejax import stl --femur-cartilage FEMUR.stl --tibia-cartilage TIBIA.stl --side r "
         "--knee four_ligament"
     )
-    body: ClassVar = "kneejax.cli._import_stl"
+    body: ClassVar = "kneejax.cli._exchange:import_surfaces"
     folder: ClassVar = "kneejax-import"
 
     femur_cartilage: Mesh = Field(description="mesh, in any unit")
@@ -220,7 +220,7 @@ class ExportOsim(Command):
         "kneejax import osim MODEL.osim --side r && "
         "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim"
     )
-    body: ClassVar = "kneejax.cli._export_osim"
+    body: ClassVar = "kneejax.cli._exchange:export_model"
 
     knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
     model: Annotated[Model, Place("MODEL")] = Field(

@@ -2,20 +2,30 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, get_origin
 
-from pydantic import Field
+from pydantic import BaseModel, Field, create_model
 
-from kneejax.cli._command import Bundled, Drawn, File, Form, Only, Place, Several, Written
-from kneejax.cli._words import Split
+from kneejax import studies
+from kneejax.cli._command import (
+    Bundled,
+    Command,
+    Drawn,
+    File,
+    Form,
+    Only,
+    Place,
+    Several,
+    Written,
+    option_name,
+)
+from kneejax.cli._words import Split, plain_type
 from kneejax.cli.options._common import KNEE, Knee
 from kneejax.files import InputProblem
 
 Study = Annotated[str, Place("STUDY"), Bundled("studies")]
 PART = "I/N with I from 1 to N, e.g. 3/20"
 STUDY = "study file or bundled study"
-#: A parameter's name or wildcard -> its limits.
-Ranges = Annotated[dict[str, tuple[float, float]], Form("NAME=LOW:HIGH")]
 #: What counts for single studies is not that of knees compared.
 STUDIED = Only(lambda asked: not asked.knees, "a study, not --knees, with it")
 Noise = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -87,102 +97,130 @@ class Calibrate(Drawn):
             yield InputProblem("calibrate", "--shard", part, PART)
 
 
-class Map(Drawn):
-    """Compute the objective over pairs of parameters."""
+class Asked(Drawn):
+    """A command that asks something of a study.
 
-    command: ClassVar = "map"
-    example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
-    body: ClassVar = "kneejax.cli._map"
-    folder: ClassVar = "kneejax-map"
+    Attributes:
+        asks: the question, whose fields are its options.
+    """
+
+    asks: ClassVar[type[BaseModel]]
 
     study: Study = Field("passive_flexion", description=STUDY)
-    pair: Annotated[list[tuple[str, str]], Form("X Y")] = Field(
-        [],
-        description="two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
+
+    def question(self, **read: Any) -> Any:
+        """The question, checked; values that are read of a file in the place of its name."""
+        given = {name: getattr(self, name) for name in self.asks.model_fields}
+        return self.asks(**given | read)
+
+
+def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
+    """A command whose options are the fields of a question: their type, meaning and default.
+
+    Args:
+        asks: the question.
+        as_words: field -> marks of how it is written; a type before them, or a text, stands in
+            the place of the field's own type or meaning.
+    """
+    fields: dict[str, Any] = {}
+    for name, field in asks.model_fields.items():
+        kind, meaning, marks = plain_type(field.annotation), field.description, []
+        for one in as_words.get(name, ()):
+            if isinstance(one, str):
+                meaning = one
+            elif isinstance(one, type) or get_origin(one):
+                kind = one
+            else:
+                marks.append(one)
+        default = field.get_default(call_default_factory=True)
+        default = list(default) if get_origin(kind) is list else default
+        kind = kind | None if default is None else kind
+        alias = "global" if name == "indices" else option_name(name)
+        option = Field(default, alias=alias, description=meaning)
+        fields[name] = (Annotated[kind, *marks] if marks else kind, option)
+    return create_model(asks.__name__, __base__=Asked, **fields)
+
+
+class Map(
+    asking(
+        studies.Map,
+        pair=(
+            list[tuple[str, str]],
+            Form("X Y"),
+            "two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
+        ),
+        grid=(
+            Split("x", "points a side, as in 41 or 41x61", "NxM", single=True),
+            "points a side, or as in 41x61",
+        ),
+        range=(Form("NAME=LOW:HIGH"), "of a parameter; the study's bounds otherwise"),
     )
-    all_pairs: bool = Field(False, description="every pair of the study's parameters")
-    grid: Annotated[
-        tuple[int, int], Split("x", "points a side, as in 41 or 41x61", "NxM", single=True)
-    ] = Field((41, 41), description="points a side, or as in 41x61")
-    ranges: Ranges = Field(
-        {}, alias="range", description="of a parameter; the study's bounds otherwise"
-    )
+):
+    """Compute the objective over pairs of parameters."""
+
+    asks: ClassVar = studies.Map
+    command: ClassVar = "map"
+    example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
+    body: ClassVar = "kneejax.cli._studies:objective_maps"
+    folder: ClassVar = "kneejax-map"
 
     def resumes(self) -> bool:
         """Maps go on, part by part."""
         return True
 
 
-class Sensitivity(Drawn):
+class Sensitivity(
+    asking(
+        studies.Sensitivity,
+        sweep=(
+            Form("NAME[=LOW:HIGH[:COUNT]]"),
+            STUDIED,
+            "a parameter, or as *.stiffness, one at a time; all of the study's otherwise",
+        ),
+        prior=(
+            Form("NAME=SD"),
+            STUDIED,
+            "standard deviation of a parameter, or as *.stiffness; usual ones otherwise",
+        ),
+        indices=(STUDIED,),
+        samples=(STUDIED,),
+        range=(Form("NAME=LOW:HIGH"), STUDIED),
+    )
+):
     """Compute how the motion depends on each parameter."""
 
+    asks: ClassVar = studies.Sensitivity
     command: ClassVar = "sensitivity"
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
-    body: ClassVar = "kneejax.cli._sensitivity"
+    body: ClassVar = "kneejax.cli._studies:sensitivity"
     folder: ClassVar = "kneejax-sensitivity"
 
-    study: Study = Field("passive_flexion", description=STUDY)
-    sweep: Annotated[
-        dict[str, tuple[float, ...] | None], Form("NAME[=LOW:HIGH[:COUNT]]"), STUDIED
-    ] = Field(
-        {},
-        description="a parameter, or as *.stiffness, one at a time; all of the study's otherwise",
-    )
-    scale: Literal["prior", "percent"] = Field(
-        "prior", description="local derivatives per standard deviation of a prior, or per per cent"
-    )
-    prior: Annotated[dict[str, float], Form("NAME=SD"), STUDIED] = Field(
-        {},
-        description="standard deviation of a parameter, or as *.stiffness; usual ones otherwise",
-    )
-    indices: Annotated[Literal["sobol", "morris"] | None, STUDIED] = Field(
-        None, alias="global", description="global indices of the motion too (package SALib)"
-    )
-    samples: Annotated[int | None, STUDIED] = Field(
-        None,
-        description="points of Sobol's sequence, a power of two, or Morris trajectories (default: "
-        "256 or 64)",
-    )
-    ranges: Annotated[Ranges, STUDIED] = Field(
-        {},
-        alias="range",
-        description="of a parameter, for global indices; as wide as its prior otherwise",
-    )
     knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = Field(
         [],
         description="compare knees instead: varus and valgus moments, scores of paper 4; each a "
         f"{KNEE}",
     )
-    seed: int = Field(0, description="of the random numbers")
 
 
-class Identify(Drawn):
+class Identify(
+    asking(
+        studies.Identify,
+        prior=(Form("NAME=MEAN:SD, e.g. ACL.stiffness=4500:900"),),
+        next_tests=(Form("K"),),
+        candidates=(
+            Path,
+            File("a CSV table"),
+            "CSV of tests to choose from; a usual set otherwise",
+        ),
+    )
+):
     """Report what the data of a study determine, and what to measure next."""
 
+    asks: ClassVar = studies.Identify
     command: ClassVar = "identify"
     example: ClassVar = "kneejax identify --next-tests 2"
-    body: ClassVar = "kneejax.cli._identify"
+    body: ClassVar = "kneejax.cli._studies:what_data_tell"
     folder: ClassVar = "kneejax-identify"
-
-    study: Study = Field("passive_flexion", description=STUDY)
-    noise_mm: float | None = Field(None, description="standard deviation of measured positions")
-    noise_deg: float | None = Field(None, description="standard deviation of measured rotations")
-    prior: Annotated[
-        dict[str, tuple[float, float]], Form("NAME=MEAN:SD, e.g. ACL.stiffness=4500:900")
-    ] = Field({}, description="normal prior of a parameter or wildcard, for the posterior")
-    posterior: bool = Field(False, description="sample it (packages BlackJAX and ArviZ)")
-    chains: int = Field(4, description="of the posterior's samples")
-    draws: int = Field(1000, description="of each chain, after warm-up")
-    seed: int = Field(0, description="of the random numbers")
-    next_tests: Annotated[int, Form("K")] = Field(3, description="how many tests to choose")
-    criterion: Literal["D", "A"] = Field(
-        "D",
-        description="what they make small: the volume of the confidence region (D), or the mean "
-        "squared standard error (A)",
-    )
-    candidates: Annotated[Path | None, File("a CSV table")] = Field(
-        None, description="CSV of tests to choose from; a usual set otherwise"
-    )
 
 
 class CohortSynthesise(Written):
@@ -192,7 +230,7 @@ class CohortSynthesise(Written):
     example: ClassVar = (
         "kneejax cohort synthesise --knees 100 --out made-up && kneejax calibrate made-up"
     )
-    body: ClassVar = "kneejax.cli._cohort_synthesise"
+    body: ClassVar = "kneejax.cli._cohort:make_up"
     folder: ClassVar = "kneejax-cohort"
 
     knees: int = Field(100, description="how many", ge=1, le=100_000)
@@ -252,4 +290,33 @@ class Reproduce(Drawn):
         None,
         description="of paper 1, on which its 2 kg pull: on-path, with one degree of freedom as "
         "in the paper (default); balanced, a third bone; none, a line of constant tension instead",
+    )
+
+
+class Rerun(Command):
+    """Repeat the run that wrote a folder."""
+
+    command: ClassVar = "rerun"
+    example: ClassVar = (
+        "kneejax simulate passive-flexion && kneejax rerun kneejax-passive-flexion --out again"
+    )
+    body: ClassVar = "kneejax.cli._main:rerun"
+
+    folder: Annotated[Path, Place("FOLDER")] = Field(
+        description="folder with the settings.json of a command"
+    )
+    out: Path | None = Field(
+        None, description="folder for the results; the same one otherwise"
+    )
+
+
+class Completion(Command):
+    """Print a script that lets a shell complete commands, options and files."""
+
+    command: ClassVar = "completion"
+    example: ClassVar = 'eval "$(kneejax completion bash)"'
+    body: ClassVar = "kneejax.cli._main:completion"
+
+    shell: Annotated[Literal["bash", "zsh", "fish"], Place("SHELL")] = Field(
+        description="bash, zsh or fish"
     )

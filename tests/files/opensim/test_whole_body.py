@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kneejax.cli._outer_rounds import _reaction_off
+from kneejax.cli._activity import _reaction_off
 from kneejax.files import (
     InputProblem,
     ask_opensim,

@@ -1,8 +1,9 @@
-"""`kneejax view KNEE [POSES.csv]`."""
+"""Look at a knee: its numbers, what poses do to it, and how it stands in space."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax
@@ -10,26 +11,78 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax import report
+from kneejax.cli._deliver import deliver
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli.options import View
+from kneejax.cli.options import Describe, Evaluate, View
 from kneejax.experiments import evaluate
 from kneejax.files import (
     InputProblem,
     counted,
     load_knee,
+    load_knee_file,
     read_mesh_points,
     read_patella_poses,
     read_poses,
 )
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
+from kneejax.parameters import QUANTITIES, UnknownParameter, default_bounds, select
+from kneejax.report import evaluation_answer, knee_text
 from kneejax.statics import Status
+
+_OF_CONTACTS = ("youngs_modulus", "poisson_ratio", "layer_thickness")
+
+
+def describe_knee(asked: Describe) -> int:
+    """Print a knee: ligaments, contacts, loads, frames, adaptations; or its parameters."""
+    read = load_knee_file(asked.knee)
+    if asked.parameters:
+        print("\n".join(parameter_lines(read.knee, asked.fibres)))
+    else:
+        print(knee_text(read.knee, read.document, asked.fibres))
+    return 0
+
+
+def parameter_lines(knee: Knee, fibres: bool = False) -> Iterator[str]:
+    """Names of a knee's parameters with value, unit and the bounds of a fit, a line each.
+
+    Args:
+        knee: any knee.
+        fibres: whether single fibres of structures are listed too.
+    """
+    grouped = {fibre for _, members in knee.groups for fibre in members}
+    owners = [name for name, _ in knee.groups]
+    owners += [name for name in knee.ligaments.names if fibres or name not in grouped]
+    names = [f"{owner}.{quantity}" for owner in owners for quantity in QUANTITIES]
+    names += [f"{owner}.{quantity}" for owner in knee.contact_names for quantity in _OF_CONTACTS]
+    yield f"{knee.name}: names as `parameters:` of a study and --set take them; *.stiffness is"
+    yield "the stiffness of every ligament. Bounds hold in a fit unless the study states others."
+    yield f"{'parameter':<36} {'value':>10} {'unit':<5} {'lower':>10} {'upper':>10}"
+    for name in names:
+        try:
+            one = select(knee, [name])
+        except UnknownParameter:  # e.g. an attachment on a bone that the ligament does not reach
+            continue
+        bounds = zip(one.names, np.asarray(one.read(knee)), *default_bounds(knee, one), strict=True)
+        for i, (full, value, lower, upper) in enumerate(bounds):
+            row = f"{full:<36} {value:>10.4g} {one.unit(i):<5} {lower:>10.4g} {upper:>10.4g}"
+            yield row if np.isfinite(value) else f"{full:<36} {'none':>10} {one.unit(i)}".rstrip()
+
+
+def evaluate_poses(arguments: Evaluate) -> int:
+    """Evaluate given poses, write ligaments.csv and contact.csv."""
+    knee = load_knee(arguments.knee)
+    table = read_poses(arguments.poses, arguments.convention)
+    with stages_on_terminal(counted(len(table), "pose")):
+        answer = evaluation_answer(knee, table, evaluate(knee, Pose.from_table(table)))
+    return deliver(answer, arguments)
+
 
 #: A bone whose nearest corner is farther than this from a ligament's end on it is in another frame.
 _FARTHEST_MM = 50.0
 
 
-def run(arguments: View) -> int:
+def view_knee(arguments: View) -> int:
     """Draw a knee in space and the pressure on its plateaux; print what was written."""
     knee, state = _knee_and_state(arguments)
     out, count = arguments.out, state.shape[0]

@@ -1,4 +1,4 @@
-"""`kneejax import stl --femur-cartilage F --tibia-cartilage F --side r|l`."""
+"""Knees from OpenSim models and from meshes, and their numbers written into a model."""
 
 from __future__ import annotations
 
@@ -7,22 +7,81 @@ from collections.abc import Sequence
 from typing import Any
 
 from kneejax.cli._deliver import deliver
+from kneejax.cli._main import DONE
 from kneejax.cli._progress import stages_on_terminal
-from kneejax.cli.options import ImportStl
+from kneejax.cli.options import ExportOsim, ImportOsim, ImportStl
 from kneejax.files import (
     InputProblem,
     MeshImport,
+    add_osim_contacts,
+    counted,
+    coupled_motion,
+    export_osim,
+    format_import_report,
+    format_knee,
     import_meshes,
+    import_osim,
     load_knee_file,
+    read_poses,
+    write_bytes,
     write_knee,
     write_text,
 )
-from kneejax.report import mesh_import_answer
+from kneejax.files.opensim import import_sections
+from kneejax.report import mesh_import_answer, osim_import_answer
 from kneejax.report.look import Table
+
+
+def import_model(arguments: ImportOsim) -> int:
+    """Write a knee from an OpenSim model, and what of it was read and left out."""
+    read = import_osim(
+        arguments.file,
+        side=arguments.side,
+        femur=arguments.femur,
+        tibia=arguments.tibia,
+        without=arguments.without,
+        inside=arguments.inside,
+        patella=not arguments.without_patella,
+        at=arguments.at,
+    )
+    findings, missed = (), False
+    document, file = read.document, arguments.out / "knee.yaml"
+    if arguments.geometry is None:
+        write_text(file, format_knee(document))  # checked on reading; to build it takes longer
+    else:
+        with stages_on_terminal("surfaces and layers"):
+            geometry = add_osim_contacts(read, arguments.geometry)
+        document, findings, missed = geometry.document, geometry.findings, geometry.doubtful
+        write_knee(document, file)
+    write_text(arguments.out / "import_report.md", format_import_report(read, findings))
+    knee = read.knee
+    said = [
+        f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
+        f"{counted(len(read.ligaments), 'fibre')}, {counted(len(read.wraps), 'wrap object')}, "
+        f"{counted(len(document['contacts']), 'contact')}; "
+        f"{counted(len(read.found.outside), 'other fibre')} left out",
+        *knee.unusual,
+    ]
+    free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
+    if free < 6:
+        kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
+        coordinates = counted(free, "free coordinate")
+        said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
+    waiting = [] if arguments.geometry else [*read.contacts, *read.patellofemoral]
+    if waiting:
+        names = ", ".join(contact.name for contact in waiting)
+        said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
+    said += [f"left out: {line}" for line in read.left_out]
+    name, sections = document["name"], import_sections(read, findings)
+    answer = osim_import_answer(
+        name, said, sections, document["ligaments"], read.doubts, missed=missed
+    )
+    return deliver(answer, arguments, ["knee.yaml", "import_report.md"])
+
 
 _SIDES = {"r": "right", "l": "left"}
 
-def run(arguments: ImportStl) -> int:
+def import_surfaces(arguments: ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
@@ -99,3 +158,25 @@ def _report(findings: Sequence[str], fits: Table) -> str:
         words = [f"{x:.4f}" if isinstance(x, float) else str(x) for x in row]
         lines.append(f"| {' | '.join(words)} |")
     return "\n".join([*lines, "", fits.note, ""])
+
+
+def export_model(arguments: ExportOsim) -> int:
+    """Write a knee's numbers into the OpenSim model that it came from."""
+    same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
+    if same:
+        raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
+    coupled = None
+    if arguments.coupled is not None:
+        file = str(arguments.coupled)
+        coupled = coupled_motion(read_poses(file, arguments.convention), file)
+    written = export_osim(
+        arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
+    )
+    write_bytes(arguments.out, written.data)
+    for change in written.changes:
+        print(change)
+    for note in written.notes:
+        print(note)
+    count = counted(len(written.changes), "change") if written.changes else "no changes"
+    print(f"written: {arguments.out}, {count}")
+    return DONE

@@ -1,0 +1,156 @@
+"""What the data of a study determine: maps of the objective, sensitivity, and limits."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+from pathlib import Path
+
+from kneejax import studies
+from kneejax.cli import options
+from kneejax.cli._deliver import deliver
+from kneejax.cli._given import said_of_options
+from kneejax.cli._progress import balances_on_terminal, stages_on_terminal
+from kneejax.files import (
+    Checkpoints,
+    InputProblem,
+    bundled_studies,
+    load_knee,
+    read_calibrated,
+    read_candidates,
+    write_netcdf,
+    write_rows,
+    write_text,
+)
+from kneejax.files.reading import Field, load_json
+from kneejax.files.results import CLAIM
+from kneejax.inference import Candidate, versions
+from kneejax.mechanics import Knee, load_words
+from kneejax.numerics import check_installed
+
+_PACKAGES = ("xarray", "h5netcdf", "h5py")
+
+
+def objective_maps(arguments: options.Map) -> int:
+    """Compute maps of the objective, write them, draw them."""
+    for package in _PACKAGES:
+        # Better known before the work than after it.
+        check_installed(package, "maps")
+    with said_of_options(studies.Map):
+        question = arguments.question()
+    arguments.results.check_free("maps.csv", "result.json", "map.nc")
+    study, begun = _study(arguments.study)
+    with said_of_options(studies.Map):
+        studies.check(study, question)
+    about = studies.about_maps(study, question)
+    store = Checkpoints(
+        arguments.out, about, studies.fingerprint(study, question),
+        begin=lambda: arguments.results.begin(lambda _: False),
+    )  # fmt: skip
+    with stages_on_terminal() as progress:
+        maps = studies.sensitivity_map(study, question, progress=progress, store=store)
+    if store.resumed:
+        print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
+    arguments.results.holds = [CLAIM]
+    packages = versions() | {name: importlib.metadata.version(name) for name in _PACKAGES}
+    files = []
+    for one in maps:
+        tail = "" if len(maps) == 1 else f"-{one.names[0]}-{one.names[1]}"
+        files.append(f"map{tail}.nc")
+        dataset = one.to_dataset({**about, "versions": json.dumps(packages)})
+        write_netcdf(arguments.out / files[-1], dataset)
+    from kneejax.report.sensitivity import map_answer
+
+    shown = files if len(files) < 4 else [f"{len(files)} files map-*.nc"]
+    return deliver(map_answer(maps, about, packages, begun), arguments, shown)
+
+
+def _study(name_or_path: str) -> tuple[studies.Study, str]:
+    """A study and what its knee's own values are; that of a calibration's result begins at its
+    fit."""
+    path = Path(name_or_path)
+    a_result = path.is_dir() or path.suffix.lower() == ".json"
+    if not a_result or name_or_path in bundled_studies():
+        return studies.read_study(name_or_path), "start"
+    file = path / "result.json" if path.is_dir() else path
+    found = read_calibrated(file)
+    path = Field(str(file), "", load_json(file, "a result"))["settings"]["path"]
+    if path.value not in bundled_studies() and not Path(path.text()).is_file():
+        raise path.problem("the file of its study, which must be there still")
+    study = studies.read_study(path.text())
+    fitted = found.of_structures(study.knee).found
+    return study.replace(start=fitted), "fit"
+
+
+def what_data_tell(arguments: options.Identify) -> int:
+    """Say what the data of a study determine; write the answer."""
+    with said_of_options(studies.Identify):
+        table = vars(arguments)["candidates"]
+        candidates = None if table is None else [
+            Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
+            for row in read_candidates(table)
+        ]  # fmt: skip
+        question = arguments.question(candidates=candidates)
+    study = studies.read_study(arguments.study)
+    with said_of_options(studies.Identify), stages_on_terminal("what the data tell"):
+        found = studies.identify(study, question)
+    from kneejax.report import identification_answer
+
+    asked = {"command": arguments.command, "out": arguments.out, **arguments.options()}
+    answer = identification_answer(found, {name: str(value) for name, value in asked.items()})
+    return deliver(answer, arguments, seconds={"total": found.seconds})
+
+
+def sensitivity(arguments: options.Sensitivity) -> int:
+    """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
+    if arguments.knees:
+        return _knees_side_by_side(arguments)
+    with said_of_options(studies.Sensitivity):
+        # A count is a whole number; what is none is refused as it was given.
+        lines = {
+            name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+            for name, ends in vars(arguments)["sweep"].items()
+        }
+        question = arguments.question(sweep=lines)
+    study = studies.read_study(arguments.study)
+    with said_of_options(studies.Sensitivity), stages_on_terminal() as progress:
+        found = studies.sensitivity(study, question, progress=progress)
+    from kneejax.report.sensitivity import sensitivity_answer
+
+    asked = {field.alias: getattr(arguments, name)
+             for name, field in options.Sensitivity.model_fields.items()
+             if name in studies.Sensitivity.model_fields}  # fmt: skip
+    return deliver(sensitivity_answer(found, asked), arguments, seconds=found.seconds)
+
+
+def _knees_side_by_side(arguments: options.Sensitivity) -> int:
+    """Change one ligament at a time in each knee, print scores, write tables and figures."""
+    knees, out = _loaded(arguments.knees), arguments.out
+    from kneejax.papers import knee_comparison_report as shown
+    from kneejax.papers.knee_comparison import compare_knees
+    from kneejax.report import save_figure
+
+    with balances_on_terminal("knees") as progress:
+        found = compare_knees(knees, progress=progress)
+    tables = shown.comparison_tables(found)
+    for name, (columns, rows) in tables.items():
+        write_rows(out / name, columns, rows)
+    document = shown.comparison_document(found)
+    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
+    save_figure(shown.score_figure(found), out / "figures", "scores", svg=arguments.svg)
+    for one in found.parameters:
+        figure = shown.ramp_figure(found, one)
+        save_figure(figure, out / "figures", one.replace(".", "-"), svg=arguments.svg)
+    print(shown.comparison_summary(found))
+    print(f"written: {out}/{', '.join([*tables, 'result.json'])}, settings.json, figures/")
+    return 1 if found.doubts else 0
+
+
+def _loaded(names: list[str]) -> dict[str, Knee]:
+    knees: dict[str, Knee] = {}
+    for name in names:
+        knee = load_knee(name)
+        if knee.name in knees:
+            raise InputProblem("--knees", "knee", name, f"every knee once; {knee.name} is twice")
+        knees[knee.name] = knee
+    return knees
