@@ -6,7 +6,6 @@ from kneejax.statics._balance import force as force
 from kneejax.statics._balance import force_along as force_along
 from kneejax.statics._balance import force_derivative as force_derivative
 from kneejax.statics._batch import Progress as Progress
-from kneejax.statics._batch import balance_in_order as balance_in_order
 from kneejax.statics._batch import balance_lines as balance_lines
 from kneejax.statics._batch import balance_many as balance_many
 from kneejax.statics._batch import balance_near as balance_near

@@ -149,38 +149,6 @@ def balance_lines(
     return batch.answer((lines, points))
 
 
-def balance_in_order(
-    knee: Knee, load_cases: LoadCases, first: int, q, contact_points
-) -> Equilibria:
-    """Balance a knee at load cases that follow each other, as the instants of a movement.
-
-    From one of them the knee is followed in both directions; two lost in a row end the way.
-
-    Args:
-        knee: without a lane axis.
-        load_cases: in order of time, of any prescribed coordinates.
-        first: the one from which the others are reached.
-        q: free coordinates at which the knee balances there, `(free,)`, rad and mm.
-        contact_points: parameters of the contact points there, `(n, 2)`.
-
-    Returns:
-        The balances of one variant, with what holds them.
-
-    Raises:
-        RuntimeError: float64 is switched off.
-    """
-    needs_float64()
-    variants, load_cases = Variants.of(knee, itself, np.zeros((1, 0))), load_cases.of(knee).plain()
-    batch, count = _Batch(variants, load_cases, True), len(load_cases)
-    none, here = np.zeros(1, int), np.array([first])
-    batch.seek(none, here, q[None], contact_points[None], lambda _: None)
-    length = np.array([count - 1 - first, first])
-    steps = np.minimum(np.arange(1, max(count, 2)), length[:, None])
-    places, origin = first + np.array([[1], [-1]]) * steps, (np.zeros(2, int), np.full(2, first))
-    batch.follow(0 * places, places, length, origin, _WHILE_CHANGED, lambda _: None)
-    return batch.answer((1,))
-
-
 def balance_near(
     knee: Knee, vary: Vary, values: Any, load_cases: LoadCases, q, contact_points
 ) -> Equilibria:

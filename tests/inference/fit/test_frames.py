@@ -133,8 +133,9 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
     assert 0.0 < led.fit.tests[0].restless < 0.05
     for one, x in zip(led.fit.estimates, true, strict=True):
         assert abs(one.value - x) < 0.02 * (one.high - one.low)
-    header, rows = report.reading_table(led)
-    assert [row[header.index("time_s")] for row in rows[::5]] == test.frames.time_s.tolist()
+    table = report.reading_table(led)
+    at = table.names.index("time_s")
+    assert [row[at] for row in table.rows[::5]] == test.frames.time_s.tolist()
     assert report.tests_figure(led).axes[0].get_xlabel() == "Time, s"
     still = dataclasses.replace(test, flexion_deg=test.bent_deg, frames=None)
     stood = kj.calibrate(study.replace(tests=[still]))
@@ -200,7 +201,7 @@ def test_a_map_takes_no_knee_in_motion():
 class Asked:
     """A question in motion that always asks for more steps."""
 
-    problem: object
+    fitted: object
 
 
 @pytest.mark.parametrize(("more", "fits"), [(0, 1), (1, 3)])
@@ -215,7 +216,7 @@ def test_each_answer_is_looked_at_the_last_too(monkeypatch, more, fits):
         )  # fmt: skip
 
     def answered(members, progress):
-        made.append(members[0].problem.steps)
+        made.append(members[0].fitted.steps)
         return [SimpleNamespace(fit=SimpleNamespace(success=True), told=None)]
 
     def told(answer, restless):
