@@ -79,14 +79,14 @@ def fit_dampers(
     first = {name: getattr(arguments, name) or usual[name] for name in arguments.free}
     with stages_on_terminal(moving.knee.name) as show:
 
-        def told(done: int) -> None:
+        def report(done: int) -> None:
             show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
 
         try:
             begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
             found = fit_transient(
                 moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
-                most_mm=arguments.error_mm or MOST_ERROR_MM, progress=told,
+                most_mm=arguments.error_mm or MOST_ERROR_MM, progress=report,
             )  # fmt: skip
         except WrongValue as problem:
             raise refused("simulate", problem) from None
@@ -128,11 +128,11 @@ def moving_on_terminal(
     """
     with stages_on_terminal(moving.knee.name) as show:
 
-        def told(done: int) -> None:
+        def report(done: int) -> None:
             show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
 
         try:
-            yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": told}
+            yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": report}
         except WrongValue as problem:
             raise refused("simulate", problem) from None
 

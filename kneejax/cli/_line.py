@@ -261,7 +261,7 @@ def _is_flag(field: FieldInfo) -> bool:
 
 def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
     """How many words an option takes, as a type; and whether one mention takes several."""
-    kind, word = plain_type(field.annotation), Path if completing else str
+    kind = plain_type(field.annotation)
     origin, inner = get_origin(kind), get_args(kind)
     is_path = kind is Path or (inner and plain_type(inner[0]) is Path) or marks(field, Bundled)
     word = Path if completing and is_path else str

@@ -22,8 +22,8 @@ _WITHOUT_COUNT = "{desc}, {elapsed}"
 def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], None]]:
     """Show what is computed and how many balances are done, as long as the block lasts.
 
-    Until a stage is told, and in commands that tell none, the line says how long it has taken, and
-    once there was something to compile, that it is kept.
+    Until a stage is named, and in commands that name none, the line shows how long it has taken,
+    and once there was something to compile, that it is kept.
 
     Args:
         what: is computed, where no stage says so.

@@ -158,12 +158,10 @@ def expected_of(field: FieldInfo, error: Mapping[str, Any]) -> str:
     words = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
     if limits:
         return f"{number} " + " and ".join(f"{words[x]} {limits[x]}" for x in limits)
-    if get_origin(kind) is tuple and "length" in str(error.get("type")) or (
-        get_origin(kind) is tuple and error.get("type") == "missing"
-    ):
+    if get_origin(kind) is tuple and error["type"] in ("missing", "too_short", "too_long"):
         return f"{len(get_args(kind))} numbers"
     if kind in (float, int):
         return number
     if kind is Path or kind is str:
         return "a text"
-    return str(error["msg"]).removeprefix("Input should be ").removeprefix("a valid ")
+    return "true or false" if kind is bool else "a value of another kind"

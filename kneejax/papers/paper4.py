@@ -25,7 +25,7 @@ KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
 DRAWN_AROUND, SEEDS = "lenhart2015_reduced", (1, 2)
 _CURVES = ("MCL.prestretch", "LCL.prestretch", "MCL.youngs_modulus")
 
-CONVERGENCE, ROTATION, PRESSURE, PLACE = LIMITS
+_, ROTATION, PRESSURE, PLACE = LIMITS
 _NAMES = dict(zip(LIMITS, ("convergence", "rotation", "pressure", "place"), strict=True))
 _MEDIUM, _SIMILAR, _MATTERS = 2.0, 0.75, 1.5
 #: Part of the tension in the other direction below which a ligament counts as slack.

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal
 from pydantic import Field
 
 from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
-from kneejax.cli.options._common import KNEE, Convention, Knee, Mesh, Table
+from kneejax.cli.options._types import KNEE, Convention, Knee, Mesh, Table
 from kneejax.files import InputProblem
 
 Side = Literal["right", "left"]

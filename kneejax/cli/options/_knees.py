@@ -17,7 +17,7 @@ from kneejax.cli._command import (
     Place,
 )
 from kneejax.cli._words import Split
-from kneejax.cli.options._common import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
+from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
 from kneejax.files import InputProblem
 
 Side = Literal["r", "l"]

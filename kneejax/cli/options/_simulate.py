@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, get_args
 from pydantic import Field
 
 from kneejax.cli._command import Drawn, Form, Group, InRange, Only, Place, option_name
-from kneejax.cli.options._common import KNEE, SET, Convention, Knee, Table, Values
+from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Table, Values
 from kneejax.files import InputProblem
 
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.

@@ -20,7 +20,7 @@ from kneejax.cli._command import (
     option_name,
 )
 from kneejax.cli._words import Split, plain_type
-from kneejax.cli.options._common import KNEE, Knee
+from kneejax.cli.options._types import KNEE, Knee
 from kneejax.files import InputProblem
 
 Study = Annotated[str, Place("STUDY"), Bundled("studies")]

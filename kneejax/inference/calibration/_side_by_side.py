@@ -1,4 +1,4 @@
-"""Calibrations of several knees at once: problems of one form are lanes of one search."""
+"""Calibrations of several knees at once: problems of one form are one batch of one search."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def calibrate(
 def calibrate_side_by_side(
     problems: Sequence[CalibrationProblem], *, progress: Progress | None = None
 ) -> list[Calibration | UnsuitableData]:
-    """Calibrate several knees, those whose problems have one form in lanes of one search.
+    """Calibrate several knees, those whose problems have one form in one batch.
 
     Args:
         problems: one a knee.

@@ -212,4 +212,5 @@ def exactness_table(result: PlanResult) -> Table:
 
 
 def towards(name: str, part: float) -> str:
+    """The direction in words: a name, or its opposite where the part along it is negative."""
     return name if part >= 0 else _OPPOSITE[name]
