@@ -36,7 +36,8 @@ def run(arguments: Calibrate) -> int:
         result = studies.calibrate(study, progress=progress)
     seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
     result = dataclasses.replace(result, seconds=adding_up(seconds))
-    answer, missing = write_results(result, arguments.out, svg=arguments.svg)
+    with stages_on_terminal("figures and report"):
+        answer, missing = write_results(result, arguments.out, svg=arguments.svg)
     status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
     if missing:
         print(f"not written: {arguments.out}/knee.yaml: {missing}")
