@@ -70,6 +70,7 @@ from kneejax.report.laboratory import load_figure as load_figure
 from kneejax.report.look import json_safe as json_safe
 from kneejax.report.look import picture_png as picture_png
 from kneejax.report.look import save_figure as save_figure
+from kneejax.report.look import write_page as write_page
 from kneejax.report.look import write_whole as write_whole
 from kneejax.report.motion import accepted_statuses as accepted_statuses
 from kneejax.report.motion import change_table as change_table
