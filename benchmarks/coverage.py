@@ -26,7 +26,7 @@ from _protocol import ANGLES, RESULTS, TRUTH, finish, load
 import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import Observations, balances_of, fit_lanes
-from kneejax.inference.fit import DEFAULT_WEIGHTS, observations
+from kneejax.inference.fit import Noise, observations
 from kneejax.inference.fit._observed import add_offsets, best_offsets, with_offsets
 from kneejax.inference.intervals._intervals import IntervalKind, sureties
 from kneejax.inference.intervals._profiles import named
@@ -61,8 +61,7 @@ class Design:
         true: what the values there are changed by, up and down in turns; None for `TRUTH`.
         cut: what a Lachman test had cut; a passive motion without.
         prior: name or wildcard -> standard deviation of a prior around the knee's own value.
-        laxity: whether drawer, torsion and varus-valgus were measured too, and the weights are
-            those of the noise.
+        laxity: whether drawer, torsion and varus-valgus were measured too.
     """
 
     flexion_deg: np.ndarray
@@ -86,10 +85,9 @@ class Design:
         return 50 if self.laxity else 200
 
     @property
-    def weights(self) -> np.ndarray:
-        """Of squared errors: a prior counts against the noise alone."""
-        own = np.full(5, self.noise**-2.0)
-        return own if self.prior or self.laxity else DEFAULT_WEIGHTS
+    def scatter(self) -> Noise:
+        """The noise, as far as the study states it."""
+        return Noise.of(self.noise, self.noise) if self.stated else Noise.of()
 
     def begin(self) -> kj.Knee:
         """The knee from whose values calibrations begin."""
@@ -101,7 +99,7 @@ class Design:
 
     def cases(self, knee: kj.Knee) -> Observations:
         """What is observed; its numbers are those of the knee without parameters of its own."""
-        noise = 1.0 / np.sqrt(self.weights)
+        noise = self.scatter.first
         if self.laxity:
             tests = [
                 dataclasses.replace(test, path=tuple(np.linspace(-1.0, 1.0, 11)))
@@ -212,13 +210,12 @@ def _some(knee, chosen, design: Design, cases, target, begin, bounds):
         with_offsets(balances_of(knee, chosen, data), offsets, data.posed),
         dataclasses.replace(data, offsets=()),
         answers,
-        design.weights,
-        np.full(5, design.noise if design.stated else np.nan),
+        design.scatter,
         np.r_[lower, -wide],
         np.r_[upper, wide],
         named(chosen) + [(name, units[name]) for name in offsets],
     )
-    return answers.values, sure
+    return np.array([one.best.values[0] for one in sure]), sure
 
 
 def identifiable(knee, design: Design) -> tuple[str, ...]:

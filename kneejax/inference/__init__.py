@@ -38,6 +38,7 @@ from kneejax.inference.design import told_by as told_by
 from kneejax.inference.design import usual_candidates as usual_candidates
 from kneejax.inference.fit import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
 from kneejax.inference.fit import ManyFits as ManyFits
+from kneejax.inference.fit import Noise as Noise
 from kneejax.inference.fit import Observations as Observations
 from kneejax.inference.fit import Problem as Problem
 from kneejax.inference.fit import balances_of as balances_of

@@ -129,7 +129,7 @@ def reproduce(
     with stages("maps") as show:
         *own, cruciates = sensitivity_maps(
             start, measured, [*pairs, ("ACL.stiffness", "PCL.stiffness")], grid=_GRID,
-            bounds=study.bounds, weights=study.weight_vector, convention=CONVENTION,
+            bounds=study.bounds, weights=study.first_weights, convention=CONVENTION,
             progress=partial(show, "maps"),
         )  # fmt: skip
 
@@ -140,7 +140,7 @@ def reproduce(
     swept = seen(dataclasses.replace(swept, sweeps=tuple(map(seen, swept.sweeps))))
     measured = np.c_[flexion, in_convention(measured[:, 1:], flexion, CONVENTION)]
     found = Paper1Study(
-        swept, measured, study.weight_vector, cruciates, dict(zip(LIGAMENTS, own, strict=True)),
+        swept, measured, study.first_weights, cruciates, dict(zip(LIGAMENTS, own, strict=True)),
         calibration,
     )  # fmt: skip
     doubts = [

@@ -184,19 +184,8 @@ def identify(study: Study, options: Identify | None = None, **fields: Any) -> Id
     check(_a_study(study), options)
     begun = time.perf_counter()
     noise_mm, noise_deg = _noise(study, options)
-    found = fit_and_inform(
-        study.knee_at_start,
-        study.poses(),
-        study.parameters,
-        noise_mm=noise_mm,
-        noise_deg=noise_deg,
-        bounds=study.bounds,
-        weights=study.weight_vector,
-        offsets=study.frame_offset,
-        loads=study.acting,
-        tests=study.tests,
-        prior=study.prior,
-    )
+    asked = study.replace(noise_mm=noise_mm, noise_deg=noise_deg)
+    found = fit_and_inform(asked.problem())
     sampled = None
     if options.posterior:
         sampled = posterior(
@@ -268,7 +257,7 @@ def sensitivity(
             knee,
             parameters,
             measured,
-            weights=study.weight_vector,
+            weights=study.first_weights,
             offsets=study.frame_offset,
             bounds=study.limits,
             ranges=options.range,
@@ -333,7 +322,7 @@ def _check_identify(study: Study, options: Identify) -> None:
             check_installed(package, "posterior")
         check_counts(options.chains, options.draws)
     if None in _noise(study, options):
-        weighed = study.weight_vector > 0
+        weighed = study.first_weights > 0
         counted = int(weighed.sum()) * len(study.flexion_deg)
         counted += sum(int(np.isfinite(one.observed[:, weighed]).sum()) for one in study.tests)
         check_enough(counted, len(study.selection) + len(study.frame_offset))

@@ -13,7 +13,6 @@ import numpy as np
 
 from kneejax.files import InputProblem
 from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
-from kneejax.inference.intervals import stated_noise
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.parameters import MEANING
 from kneejax.studies._checked import plain
@@ -53,21 +52,21 @@ def sensitivity_map(
     """
     options = options or Map(**fields)
     check_map(study, options)
-    known, weights = stated_noise(*study.noise), study.weight_vector
+    noise = study.scatter
     if any(test.readings for test in study.tests):
         # As in a calibration: what was read of parts counts in its own standard deviation.
-        weights = np.where(weights > 0, known**-2.0, 0.0)
+        noise = noise.as_stated()
     return sensitivity_maps(
         study.knee_at_start,
         study.poses(),
         _pairs(study, options),
         grid=options.grid,
         bounds=study.bounds | options.range,
-        weights=weights,
+        weights=noise.first**-2.0,
         offsets=study.frame_offset,
         loads=study.acting,
         tests=study.tests,
-        known=known,
+        known=np.where(noise.counted, noise.stated, np.nan),
         store=store,
         progress=progress and functools.partial(progress, "map"),
         failures=study.counted_failures,

@@ -39,8 +39,8 @@ _OF_OWN_TABLES = ("columns", "ignore", "convention", "mirror", "at_deg")
 
 
 def usual_procedures(study: StudyFields) -> tuple[str, ...]:
-    """Procedures where none are named: the first is the answer, others are there to compare."""
-    return ("S",) if study.stages else ("II", "I", "III")
+    """Procedures where none are named."""
+    return ("S",) if study.stages else ("III",)
 
 
 def check_fields(study: StudyFields, mistakes: Mistakes) -> None:

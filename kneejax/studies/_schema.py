@@ -115,16 +115,20 @@ def _knee(value: Any, info: ValidationInfo) -> Any:
 
 
 def _weights(value: Any) -> dict[str, float]:
-    """Of all five coordinates; one of a coordinate counts before one of its unit."""
+    """Of coordinates; one of a coordinate counts before one of its unit, and where one is above
+    0, those that are not given are of paper 1."""
+    if value == "paper1":
+        return {name: _WEIGHTS[unit] for name, unit in UNITS.items()}
     known = ("mm", "deg", *UNITS)
-    kind = f"a mapping with the fields {', '.join(known)}"
+    kind = f"paper1, or a mapping with the fields {', '.join(known)}"
     given = mapping_of(lambda f, _: f.number(RANGES["weight"]), kind, known)(value)
+    usual = _WEIGHTS if any(given.values()) else {}
     weights = {
-        name: given.get(name, given.get(unit, _WEIGHTS[unit])) for name, unit in UNITS.items()
+        name: given.get(name, given.get(unit, usual.get(unit))) for name, unit in UNITS.items()
     }
-    if not any(weights.values()):
+    if all(weight == 0 for weight in weights.values()):
         raise Field("", "", value).problem("a weight above 0 for at least one coordinate")
-    return weights
+    return {name: weight for name, weight in weights.items() if weight is not None}
 
 
 def _prior(value: Any, info: ValidationInfo) -> Any:
@@ -250,7 +254,8 @@ class StudyFields(Part):
     )  # fmt: skip
     weights: Annotated[dict[str, float], PlainValidator(_weights)] = said(
         "free coordinate, or `mm` or `deg` -> weight of its squared error, per mm^2 or per "
-        "degree^2; those of paper 1 otherwise", lambda: _weights({}),
+        "degree^2, in place of one over the squared noise; 0 for one that does not count; or "
+        "`paper1`", dict,
     )  # fmt: skip
     prior: Annotated[dict[str, float], PlainValidator(_prior)] = said(
         "name, `*.quantity` or quantity -> standard deviation of a normal prior around the start, "

@@ -20,6 +20,7 @@ from kneejax.studies._schema import STUDY_FIELDS, StudyFields
 
 if TYPE_CHECKING:
     from kneejax.inference.calibration import CalibrationProblem
+    from kneejax.inference.fit import Noise
     from kneejax.mechanics import Knee, Load
     from kneejax.parameters import Selection
     from kneejax.statics import Status
@@ -144,9 +145,17 @@ class Study(StudyFields):
         return self.noise_mm or mm or None, self.noise_deg or deg or None
 
     @property
-    def weight_vector(self) -> np.ndarray:
-        """Weights in the order of the free coordinates, `(5,)`, per degree^2 and per mm^2."""
-        return np.array([self.weights[name] for name in UNITS])
+    def scatter(self) -> Noise:
+        """The noise of what was measured, with the weights that the study gives."""
+        from kneejax.inference.fit import Noise
+
+        return Noise.of(*self.noise, [self.weights.get(name, np.nan) for name in UNITS])
+
+    @property
+    def first_weights(self) -> np.ndarray:
+        """Of squared errors, `(5,)`, per degree^2 and per mm^2: as given, one over the squared
+        noise, or those of paper 1 where no noise is stated."""
+        return self.scatter.first**-2.0
 
     @property
     def counted_failures(self) -> tuple[Status, ...]:
@@ -192,7 +201,6 @@ class Study(StudyFields):
                 nothing of what is free.
         """
         from kneejax.inference.calibration import CalibrationProblem
-        from kneejax.inference.intervals import stated_noise
         from kneejax.parameters import select
 
         knee = self.knee_at_start
@@ -203,8 +211,7 @@ class Study(StudyFields):
             select(knee, self.parameters),
             self.poses(),
             bounds=self.bounds,
-            weights=self.weight_vector,
-            stated=stated_noise(*self.noise),
+            noise=self.scatter,
             offsets=self.frame_offset,
             loads=self.acting,
             tests=self.tests,

@@ -157,9 +157,9 @@ def test_names_that_are_known_without_jax_are_those_of_what_computes():
     assert _lab_tests.COORDINATES == (
         *FREE_COORDINATES, *(one.name for one in OTHER_COLUMNS.values())
     )  # fmt: skip
-    weights = kj.Study.model_fields["weights"].get_default(call_default_factory=True)
-    assert [*weights.values()] == DEFAULT_WEIGHTS.tolist()
-    assert _reading.usual_procedures(kj.read_study("paper1")) == calibration.USUAL_PROCEDURES
+    paper1 = kj.read_study("paper1")
+    np.testing.assert_allclose(paper1.first_weights, DEFAULT_WEIGHTS, rtol=1e-12)
+    assert _reading.usual_procedures(paper1) == calibration.USUAL_PROCEDURES
 
 
 def test_the_fingerprint_of_a_map_knows_study_and_question(study):

@@ -21,7 +21,7 @@ def test_what_python_gives_is_kept_in_one_form(knee):
         bounds={"ACL.stiffness": np.array([300.0, 9000.0])},
     )  # fmt: skip
     assert found.frame_offset == FREE_COORDINATES
-    assert found.weight_vector.tolist() == [8.0, 8.0, 2.0, 2.0, 2.0]
+    assert list(found.weights.values()) == [8.0, 8.0, 2.0, 2.0, 2.0]
     assert found.limits == {"ACL.stiffness": (300.0, 9000.0)}
     again = found.replace(seed=3)
     assert again.seed == 3 and again.settings() == found.settings() | {"seed": 3}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import jax
 import numpy as np
@@ -15,8 +14,16 @@ from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.inference.calibration._fitted_test import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail, together
-from kneejax.inference.fit import Problem, SeveralKnees, offset_units, slack_at, without_offsets
-from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, on_bounds, sureties
+from kneejax.inference.fit import (
+    Noise,
+    Problem,
+    SeveralKnees,
+    offset_units,
+    on_bounds,
+    slack_at,
+    without_offsets,
+)
+from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, sureties
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes
 
@@ -27,24 +34,23 @@ _APART = 3.84
 def sureties_of(
     knees: SeveralKnees,
     trails: Sequence[Trail],
-    stated: np.ndarray,
+    noise: Noise,
     lower: np.ndarray,
     upper: np.ndarray,
 ) -> list[Surety]:
-    """How sure the answers of several knees are; constants between frames are values like others.
+    """The best fits near the answers of several knees, and how sure they are; constants between
+    frames are values like others.
 
     Args:
         knees: what was fitted.
         trails: of the searches, one a knee.
-        stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
+        noise: as stated.
         lower: bounds, `(p,)`.
         upper: bounds.
     """
     first = knees.problems[0]
     names = named(first.selection) + offset_units(first.offsets)
-    data = replace(knees.cases, noise=np.ones(5))
-    answers = together(trails)
-    return sureties(knees.balance, data, answers, first.weights, stated, lower, upper, names)
+    return sureties(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
 
 
 def fit_of(
@@ -68,18 +74,18 @@ def fit_of(
         surety: how sure it is; None for a procedure that is there to compare.
     """
     found, size = trail.known, len(problem.selection)
-    error, slack = problem.error(found), _slack_ligaments(problem, found)
+    slack = _slack_ligaments(problem, found)
     held = on_bounds(trail.x, lower, upper)
     names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
     for i, (name, unit) in enumerate(names):
-        interval = None if surety is None else surety.intervals[i]
+        interval = None
+        if surety is not None:
+            best = float(surety.best.values[0, i])
+            interval = surety.intervals[i].beside(float(trail.x[i]), best)
         loose = slack.get(problem.selection.ligament(i), 0.0) if i < size else 0.0
-        likely = np.nan if surety is None else float(surety.likeliest[i])
         numbers = (trail.x[i], start[i], lower[i], upper[i])
-        estimate = _estimate(name, unit, numbers, bool(held[i]), interval, likely, loose)
-        same = surety is not None and bool(chi_squared_unit(problem.weights, surety.noise))
-        estimates.append(replace(estimate, same_sum=same))
+        estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, loose))
     failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
     if surety is not None:
@@ -88,8 +94,8 @@ def fit_of(
         procedure,
         tuple(estimates[:size]),
         objective_of(problem, found),
-        partial_objectives_of(problem, error),
-        rmse_of(problem, error),
+        partial_objectives_of(problem, found),
+        rmse_of(problem, found),
         correlation,
         motion_of(problem, found),
         tuple(trail.history),
@@ -107,7 +113,7 @@ def fit_of(
     )
 
 
-def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loose) -> Estimate:
+def _estimate(name, unit, numbers, held, interval: Interval | None, loose) -> Estimate:
     value, start, lower, upper = map(float, numbers)
     if interval is None:
         return Estimate(name, unit, value, start, lower, upper, np.nan, held)
@@ -125,17 +131,8 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, likely, loos
         interval.low,
         interval.high,
         interval.kind,
-        likely,
         interval.reason,
     )
-
-
-def chi_squared_unit(weights: np.ndarray, noise: np.ndarray) -> float:
-    """What the objective rises by where chi squared rises by one; 0 where weights are not those of
-    the noise, so that both are lowest at different values, or the noise is not known."""
-    counted = weights > 0  # the noise of a column without readings is infinite
-    units = weights[counted] * noise[counted] ** 2
-    return float(units[0]) if units.size and np.allclose(units, units[0], rtol=1e-6) else 0.0
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
@@ -210,21 +207,15 @@ def objective_of(problem: Problem, found: Slopes) -> float:
     return float(residual @ residual)
 
 
-def partial_objectives_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
-    """Coordinate -> sum of squares, of tests in units of the poses' variance."""
-    sums = _squares(problem, error).sum(axis=1)
-    return dict(zip(FREE_COORDINATES, (float(s) for s in sums), strict=True))
+def partial_objectives_of(problem: Problem, found: Slopes) -> dict[str, float]:
+    """Coordinate -> `Problem.squares`."""
+    return dict(zip(FREE_COORDINATES, problem.squares(found).tolist(), strict=True))
 
 
-def rmse_of(problem: Problem, error: np.ndarray) -> dict[str, float]:
+def rmse_of(problem: Problem, found: Slopes) -> dict[str, float]:
     """Coordinate -> root mean square error of the poses; NaN without any."""
     rows = problem.cases.posed
     count = int(problem.used[rows].sum())
-    sums = (error[:, rows] ** 2).sum(axis=1)
+    sums = (problem.error(found)[:, rows] ** 2).sum(axis=1)
     means = sums / count if count else np.full(5, np.nan)
     return dict(zip(FREE_COORDINATES, np.sqrt(means).tolist(), strict=True))
-
-
-def _squares(problem: Problem, error: np.ndarray) -> np.ndarray:
-    spread = problem.cases.spread
-    return (error if spread is None else error / spread.T) ** 2

@@ -10,8 +10,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.calibration._search import METHODS, USUAL_CYCLES, Stage, procedures_of
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, check_finite
-from kneejax.inference.intervals import check_all_stated, stated_noise
+from kneejax.inference.fit import Noise, Problem, check_finite
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, start_within, stated_bounds
 
@@ -22,8 +21,7 @@ class CalibrationProblem:
 
     Attributes:
         fitted: the problem of least squares.
-        stated: standard deviations of the free coordinates, NaN where none is stated, `(5,)`.
-        weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
+        noise: of what was measured, by which squared errors weigh.
         start: values where the search begins, parameters, then constants between frames, `(p,)`.
         lower: bounds, `(p,)`.
         upper: bounds.
@@ -41,8 +39,7 @@ class CalibrationProblem:
     """
 
     fitted: Problem
-    stated: np.ndarray
-    weights: np.ndarray
+    noise: Noise
     start: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -64,8 +61,7 @@ class CalibrationProblem:
         measured: np.ndarray,
         *,
         bounds: Mapping[str, tuple[float, float]] | None = None,
-        weights: np.ndarray | None = None,
-        stated: np.ndarray | None = None,
+        noise: Noise | None = None,
         offsets: tuple[str, ...] = (),
         loads: Sequence[Load] = (),
         tests: Sequence[MeasuredTest] = (),
@@ -80,14 +76,13 @@ class CalibrationProblem:
             measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm; flexion
                 is prescribed, the other five are compared. It may be empty where there are tests.
             bounds: by name; those of paper 1 for stiffness and reference strain by default.
-            weights: `(5,)`; by default 8 per degree^2 and 1 per mm^2 (paper 1).
-            stated: standard deviations of the free coordinates, `(5,)`, NaN where unknown.
+            noise: of what was measured; estimated by default.
             offsets: free coordinates whose constant difference between measured and model frame is
                 unknown too.
             loads: on the tibia while the poses were measured, each one for all or one per pose.
             tests: under load that were made; they count like poses, each by its deviation.
             prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around
-                the start's value. Weights are one over the noise's variances then.
+                the start's value.
             **search: the attributes from `procedures` on.
 
         Raises:
@@ -100,14 +95,15 @@ class CalibrationProblem:
         if search.get("method", "least_squares") not in METHODS:
             known = ", ".join(METHODS)
             raise UnsuitableData(f"unknown method {search['method']!r}: expected one of {known}")
-        stated = stated_noise(None, None) if stated is None else stated
+        noise = noise or Noise.of()
         if prior or any(test.readings for test in tests):
-            check_all_stated(stated, "prior" if prior else "readings")
-            # One over the variances: against these, what is not of a pose counts in its own.
-            counts = np.ones(5) if weights is None else np.asarray(weights, float) > 0
-            weights = np.where(counts, stated**-2.0, 0.0)
-        weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-        fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
+            # What is not of a pose counts in a standard deviation of its own.
+            noise = noise.as_stated()
+            noise.check_stated("prior" if prior else "readings")
+        stated = np.where(noise.counted, noise.stated, np.nan)
+        fitted = Problem.of(
+            knee, selection, measured, noise.first**-2.0, offsets, loads, tests, stated
+        )
         check_finite(fitted.measured)
         _check_offsets(fitted)
         lower, upper = stated_bounds(knee, selection, bounds or {})
@@ -118,7 +114,7 @@ class CalibrationProblem:
         if prior:
             fitted = fitted.with_prior(start, prior)
         fitted = fitted.stepping(start)
-        return cls(fitted, stated, weights, start, lower, upper, **search)
+        return cls(fitted, noise, start, lower, upper, **search)
 
 
 def _check_offsets(problem: Problem) -> None:

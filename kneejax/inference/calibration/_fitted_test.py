@@ -98,7 +98,7 @@ def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
 
 
 def misfits_of_test(
-    own: FittedTest, before: FittedTest, stated: np.ndarray, weights: np.ndarray
+    own: FittedTest, before: FittedTest, stated: np.ndarray, counted: np.ndarray
 ) -> tuple[Misfit, ...]:
     """Coordinates of a test in which a fit is poor, by the rules of poses (`misfits`).
 
@@ -106,13 +106,13 @@ def misfits_of_test(
         own: the test as fitted.
         before: the same at the start.
         stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
-        weights: of the objective, `(5,)`.
+        counted: which coordinates are fitted, `(5,)`.
     """
     for row, name in enumerate(FREE_COORDINATES):
         sd = own.test.sd_mm if COORDINATES[name].unit == "mm" else own.test.sd_deg
         stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated
     fitted, start = ({x: one.rmse(x) for x in FREE_COORDINATES} for one in (own, before))
-    found = misfits(fitted, start, stated, weights, len(own.test.flexion_deg))
+    found = misfits(fitted, start, stated, counted, len(own.test.flexion_deg))
     beyond = []
     for name in own.test.readings:
         rmse, noise = own.rmse(name), float(own.test.sd_of(name))

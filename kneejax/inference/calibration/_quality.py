@@ -49,7 +49,7 @@ def misfits(
     rmse: Mapping[str, float],
     start_rmse: Mapping[str, float],
     stated: np.ndarray,
-    weights: np.ndarray,
+    counted: np.ndarray,
     poses: int,
 ) -> tuple[Misfit, ...]:
     """Coordinates in which a fit is poor.
@@ -58,7 +58,7 @@ def misfits(
         rmse: coordinate -> root mean square error of the fit.
         start_rmse: likewise of the start.
         stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
-        weights: of the objective, `(5,)`; a coordinate without weight is not fitted.
+        counted: which coordinates are fitted, `(5,)`.
         poses: how many the errors are of.
 
     Returns:
@@ -70,7 +70,7 @@ def misfits(
     found = []
     for row, name in enumerate(FREE_COORDINATES):
         own, before, noise = rmse[name], start_rmse[name], float(stated[row])
-        if not (weights[row] > 0 and np.isfinite(own)):
+        if not (counted[row] and np.isfinite(own)):
             continue
         unit = COLUMNS[row + 1].rsplit("_", 1)[1]
         # Below a noise that is known, the start was near by luck.

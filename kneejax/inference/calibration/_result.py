@@ -35,10 +35,7 @@ class Estimate:
         high: upper 95 % limit; NaN if the data give none.
         interval: which of these numbers mean something; None where nobody asked, as for procedures
             that are there to compare.
-        likeliest: the value at the maximum of the likelihood, around which the limits lie.
         reason: why a limit could not be computed; empty otherwise.
-        same_sum: whether the search minimises what the limits follow: weights are those of the
-            noise.
     """
 
     name: str
@@ -53,14 +50,7 @@ class Estimate:
     low: float = np.nan
     high: float = np.nan
     interval: IntervalKind | None = None
-    likeliest: float = np.nan
     reason: str = ""
-    same_sum: bool = False
-
-    @property
-    def beside(self) -> bool:
-        """Whether the estimate lies outside its own limits."""
-        return bool(self.value < self.low or self.value > self.high)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -46,12 +46,12 @@ PROCEDURES = {
     "III": (Stage(),),
     "S": (),
 }
-#: Procedures where none are named: the first is the answer, the others are there to compare.
-USUAL_PROCEDURES = ("II", "I", "III")
+#: Procedures where none are named.
+USUAL_PROCEDURES = ("III",)
 
 
 def procedures_of(named: Sequence[str], stages: Sequence[Stage]) -> tuple[str, ...]:
-    """The procedures that are named; where none are, `S` if there are stages, or the usual ones."""
+    """The procedures that are named; where none are, `S` if there are stages, `III` otherwise."""
     return tuple(named) or (("S",) if stages else USUAL_PROCEDURES)
 
 
@@ -76,6 +76,7 @@ class Trail:
         known: balances at the best values, one variant.
         objective: there.
         history: accepted steps.
+        squares: `Problem.squares` of each of them.
         counts: evaluations by stage.
         converged: whether the last stage ended by itself.
         flat: whether it ended because further steps gained less than the noise.
@@ -91,6 +92,7 @@ class Trail:
     flat: bool = False
     reason: str = ""
     progress: Progress | None = None
+    squares: list[np.ndarray] = dataclasses.field(default_factory=list)
 
     @property
     def x(self) -> np.ndarray:
@@ -108,6 +110,24 @@ class Trail:
     def evaluations(self) -> int:
         """Evaluations of all poses and their Jacobian."""
         return sum(self.counts.values())
+
+    def weighed(self, problem: Problem) -> Trail:
+        """The same with the weights of a problem without a prior or readings."""
+        history = [
+            dataclasses.replace(step, objective=float(squares @ problem.weights))
+            for step, squares in zip(self.history, self.squares, strict=True)
+        ]
+        return _of_all(problem, dataclasses.replace(self, history=history))
+
+    def moved(self, problem: Problem, there: Slopes, stage: str) -> Trail:
+        """The same, ended by itself where its problem has its best fit."""
+        trail = dataclasses.replace(
+            self, history=[*self.history], squares=[*self.squares], converged=True, flat=False
+        )
+        trail.counts = {**self.counts, stage: self.counts.get(stage, 0) + 1}
+        residual, _ = problem.residual(there)
+        _move(problem, trail, there, float(residual @ residual), stage)
+        return trail
 
 
 def run_procedure(
@@ -257,7 +277,7 @@ def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
     trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
     lower = float(residual @ residual) < trail.objective
     if lower:
-        _move(trail, found, float(residual @ residual), "acceleration")
+        _move(problem, trail, found, float(residual @ residual), "acceleration")
     return lower
 
 
@@ -270,9 +290,10 @@ def _count(problem: Problem, trail: Trail, found: Slopes, stage: str) -> None:
         trail.progress(f"procedure {stage}, step {trail.counts[stage]}, {errors}", 0, 0)
 
 
-def _move(trail: Trail, found: Slopes, objective: float, stage: str) -> None:
+def _move(problem: Problem, trail: Trail, found: Slopes, objective: float, stage: str) -> None:
     trail.known, trail.objective = found, objective
     trail.history.append(Iteration(stage, trail.evaluations, objective))
+    trail.squares.append(problem.squares(found))
 
 
 def _of_all(problem: Problem, trail: Trail) -> Trail:
@@ -311,7 +332,7 @@ def _stage_of_several(
             trail, own = trails[row], found.take([k])
             _count(knees.problems[row], trail, own, name)
             if taken[k]:
-                _move(trail, own, float(objective[k]), name)
+                _move(knees.problems[row], trail, own, float(objective[k]), name)
                 reached[row].append(trail.objective)
                 steps = reached[row]
                 gain = steps[-_WINDOW] - steps[-1] if len(steps) >= _WINDOW else np.inf
@@ -352,7 +373,7 @@ def _stage_by_lbfgsb(
         value = float(residual @ residual)
         _count(problem, trail, found, name)
         if value < trail.objective:
-            _move(trail, found, value, name)
+            _move(problem, trail, found, value, name)
         return value, 2.0 * (residual @ jacobian)[free]
 
     scale = _telling_changes(problem, trail.known, upper - lower)

@@ -9,7 +9,6 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.inference.calibration._answers import (
-    chi_squared_unit,
     fit_of,
     motion_of,
     objective_of,
@@ -22,9 +21,9 @@ from kneejax.inference.calibration._calibrate import CalibrationProblem
 from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
 from kneejax.inference.calibration._quality import misfits
 from kneejax.inference.calibration._result import Calibration, Fit
-from kneejax.inference.calibration._search import Trail, run_side_by_side
+from kneejax.inference.calibration._search import Trail, run_side_by_side, together
 from kneejax.inference.calibration._versions import versions
-from kneejax.inference.fit import Problem, Progress, SeveralKnees, form_of, several_starts
+from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
 from kneejax.inference.intervals import Surety
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
@@ -33,8 +32,6 @@ from kneejax.statics import Slopes
 #: Chi squared, as the fit leaves it, by which a path to the same answer must fit better for it to
 #: have found other balances.
 _LOWER = 0.5
-#: Chi squared by which a fit must be better for the search to go on from it.
-_FARTHER_DOWN = 0.1
 #: Standard deviations beyond which something blocks a search; the least stiffness, as a part of the
 #: median one, below which a load case may be what does; and the most of all load cases that may.
 _BLOCKED, _SOFT, _FEW = 4.0, 0.2, 0.15
@@ -85,7 +82,7 @@ def calibrate_side_by_side(
     for members in forms.values():
         places, alike = zip(*members, strict=True)
         with stopwatch() as watch:
-            answers = _with_short_steps(alike, progress)
+            answers = _with_short_steps(alike, progress or (lambda *_: None))
         seconds = adding_up({k: x / len(members) for k, x in watch.parts.items()})
         answers = [
             dataclasses.replace(one, seconds=seconds) if isinstance(one, Calibration) else one
@@ -100,14 +97,14 @@ def _form(place: int, one: CalibrationProblem) -> object:
     form = form_of(one.fitted)
     if form is None:
         return place
-    numbers = (one.stated, one.weights, one.lower, one.upper)
+    numbers = (one.noise.stated, one.noise.ratio, one.lower, one.upper)
     return (
-        form, *(x.tobytes() for x in numbers), one.procedures, one.stages, one.starts, one.seed,
-        one.method, one.cycles,
+        form, one.noise.given, *(x.tobytes() for x in numbers), one.procedures, one.stages,
+        one.starts, one.seed, one.method, one.cycles,
     )  # fmt: skip
 
 
-def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress | None) -> list:
+def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress) -> list:
     """Answers whose motions through time have steps that are short enough there too."""
     answers = _of_one_form(members, progress)
     if not members[0].fitted.cases.passages:
@@ -120,7 +117,7 @@ def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress 
         answers = [_with_restless(answer, there.restless)]
         if there.steps <= one.fitted.steps or not left:
             break
-        _tell(progress, "shorter steps through time: once more")
+        progress("shorter steps through time: once more", 0, 0)
         members = (dataclasses.replace(one, fitted=there),)
         answers = _of_one_form(members, progress)
     return answers
@@ -136,9 +133,9 @@ def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibr
     return dataclasses.replace(answer, fits=(fit, *answer.fits[1:]))
 
 
-def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress | None) -> list:
+def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> list:
     """Answers of knees whose problems have one form."""
-    _tell(progress, "first balances")
+    progress("first balances", 0, 0)
     knees = SeveralKnees.of([one.fitted for one in members])
     first = knees.begin(np.stack([one.start for one in members]))
     lap("start")
@@ -165,7 +162,7 @@ def _answers(
     knees: SeveralKnees,
     members: Sequence[CalibrationProblem],
     first: Slopes,
-    progress: Progress | None,
+    progress: Progress,
 ) -> list[Calibration]:
     """Answers of knees whose load cases that count are the same.
 
@@ -176,11 +173,9 @@ def _answers(
     it leads to a better one with it, the search goes on from that.
     """
     begin = [first.take([row]) for row in range(len(members))]
-    fits, sure = _fits(knees, members, begin, progress)
-    answers = [
-        _answer(one, start, *rest)
-        for one, start, *rest in zip(members, begin, fits, sure, strict=True)
-    ]
+    knees, fits, sure = _fits(knees, members, begin, progress)
+    every = zip(members, knees.problems, begin, fits, sure, strict=True)
+    answers = [_answer(*each) for each in every]
     anew = {}
     for row, answer in enumerate(answers):
         problem, objective = knees.problems[row], answer.fit.objective
@@ -196,13 +191,15 @@ def _answers(
                 anew[row] = freed
     if not anew:
         return answers
-    _tell(progress, "a better fit is in sight: once more")
+    progress("a better fit is in sight: once more", 0, 0)
     rows = list(anew)
     own = [members[row] for row in rows]
-    fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
-    for row, *rest in zip(rows, fits, sure, strict=True):
-        again = _answer(members[row], begin[row], *rest)
-        if again.fit.objective < answers[row].fit.objective:
+    some, fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
+    for row, problem, *rest in zip(rows, some.problems, fits, sure, strict=True):
+        again = _answer(members[row], problem, begin[row], *rest)
+        # Its own noise, where that is estimated, would make any fit as good as another.
+        there = _walked(knees.problems[row], first.knee[row], _values(again))
+        if objective_of(knees.problems[row], there) < answers[row].fit.objective:
             answers[row] = again
     return answers
 
@@ -228,7 +225,7 @@ def _past_what_blocks(
     residual, _ = problem.residual(there)
     cases = np.flatnonzero(problem.cases.counted)
     largest = np.abs(residual[: 5 * len(cases)]).reshape(-1, 5).max(axis=1)
-    off = ~(largest <= _BLOCKED * np.sqrt(min(variance, _unit(one))))
+    off = ~(largest <= _BLOCKED * np.sqrt(min(variance, one.noise.unit)))
     if not off.any():
         return None
     units = np.array(scales(problem.cases.load_cases.of(problem.knee).free))
@@ -245,7 +242,7 @@ def _past_what_blocks(
         for own in (problem.with_used(used), problem):
             knees = SeveralKnees.of([own])
             (trail,) = run_side_by_side(
-                knees, "III", [begin], one.lower, one.upper, unit=_unit(one)
+                knees, "III", [begin], one.lower, one.upper, unit=one.noise.unit
             )
             begin = _walked(problem, there.knee[0], trail.x)
             found.append(begin)
@@ -266,68 +263,80 @@ def _fits(
     knees: SeveralKnees,
     members: Sequence[CalibrationProblem],
     first: Sequence[Slopes],
-    progress: Progress | None,
-) -> tuple[list[list[Fit]], list[Surety]]:
-    """The answers of each procedure from given balances, and how sure that of the first is, a knee
-    each."""
+    progress: Progress,
+) -> tuple[SeveralKnees, list[list[Fit]], list[Surety]]:
+    """The knees with the noise that is known in the end; the answers of each procedure from given
+    balances; and how sure that of the first is, a knee each."""
     one = members[0]
     lower, upper = one.lower, one.upper
     search = {"cycles": one.cycles, "method": one.method, "stages": one.stages,
-              "unit": _unit(one), "progress": progress}  # fmt: skip
+              "unit": one.noise.unit, "progress": progress}  # fmt: skip
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
         begin, reached = list(first), []
         if one.starts > 1 and procedure == "III":
-            _tell(progress, f"procedure III, {one.starts} starts side by side")
+            if one.noise.estimated and not number:
+                # Ends of several starts are compared with the noise that one of them leaves.
+                trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+                left = one.noise.left(knees.cases, together(trails), lower, upper)
+                knees = knees.weighing(_weighing(knees.problems, left, one))
+            progress(f"procedure III, {one.starts} starts side by side", 0, 0)
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
             begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
         lap("search")
         if not number:
-            _tell(progress, f"95 % limits of {len(lower)} numbers")
-            sure = sureties_of(knees, trails, one.stated, lower, upper)
+            progress(f"95 % limits of {len(lower)} numbers", 0, 0)
+            sure = sureties_of(knees, trails, one.noise, lower, upper)
             if procedure == "III":
-                trails = _at_the_bottom(knees, first, trails, sure, (lower, upper), search)
+                noise = [surety.noise for surety in sure]
+                knees = knees.weighing(_weighing(knees.problems, noise, one))
+                where = zip(knees.problems, first, trails, sure, strict=True)
+                trails = [_at_the_bottom(*each, one.noise) for each in where]
             lap("limits")
         for row, trail in enumerate(trails):
-            own = members[row]
+            own, problem = members[row], knees.problems[row]
             fit = fit_of(
-                knees.problems[row], procedure, trail, own.start, own.lower, own.upper,
+                problem, procedure, trail, own.start, own.lower, own.upper,
                 None if number else sure[row],
             )  # fmt: skip
             if reached:
-                starts = starts_of(knees.problems[row], fit, *reached[row])
-                fit = dataclasses.replace(fit, starts=starts)
+                ends, objectives = reached[row]
+                known = np.isfinite(objectives)
+                objectives[known] = _walked_objectives(problem, ends[known])
+                fit = dataclasses.replace(fit, starts=starts_of(problem, fit, ends, objectives))
             fits[row].append(fit)
-    return fits, sure
+    return knees, fits, sure
 
 
-def _unit(one: CalibrationProblem) -> float:
-    """What the objective rises by where chi squared of the stated noise does by one, if stated."""
-    return chi_squared_unit(one.weights, np.asarray(one.stated, float)) or np.inf
+def _weighing(problems: Sequence[Problem], noise, one: CalibrationProblem) -> list[Problem]:
+    """Problems with estimated noise, `(5,)` each, where that decides what a square weighs."""
+    if one.noise.given or not one.noise.estimated:
+        return list(problems)
+    return [
+        own if np.isnan(left).any() else own.weighing(left)
+        for own, left in zip(problems, noise, strict=True)
+    ]
 
 
-def _at_the_bottom(knees: SeveralKnees, first, trails, sure, box, search) -> list[Trail]:
-    """Trails that go on where the limits of their answers have found a better fit to the same."""
-    found = list(trails)
-    for row, (problem, surety) in enumerate(zip(knees.problems, sure, strict=True)):
-        unit = chi_squared_unit(problem.weights, surety.noise)
-        if not unit or not np.isfinite(surety.likeliest).all():
-            continue
-        if np.allclose(surety.likeliest, trails[row].x, rtol=1e-6, atol=1e-9):
-            continue
-        there = _walked(problem, first[row].knee[0], surety.likeliest)
-        if not objective_of(problem, there) < trails[row].objective - _FARTHER_DOWN * unit:
-            continue
-        (again,) = run_side_by_side(knees.take([row]), "III", [there], *box, **search)
-        if again.objective < trails[row].objective:
-            found[row] = again
-    return found
+def _at_the_bottom(
+    problem: Problem, first: Slopes, trail: Trail, surety: Surety, noise: Noise
+) -> Trail:
+    """The trail on to the best fit, around which the limits are."""
+    if noise.estimated and not noise.given:
+        trail = trail.weighed(problem)
+    if not trail.converged:
+        return trail
+    there = _walked(problem, first.knee[0], surety.best.values[0])
+    lost = problem.used & ~there.converged[0]
+    if lost.any() or objective_of(problem, there) > trail.objective:
+        return trail
+    return trail.moved(problem, there, "III") if surety.converged else trail
 
 
-def _from_several(problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
+def _from_several(problem: Problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
     """Where the starts of one knee end, and their objectives.
 
     Besides the knee's own they are drawn from what is believed, where there is a prior, otherwise
@@ -343,29 +352,37 @@ def _from_several(problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndar
     ends, reached = several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
     # A search may have followed balances past the end of their branch, as tests do not.
     known = np.flatnonzero(np.isfinite(reached))
-    if len(known):
-        residual, _ = problem.cases.residual(problem.begin(ends[known]))
-        walked = np.sum(residual**2, axis=1)
-        reached[known] = np.where(walked < reached[known], walked, reached[known])
+    walked = _walked_objectives(problem, ends[known])
+    reached[known] = np.where(walked < reached[known], walked, reached[known])
     return ends, reached
 
 
-def _answer(one: CalibrationProblem, first: Slopes, fits: list[Fit], surety: Surety) -> Calibration:
+def _walked_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
+    """Of balances at values `(fits, p)` that are followed from the reference pose; infinite where
+    there are none."""
+    if not len(values):
+        return np.empty(0)
+    residual, _ = problem.cases.residual(problem.begin(values))
+    return np.nan_to_num(np.sum(residual**2, axis=1), nan=np.inf)
+
+
+def _answer(
+    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit], surety: Surety
+) -> Calibration:
     """What is reported of one knee; seconds are those of all, and follow."""
-    problem = one.fitted
-    error = problem.error(first)
-    start_rmse, start_tests = rmse_of(problem, error), fitted_tests(problem, first)
+    start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())
-    poor = misfits(fits[0].rmse, start_rmse, one.stated, one.weights, poses)
+    stated, counted = one.noise.stated, one.noise.counted
+    poor = misfits(fits[0].rmse, start_rmse, stated, counted, poses)
     for own, before in zip(fits[0].tests, start_tests, strict=True):
-        poor += misfits_of_test(own, before, one.stated, one.weights)
+        poor += misfits_of_test(own, before, stated, counted)
     return Calibration(
         title=one.title,
         knee=problem.knee.name,
         measured=problem.measured,
         start=motion_of(problem, first),
         start_rmse=start_rmse,
-        start_partial_objectives=partial_objectives_of(problem, error),
+        start_partial_objectives=partial_objectives_of(problem, first),
         start_objective=objective_of(problem, first),
         start_tests=start_tests,
         fits=tuple(fits),
@@ -381,8 +398,3 @@ def _answer(one: CalibrationProblem, first: Slopes, fits: list[Fit], surety: Sur
         versions=versions(),
         settings=dict(one.settings),
     )
-
-
-def _tell(progress: Progress | None, what: str) -> None:
-    if progress is not None:
-        progress(what, 0, 0)

@@ -12,9 +12,11 @@ from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
 from kneejax.inference.fit._many_fits import several_starts as several_starts
+from kneejax.inference.fit._noise import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
+from kneejax.inference.fit._noise import Noise as Noise
+from kneejax.inference.fit._noise import on_bounds as on_bounds
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._observations import rows_of_tests as rows_of_tests
-from kneejax.inference.fit._observed import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._observed import TABLE_UNITS as TABLE_UNITS
 from kneejax.inference.fit._observed import Balance as Balance
 from kneejax.inference.fit._observed import Observations as Observations

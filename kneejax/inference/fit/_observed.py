@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 #: Degrees and mm per internal unit of a free coordinate.
 TABLE_UNITS = table_units(FREE_COORDINATES)
-#: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
-DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 #: Balances at values `(fits, p)`, reached from near ones, with their derivatives by the values.
 Balance = Callable[..., Slopes]
 

@@ -232,6 +232,16 @@ class Problem:
         where nothing was observed or a case does not count."""
         return self.cases.error(found)[0][0].T
 
+    def squares(self, found: Slopes) -> np.ndarray:
+        """Sum of squares of each coordinate in one fit, `(5,)`, degree^2 and mm^2; of tests with a
+        noise of their own in units of the poses' variance."""
+        error, spread = self.error(found), self.cases.spread
+        return ((error if spread is None else error / spread.T) ** 2).sum(axis=1)
+
+    def weighing(self, noise: np.ndarray) -> Problem:
+        """The same with another noise, `(5,)`, degrees and mm, by which squares weigh."""
+        return dataclasses.replace(self, cases=dataclasses.replace(self.cases, noise=noise))
+
     def rmse(self, found: Slopes) -> tuple[float, float]:
         """Root mean square errors of one fit, of all displacements and of all rotations, mm and
         degrees; 0 where none were observed."""

@@ -75,6 +75,12 @@ class SeveralKnees:
         """The same with only some load cases that count, `(cases,)`."""
         return self._with([one.with_used(rows) for one in self.problems])
 
+    def weighing(self, problems: Sequence[Problem]) -> SeveralKnees:
+        """The same with the noise that problems have now, each its own."""
+        noise = np.stack([one.cases.noise for one in problems])
+        cases = dataclasses.replace(self.cases, noise=noise if len(noise) > 1 else noise[0])
+        return dataclasses.replace(self, problems=tuple(problems), cases=cases)
+
     def with_data(self, names: Sequence[str]) -> SeveralKnees:
         """The same with some of the data alone (`Problem.with_data`)."""
         return self._with([one.with_data(names) for one in self.problems])

@@ -3,36 +3,31 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
 
-from kneejax.experiments import MeasuredTest
-from kneejax.inference.calibration import Motion, motion_at
+from kneejax.inference.calibration import CalibrationProblem, Motion, motion_at
 from kneejax.inference.fit import (
-    DEFAULT_WEIGHTS,
     Observations,
     Problem,
     balances_of,
     best_offsets,
-    check_finite,
+    on_bounds,
     state_of,
 )
 from kneejax.inference.identification._information import Information, fit_information
 from kneejax.inference.intervals import (
     Interval,
+    Pace,
     Profile,
-    check_all_stated,
-    follow_to_the_lowest,
+    Surety,
     likeliest,
     named,
-    on_bounds,
-    rise_at_limits,
-    stated_noise,
+    sureties,
 )
-from kneejax.mechanics import Knee, Load
-from kneejax.parameters import Selection, UnsuitableData, select, start_within, stated_bounds
+from kneejax.mechanics import Knee
+from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Slopes
 
 
@@ -86,125 +81,70 @@ class Identification:
         return np.r_[self.values, list(self.offsets.values())]
 
 
-def identify(
-    knee: Knee,
-    measured: np.ndarray,
-    parameters: tuple[str, ...] = ("*.stiffness", "*.reference_strain"),
-    *,
-    noise_mm: float | None = None,
-    noise_deg: float | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    weights: np.ndarray | None = None,
-    offsets: tuple[str, ...] = (),
-    with_profiles: bool = True,
-    loads: Sequence[Load] = (),
-    tests: Sequence[MeasuredTest] = (),
-    prior: Mapping[str, float] | None = None,
-) -> Identification:
-    """Fit a motion by maximum likelihood and ask what its data determine.
+def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Identification:
+    """Fit all parameters of a problem together, and ask what its data determine.
 
-    Errors are taken as independent and normal. Where their size is not given it is estimated from
-    what the fit leaves, for displacements and rotations apart.
+    Estimates and limits are those of `calibrate` by procedure III; constants between frames are
+    taken out.
 
     Args:
-        knee: gives everything that is not free, and the start of what is.
-        measured: `(n, 6)` in the order of `kneejax.geometry.COLUMNS`, degrees and mm.
-        parameters: names, with `*` for every ligament.
-        noise_mm: standard deviation of measured displacements; estimated by default.
-        noise_deg: of measured rotations; likewise.
-        bounds: by name, wildcard or quantity; those of paper 1 by default.
-        weights: `(5,)`, of the first fit, from which noise is estimated; paper 1's by default.
-        offsets: free coordinates whose constant difference to the measurement is free.
+        problem: what is fitted; its procedures, stages and starts do not count.
         with_profiles: whether to follow the profiles.
-        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
-        tests: under load that were made beside them.
-        prior: name, `*.quantity` or quantity -> standard deviation of a normal prior around the
-            start's value; fit, limits and profiles follow it, the information is the data's own.
 
     Returns:
-        The `Identification`.
+        The `Identification`; fit, limits and profiles follow a prior, the information is the data's
+        own.
 
     Raises:
-        UnknownParameter: a name that the knee does not have.
-        UnsuitableData: bounds that exclude the start, data that are not finite, no more data than
-            parameters while the noise must be estimated, or no pose that balances.
+        UnsuitableData: no more data than unknowns while noise must be estimated, or no pose that
+            balances.
     """
-    measured = np.asarray(measured, float)
-    selection, stated = select(knee, parameters), stated_noise(noise_mm, noise_deg)
-    check_finite(measured)
-    lower, upper = stated_bounds(knee, selection, bounds or {})
-    start = start_within(knee, selection, lower, upper)
-    weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
-    problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, stated)
-    problem = problem.stepping(start)
-    balance = balances_of(knee, selection, problem.cases)
+    size = len(problem.fitted.selection)
+    start, lower, upper = (x[:size] for x in (problem.start, problem.lower, problem.upper))
+    offsets, noise = problem.fitted.offsets, problem.noise
+    fitted = dataclasses.replace(problem.fitted, offsets=())
+    knee, selection = fitted.knee, fitted.selection
+    prior = fitted.cases.prior
+    if prior is not None:
+        prior = prior[0][:size], prior[1][:size]
+    balance = balances_of(knee, selection, fitted.cases)
     begin = balance(start[None])
-    problem = problem.balanced_by(begin)
-    if prior or problem.cases.readings is not None:
-        check_all_stated(stated, "prior" if prior else "readings")
-    if prior:
-        problem = dataclasses.replace(problem, offsets=()).with_prior(start, prior)
-    data = dataclasses.replace(problem.cases, offsets=offsets)
-    spare = problem.counted_numbers - int(data.taken[weights > 0].sum()) - len(selection)
-    estimated = bool(np.isnan(stated).any())
-    if estimated:
-        check_enough(problem.counted_numbers, len(selection) + len(offsets))
-    fits, data = likeliest(balance, data, begin, stated, lower, upper, far=True)
-    fit, followed = fits.slopes, ()
+    fitted = fitted.balanced_by(begin)
+    data = dataclasses.replace(fitted.cases, offsets=offsets, prior=prior)
+    spare = fitted.counted_numbers - int(data.taken[noise.counted].sum()) - size
+    if noise.estimated:
+        check_enough(fitted.counted_numbers, size + len(offsets))
+    box, names = (lower, upper), named(selection)
     if with_profiles:
-        threshold = rise_at_limits(spare if estimated else None)
-        fit, (followed,) = follow_to_the_lowest(
-            balance, data, fits, lower, upper, threshold, named(selection)
-        )
-    found = _identification(problem, data, fit, followed, (lower, upper))
-    return dataclasses.replace(
-        found, noise_estimated=estimated, converged=bool(fits.converged[0]), spare=spare
-    )
-
-
-def _identification(
-    problem: Problem, data: Observations, fit: Slopes, followed: tuple[Profile, ...], box
-) -> Identification:
-    """What the data say of a fit.
-
-    Args:
-        problem: as it was asked.
-        data: with the noise that the fit has left, and the offsets.
-        fit: the likeliest.
-        followed: its profiles.
-        box: lower and upper bounds, `(p,)`.
-    """
-    (lower, upper), selection, knee = box, problem.selection, problem.knee
+        (sure,) = sureties(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
+    else:
+        fits, weighed = likeliest(balance, data, begin, noise, *box, far=True)
+        sure = Surety.of_fit(fits, weighed, noise)
+    fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
     residual, _ = data.residual(fit)
-    values, noise = fit.values[0], data.noise[0]
-    at_bound = on_bounds(values, lower, upper)
-    one = dataclasses.replace(data, noise=noise)
-    alone = dataclasses.replace(one, prior=None)
-    believed = np.full(len(values), np.inf) if data.prior is None else data.prior[1]
-    told = fit_information(knee, selection, alone, fit, at_bound=at_bound)
+    values = fit.values[0]
+    at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
     return Identification(
         selection=selection,
         values=values,
         lower=lower,
         upper=upper,
         at_bound=at_bound,
-        offsets=dict(zip(data.offsets, best_offsets(one, fit), strict=True)),
-        noise=noise,
-        noise_estimated=False,
+        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)),
+        noise=sure.noise,
+        noise_estimated=noise.estimated,
         chi2=float(residual[0] @ residual[0]),
-        data=problem.counted_numbers,
-        converged=True,
-        information=told,
-        profiles=followed,
-        intervals=tuple(
-            map(Interval.of, followed, values, told.standard_error, lower, upper, believed)
-        ),
-        motion=_motion(selection.apply(knee, values), one, fit),
+        data=fitted.counted_numbers,
+        converged=sure.converged,
+        information=fit_information(knee, selection, alone, fit, at_bound=at_bound),
+        profiles=sure.profiles,
+        intervals=sure.intervals,
+        motion=_motion(selection.apply(knee, values), data, fit),
         problem=dataclasses.replace(
-            problem, cases=dataclasses.replace(alone, offsets=()), offsets=data.offsets
+            fitted, cases=dataclasses.replace(alone, offsets=()), offsets=offsets
         ),
-        lost=int((~problem.used).sum()),
-        spare=0,
+        lost=int((~fitted.used).sum()),
+        spare=spare,
     )
 
 

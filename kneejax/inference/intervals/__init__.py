@@ -3,13 +3,11 @@
 from kneejax.inference.intervals._intervals import Interval as Interval
 from kneejax.inference.intervals._intervals import IntervalKind as IntervalKind
 from kneejax.inference.intervals._intervals import Surety as Surety
+from kneejax.inference.intervals._intervals import likeliest as likeliest
+from kneejax.inference.intervals._intervals import rise_at_limits as rise_at_limits
 from kneejax.inference.intervals._intervals import same_ends as same_ends
 from kneejax.inference.intervals._intervals import sureties as sureties
-from kneejax.inference.intervals._likelihood import check_all_stated as check_all_stated
-from kneejax.inference.intervals._likelihood import likeliest as likeliest
-from kneejax.inference.intervals._likelihood import on_bounds as on_bounds
-from kneejax.inference.intervals._likelihood import rise_at_limits as rise_at_limits
-from kneejax.inference.intervals._likelihood import stated_noise as stated_noise
+from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile
 from kneejax.inference.intervals._profiles import follow_to_the_lowest as follow_to_the_lowest
 from kneejax.inference.intervals._profiles import named as named

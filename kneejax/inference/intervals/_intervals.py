@@ -1,7 +1,8 @@
-"""Error bars that hold: a standard error where it tells the limits, else the limits themselves.
+"""The one estimator: the likeliest values, and error bars that hold.
 
-Limits are those of the profile likelihood, with the noise that is stated or that the likeliest fit
-leaves. They follow the bend of the valley and know of bounds, which a standard error does not.
+Squared errors weigh by the noise that is stated or that the likeliest fit leaves, priors are
+further residuals, and limits are those of the profile of the same sum. They follow the bend of the
+valley and know of bounds, which a standard error does not: it is told where it leads to the same.
 """
 
 from __future__ import annotations
@@ -12,19 +13,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import Balance, Observations
-from kneejax.inference.intervals._likelihood import (
-    errors,
-    likeliest,
-    noise_left,
+from kneejax.inference.fit import (
+    PATIENT,
+    Balance,
+    ManyFits,
+    Noise,
+    Observations,
+    fit_lanes,
     on_bounds,
-    rise_at_limits,
 )
 from kneejax.inference.intervals._profile_arms import BOUND, Pace
 from kneejax.inference.intervals._profiles import Profile, follow_to_the_lowest
 from kneejax.inference.intervals._uncertainty import uncertainty
 from kneejax.statics import Slopes
 
+#: Confidence that is asked for.
+CONFIDENCE = 0.95
+#: Noise and fit depend on each other: so often each is found anew.
+_ROUNDS = 3
 #: Ends that differ by less than this part of the interval tell the same.
 SAME = 0.3
 #: Limits that exclude less than this part of what bounds allow tell nothing.
@@ -95,7 +101,7 @@ class Interval:
 
         Args:
             profile: of it, at the likeliest fit.
-            value: the estimate that is printed.
+            value: the estimate.
             error: its standard error; NaN if it has none.
             lower: bound.
             upper: bound.
@@ -124,6 +130,17 @@ class Interval:
             IntervalKind.STANDARD_ERROR if straight else IntervalKind.PROFILE, low, high, error
         )
 
+    def beside(self, value: float, best: float) -> Interval:
+        """The same of an answer that a search in stages gives, which need not be the best fit."""
+        if value < self.low or value > self.high:
+            reason = f"this search ends beside the best fit, which has {best:.4g}"
+            return Interval(IntervalKind.NOT_COMPUTED, np.nan, np.nan, reason=reason)
+        if abs(value - best) > SAME * (self.high - self.low):
+            if self.kind is IntervalKind.STANDARD_ERROR:
+                return Interval(IntervalKind.PROFILE, self.low, self.high)
+            return dataclasses.replace(self, standard_error=np.nan)
+        return self
+
 
 def _within_prior(
     low: float, high: float, likeliest: float, prior: float
@@ -146,107 +163,152 @@ def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
     return bool(np.all(np.abs(both[0] - both[1]) <= SAME * width))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Surety:
-    """How sure an answer is.
+    """The best fit to some data, and how sure it is.
 
     Attributes:
-        intervals: one per value.
-        likeliest: values at the maximum of the likelihood, `(p,)`.
-        correlation: of the answer's values, `(p, p)`; NaN for those on a bound.
+        best: balances at the lowest sum of squares that is known, one fit.
+        intervals: around its values, one each.
+        correlation: of its values, `(p, p)`; NaN for those on a bound.
         noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
-        noise_estimated: whether any of it was estimated from what the likeliest fit leaves.
-        converged: whether that fit converged.
+        noise_estimated: whether any of it was estimated from what this fit leaves.
+        converged: whether the fit converged.
+        profiles: from which the intervals are read.
     """
 
+    best: Slopes
     intervals: tuple[Interval, ...]
-    likeliest: np.ndarray
     correlation: np.ndarray
     noise: np.ndarray
     noise_estimated: bool
     converged: bool
+    profiles: tuple[Profile, ...] = ()
+
+    @classmethod
+    def of_fit(cls, fits: ManyFits, weighed: Observations, noise: Noise) -> Surety:
+        """A single fit of which no limits were asked."""
+        size = fits.values.shape[1]
+        nothing, own = np.full((size, size), np.nan), weighed.noise[0]
+        return cls(fits.slopes, (), nothing, own, noise.estimated, bool(fits.converged[0]))
+
+
+def rise_at_limits(spare: int | None) -> float:
+    """Rise of chi squared at the limits of a 95 % interval.
+
+    Args:
+        spare: numbers measured beyond the unknowns, where the noise is estimated from what the fit
+            leaves (F distribution); None where it is known (chi squared).
+    """
+    # `scipy.stats` takes half a second to import.
+    from scipy import special
+
+    if spare is None:
+        return float(special.chdtri(1, 1.0 - CONFIDENCE))
+    return float(special.fdtri(1, spare, CONFIDENCE))
+
+
+def likeliest(
+    balance: Balance,
+    data: Observations,
+    near: Slopes,
+    noise: Noise,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    far: bool = False,
+) -> tuple[ManyFits, Observations]:
+    """Fit by maximum likelihood, many times at once.
+
+    Args:
+        balance: of the values that are fitted.
+        data: measured motion; its noise weighs the first fit where some is to be estimated.
+        near: where the fits begin.
+        noise: as stated.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        far: whether the answers may be far.
+
+    Returns:
+        The fits, and the data with the noise that is stated or that the fits leave, `(fits, 5)`.
+    """
+    count = len(near.values)
+    box = [np.tile(bound, (count, 1)) for bound in (lower, upper)]
+    weighed = np.where(noise.unknown, np.broadcast_to(data.noise, (count, 5)), noise.stated)
+    data = dataclasses.replace(data, noise=weighed)
+    for _ in range(_ROUNDS if noise.estimated else 1):
+        fits = fit_lanes(balance, data, near, near.values, *box, most=PATIENT, far=far)
+        near, far = fits.slopes, False
+        data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
+    return fits, data
 
 
 def sureties(
     balance: Balance,
     data: Observations,
-    answers: Slopes,
-    weights: np.ndarray,
-    stated: np.ndarray,
+    near: Slopes,
+    noise: Noise,
     lower: np.ndarray,
     upper: np.ndarray,
     names: Sequence[tuple[str, str]],
+    pace: Pace = Pace.LIMITS,
+    *,
+    far: bool = False,
 ) -> list[Surety]:
-    """Limits of many fits at once that minimised a weighted sum of squares.
-
-    Weights need not be the inverse variances of the measurement (those of paper 1 are not). Limits
-    are therefore taken from the likelihood, around its own best fit, and so are the same whatever
-    the weights. A standard error is that of the weighted answer.
+    """The best fits to data, with their limits: those of the profile likelihood.
 
     Args:
         balance: of the values.
-        data: measured motion; of its noise only what is infinite counts.
-        answers: balances at the answers, with their derivatives.
-        weights: of the sum, `(5,)`.
-        stated: standard deviation of each coordinate, NaN where it is to be estimated, `(5,)`.
+        data: measured motion, one for all fits or one each; its noise weighs the first fit where
+            some is to be estimated.
+        near: where the fits begin.
+        noise: as stated.
         lower: bounds, `(p,)`.
         upper: bounds.
         names: of the values, with their units.
+        pace: whether the whole profiles are wanted, or their limits only.
+        far: whether the answers may be far.
 
     Returns:
-        One per answer.
+        One per fit.
     """
-    unknown, size = bool(np.isnan(stated).any()), len(names)
-    spare = int((data.seen.sum(axis=0) - data.taken)[weights > 0].sum()) - size
-    if unknown and spare <= 0:
-        return [_nothing_known(size, NO_NOISE) for _ in answers.values]
-    with np.errstate(divide="ignore"):
-        data = dataclasses.replace(data, noise=1.0 / np.sqrt(weights))
-    noise = noise_left(data, answers, stated, lower, upper)
-    first = dataclasses.replace(data, noise=noise)
-    fits, weighed = likeliest(balance, first, answers, stated, lower, upper)
-    threshold = rise_at_limits(spare if unknown else None)
+    size = len(names)
+    spare = int((data.seen.sum(axis=0) - data.taken)[noise.counted].sum()) - size
+    if noise.estimated and spare <= 0:
+        return [_nothing_known(near.take([row]), NO_NOISE) for row in range(len(near.values))]
+    if noise.estimated:
+        # What earlier fits leave tells more than the first weights.
+        data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
+    fits, weighed = likeliest(balance, data, near, noise, lower, upper, far=far)
+    threshold = rise_at_limits(spare if noise.estimated else None)
     here, found = follow_to_the_lowest(
-        balance, weighed, fits, lower, upper, threshold, names, Pace.LIMITS
+        balance, weighed, fits, lower, upper, threshold, names, pace
     )
     prior = np.full(size, np.inf) if data.prior is None else data.prior[1]
+    _, slope = weighed.residual(here)
     judged = []
     for row, profiles in enumerate(found):
-        own, at_answer = weighed.noise[row], answers.take([row])
-        error, jacobian = errors(data.take([row]), at_answer)
-        values = at_answer.values[0]
-        held = on_bounds(values, lower, upper)
-        linear = uncertainty(
-            jacobian, error, weights, held, np.where(np.isinf(own), np.nan, own),
-            data.seen[data.counted].T, data.take([row]).beside_poses(at_answer)[1][0],
-        )  # fmt: skip
+        values = here.values[row]
+        linear = uncertainty(slope[row], on_bounds(values, lower, upper))
+        if any(one.better for one in profiles):
+            # Where lower valleys are found over and over, limits are those of none.
+            nothing = _nothing_known(here.take([row]), LOWER_MINIMA)
+            intervals = nothing.intervals
+        else:
+            every = profiles, values, linear.standard_error, lower, upper, prior
+            intervals = tuple(map(Interval.of, *every))
         judged.append(
             Surety(
-                _intervals(profiles, values, linear.standard_error, lower, upper, prior),
-                here.values[row],
-                linear.correlation,
-                own,
-                unknown,
-                bool(fits.converged[row]),
+                here.take([row]), intervals, linear.correlation, weighed.noise[row],
+                noise.estimated, bool(fits.converged[row]), profiles,
             )
-        )
+        )  # fmt: skip
     return judged
 
 
-def _intervals(profiles, values, error, lower, upper, prior) -> tuple[Interval, ...]:
-    if any(profile.better for profile in profiles):
-        # Where lower valleys are found over and over, limits are those of none.
-        return _nothing_known(len(profiles), LOWER_MINIMA).intervals
-    return tuple(map(Interval.of, profiles, values, error, lower, upper, prior))
-
-
-def _nothing_known(size: int, reason: str) -> Surety:
+def _nothing_known(best: Slopes, reason: str) -> Surety:
+    size = best.values.shape[1]
     nothing = Interval(IntervalKind.NOT_COMPUTED, np.nan, np.nan, reason=reason)
     return Surety(
-        (nothing,) * size,
-        np.full(size, np.nan),
-        np.full((size, size), np.nan),
-        np.full(5, np.nan),
-        True,
-        True,
+        best, (nothing,) * size, np.full((size, size), np.nan), np.full(5, np.nan), True, True
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.inference.fit import PATIENT, Balance, ManyFits, Observations, balances_of, fit_lanes
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
+from kneejax.inference.intervals._uncertainty import uncertainty
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
 from kneejax.statics import Slopes
@@ -141,7 +142,7 @@ def follow(
         values = np.array([n.point.parameters for n in narrow])
         there = _led(balance, arms.near.take(donors), values)
         arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
-    error = np.array([curvature_errors(s) for s in slope])
+    error = np.array([uncertainty(one).standard_error for one in slope])
     profiles_ = [
         tuple(
             _profile(names[i], arms, fit, i, float(error[fit, i]), threshold)
@@ -223,22 +224,6 @@ def follow_to_the_lowest(
         )
         here.put(rows, moved.slopes)
     return here, found
-
-
-def curvature_errors(slope: np.ndarray) -> np.ndarray:
-    """Standard errors by the curvature; NaN where the data say nothing at all.
-
-    Args:
-        slope: derivatives of the residual in units of the noise, `(r, p)`.
-
-    Returns:
-        `(p,)`.
-    """
-    normal = slope.T @ slope
-    scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-    values, vectors = np.linalg.eigh(normal / np.outer(scale, scale))
-    safe = np.where(values > 1e-13, values, np.nan)
-    return np.sqrt(((vectors / scale[:, None]) ** 2 / safe).sum(axis=1))
 
 
 def _profile(

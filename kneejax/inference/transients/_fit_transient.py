@@ -17,8 +17,8 @@ from jax.typing import ArrayLike
 
 from kneejax.dynamics import Given, MovingKnee, Trajectory, given_of, move_within, searched
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
-from kneejax.inference.fit import ManyFits, Observations, fit_lanes, passed
-from kneejax.inference.intervals import Uncertainty, uncertainty
+from kneejax.inference.fit import ManyFits, Noise, Observations, fit_lanes, on_bounds, passed
+from kneejax.inference.intervals import Uncertainty, likeliest, uncertainty
 from kneejax.mechanics import RANGES, Range, add_lane_axis
 from kneejax.numerics import WrongValue
 from kneejax.statics import LoadCases, Slopes, converged
@@ -105,8 +105,9 @@ class FittedTransient:
         upper: likewise.
         moving: the knee with these dampers.
         trajectory: its motion.
-        uncertainty: covariance, correlations, and noise of the record as estimated from what is
-            left of it.
+        uncertainty: covariance, standard errors, correlations.
+        noise: of the record as estimated from what is left of it, `(5,)`, degrees and mm; infinite
+            for a coordinate that was not seen.
         rms: coordinate -> root of the mean square of what is left, degrees or mm.
         converged: whether the search ended by itself.
         evaluations: of a motion with its derivative.
@@ -119,6 +120,7 @@ class FittedTransient:
     moving: MovingKnee
     trajectory: Trajectory
     uncertainty: Uncertainty
+    noise: np.ndarray
     rms: Mapping[str, float]
     converged: bool
     evaluations: int
@@ -136,7 +138,7 @@ def fit_transient(
 ) -> FittedTransient:
     """Find the dampers with which a knee moves as was recorded.
 
-    Degrees and mm count alike, each by its own scatter in the intervals.
+    Degrees and mm count each by their own scatter, as the fit leaves it.
 
     Args:
         moving: the knee, with its mass and what dampers are known.
@@ -161,7 +163,7 @@ def fit_transient(
     target = recorded.table()[1:]
     data = Observations(LoadCases.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
     x, evaluations = np.array([[free[name] for name in names]], float), 0
-    found, fit, grid = None, None, None
+    found, fit, motion, grid = None, None, None, None
 
     def told(*_) -> np.ndarray:
         nonlocal evaluations
@@ -183,8 +185,12 @@ def fit_transient(
             motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told
         )
         x = fit.values
-    assert found is not None and fit is not None
-    return _fitted(moving, names, found, data, fit, (x > lower) & (x < upper), evaluations)
+    assert found is not None and fit is not None and motion is not None
+    seen = data.seen.any(axis=0)
+    noise = Noise.of(weights=np.where(seen, np.nan, 0.0))
+    best, weighed = likeliest(motion, data, fit.slopes, noise, lower[0], upper[0])
+    best = dataclasses.replace(best, evaluations=evaluations + best.evaluations)
+    return _fitted(moving, names, found, weighed, best, lower[0], upper[0])
 
 
 def _damped(moving: MovingKnee, names: Sequence[str], x: Array) -> MovingKnee:
@@ -246,12 +252,11 @@ class _Motions:
 
 
 def _fitted(
-    moving, names, found, data: Observations, fit: ManyFits, between, evaluations: int
+    moving, names, found, data: Observations, fit: ManyFits, lower, upper
 ) -> FittedTransient:
-    (error,), (jacobian,) = data.error(fit.slopes)
-    (x,), seen = fit.values, data.seen
-    weights = seen.any(axis=0).astype(float)
-    spread = uncertainty(np.moveaxis(jacobian, 0, 1), error.T, weights, ~between[0], seen=seen.T)
+    (error,), _ = data.error(fit.slopes)
+    (x,), seen, (slope,) = fit.values, data.seen, data.residual(fit.slopes)[1]
+    spread = uncertainty(slope, on_bounds(x, lower, upper))
     side = _SIDES * spread.standard_error
     rms = {
         name: float(np.sqrt(np.mean(error[seen[:, k], k] ** 2)))
@@ -259,6 +264,6 @@ def _fitted(
         if seen[:, k].any()
     }
     return FittedTransient(
-        names, x, x - side, x + side, _damped(moving, names, x), found, spread, rms,
-        bool(fit.converged[0]), evaluations,
+        names, x, x - side, x + side, _damped(moving, names, x), found, spread, data.noise[0], rms,
+        bool(fit.converged[0]), fit.evaluations,
     )  # fmt: skip

@@ -67,20 +67,10 @@ def reasons(estimate: Estimate) -> str:
         words.append(f"its ligament is slack at {where}")
     if estimate.interval is IntervalKind.PRIOR:
         words.append("known from the prior alone")
-    if estimate.beside:
-        words.append(_outside(estimate))
     if estimate.reason:
         which = "limits" if estimate.interval is IntervalKind.NOT_COMPUTED else "a limit"
         words.append(f"{which} could not be computed: {estimate.reason}")
     return "; ".join(words)
-
-
-def _outside(estimate: Estimate) -> str:
-    """Why an estimate is outside its limits: they follow the likelihood, lowest elsewhere."""
-    likeliest = number(estimate.likeliest)
-    if estimate.same_sum:
-        return f"outside: a better fit is at {likeliest}"
-    return f"outside: weights are not 1/noise^2; likeliest {likeliest}"
 
 
 def estimates_table(calibration: Calibration, sign: str = "\u00b1") -> Table:
@@ -102,7 +92,7 @@ def estimates_table(calibration: Calibration, sign: str = "\u00b1") -> Table:
         value, error = with_error(e.value, e.standard_error if sure else math.nan)
         known = "" if e.interval is None else limits(e.low, e.high) or NONE
         words = [_KINDS[e.interval]] if e.interval in _KINDS else []
-        words += ["at bound"] * e.at_bound + [_outside(e)] * e.beside
+        words += ["at bound"] * e.at_bound
         name = e.name if e in fit.estimates else f"offset {e.name}"
         row = [name, value, f"{sign} {error}" if sure else "", e.unit, known, ", ".join(words)]
         row += [trimmed(calibration.truth.get(e.name, math.nan))]

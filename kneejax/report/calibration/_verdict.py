@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind
 from kneejax.parameters import sums_in_words
-from kneejax.report.calibration._estimates import limits, reasons, undetermined
+from kneejax.report.calibration._estimates import reasons, undetermined
 from kneejax.report.calibration._tests import label_of, laxity_doubts, readings, unit_of
 from kneejax.report.look import Verdict, change, listed, number
 from kneejax.report.motion import accepted_statuses, pose_doubts, row_status
@@ -145,20 +145,6 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
     every = (*fit.estimates, *fit.offsets)
-    for e in every:
-        if e.beside and e.same_sum:
-            why = f"a better fit is at {number(e.likeliest)}; start there."
-        else:
-            why = (
-                "limits follow the likelihood, and the weights are not 1/noise^2. The likeliest "
-                f"value is {number(e.likeliest)}; weigh coordinates by their noise, or doubt the "
-                "model."
-            )
-        if e.beside:
-            known = limits(e.low, e.high)
-            sentences.append(
-                f"{e.name}, {number(e.value)}, lies outside its limits ({known}): {why}"
-            )
     failed: dict[str, list[str]] = {}
     lost: dict[str, list[str]] = {}
     for e in every:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import identify
+from kneejax.inference import CalibrationProblem, Noise, identify
 from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import several_starts
 
@@ -34,7 +34,7 @@ def calibrated(knee, measured, parameters, **fields):
 
 
 def fitted(knee, measured, sd):
-    prior = {"prior": {NAME: sd}} if sd else {"weights": {"mm": 100.0, "deg": 100.0}}
+    prior = {"prior": {NAME: sd}} if sd else {}
     fit = calibrated(knee, measured, (NAME,), procedures=("III",), **NOISE, **prior)
     return fit[NAME]
 
@@ -69,7 +69,10 @@ def test_a_certain_belief_moves_nowhere(knee, measured):
 @pytest.mark.long
 def test_calibrate_and_identify_tell_the_same_of_a_belief(knee, measured):
     own = fitted(knee, measured, 300.0)
-    found = identify(knee, measured, (NAME,), prior={NAME: 300.0}, weights=np.ones(5), **NOISE)
+    chosen, belief = kj.select(knee, [NAME]), {NAME: 300.0}
+    noise = Noise.of(**NOISE)
+    problem = CalibrationProblem.of(knee, chosen, measured, noise=noise, prior=belief)
+    found = identify(problem)
     (interval,) = found.intervals
     assert found.values[0] == pytest.approx(own.value, rel=1e-4)
     assert (interval.low, interval.high) == pytest.approx((own.low, own.high), rel=1e-2)

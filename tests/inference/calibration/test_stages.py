@@ -79,7 +79,7 @@ def test_stages_of_a_study_are_its_procedure(study):
     assert read.procedures == ("S",)
     assert read.stages == (Stage(("*.stiffness",), ("drawer",)), Stage())
     assert read.settings()["stages"][0]["data"] == ["drawer"]
-    assert study().procedures == ("II", "I", "III")
+    assert study().procedures == ("III",)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import kneejax.report as report
 from kneejax.dynamics import LoadCurve, move_within
 from kneejax.experiments import Frames, MeasuredTest
 from kneejax.geometry import coordinates_of, table_units
-from kneejax.inference import FittedTest, identify, sensitivity_maps
+from kneejax.inference import CalibrationProblem, FittedTest, Noise, identify, sensitivity_maps
 from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
@@ -146,10 +146,11 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
 @pytest.mark.slow
 def test_what_a_motion_tells_can_be_asked_before_anything_is_fitted():
     test = measured(poses(asked(measured()), START))
-    told = identify(
-        KNEE, np.zeros((0, 6)), FREE, noise_mm=0.1, noise_deg=0.1, tests=[test],
-        with_profiles=False, bounds=BOUNDS,
+    problem = CalibrationProblem.of(
+        KNEE, kj.select(KNEE, FREE), np.zeros((0, 6)), noise=Noise.of(0.1, 0.1), tests=[test],
+        bounds=BOUNDS,
     )  # fmt: skip
+    told = identify(problem, with_profiles=False)
     assert told.converged and np.isfinite(told.information.matrix).all()
 
 

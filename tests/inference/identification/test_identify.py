@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference import Observations, balances_of, fit_lanes, identify, profiles
+from kneejax.inference import (
+    CalibrationProblem,
+    Noise,
+    Observations,
+    balances_of,
+    fit_lanes,
+    identify,
+    profiles,
+)
 from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.report.identification import fit_doubts
 from kneejax.statics import LoadCases, balance_with_slopes
@@ -139,9 +147,16 @@ def measured(exact):
     return np.column_stack([FLEXION, data_of(exact, 1, seed=1).target[0]])
 
 
+def identified(knee, measured, noise=(0.1, 0.1), names=NAMES, with_profiles=False, **fields):
+    chosen = kj.select(knee, names)
+    fields = {"bounds": BOUNDS, "noise": Noise.of(*noise)} | fields
+    problem = CalibrationProblem.of(knee, chosen, measured, **fields)
+    return identify(problem, with_profiles=with_profiles)
+
+
 @pytest.fixture(scope="module")
 def found(knee, measured):
-    return identify(knee, measured, NAMES, noise_mm=0.1, noise_deg=0.1, bounds=BOUNDS)
+    return identified(knee, measured, with_profiles=True)
 
 
 def test_identify_finds_the_best_fit_and_says_how_sure_it_is(knee, chosen, exact, measured, found):
@@ -157,7 +172,7 @@ def test_identify_finds_the_best_fit_and_says_how_sure_it_is(knee, chosen, exact
 
 
 def test_noise_is_estimated_from_what_the_fit_leaves(knee, measured):
-    found = identify(knee, measured, NAMES, bounds=BOUNDS, with_profiles=False)
+    found = identified(knee, measured, noise=())
     # 117 degrees of freedom: known to 7 per cent, 9 and 11 for each kind.
     np.testing.assert_allclose(found.noise, 0.1, rtol=0.3)
     assert found.noise_estimated and found.noise[0] == found.noise[1]
@@ -166,10 +181,9 @@ def test_noise_is_estimated_from_what_the_fit_leaves(knee, measured):
 
 def test_constant_offsets_of_frames_change_nothing(knee, measured, found):
     moved = measured + np.array([0.0, 0.0, -5.0, 2.0, 0.0, 0.0])
-    options = {"noise_mm": 0.1, "noise_deg": 0.1, "bounds": BOUNDS, "with_profiles": False}
     offsets = ("internal_rotation", "anterior")
-    here = identify(knee, measured, NAMES, offsets=offsets, **options)
-    there = identify(knee, moved, NAMES, offsets=offsets, **options)
+    here = identified(knee, measured, offsets=offsets)
+    there = identified(knee, moved, offsets=offsets)
     np.testing.assert_allclose(there.values, here.values, rtol=1e-4)
     assert there.offsets["internal_rotation"] - here.offsets["internal_rotation"] == (
         pytest.approx(-5.0, abs=1e-4)
@@ -179,20 +193,16 @@ def test_constant_offsets_of_frames_change_nothing(knee, measured, found):
 
 def test_doubt_is_said(knee, measured, found):
     assert not fit_doubts(found)
-    tight = identify(
-        knee, measured, NAMES, noise_mm=0.01, noise_deg=0.01, bounds=BOUNDS, with_profiles=False
-    )
+    tight = identified(knee, measured, noise=(0.01, 0.01))
     assert any("misses the data by 9" in w for w in fit_doubts(tight))
-    few = identify(
-        knee, measured[[0]], NAMES, noise_mm=0.1, noise_deg=0.1, bounds=BOUNDS, with_profiles=False
-    )
+    few = identified(knee, measured[[0]])
     assert any("fewer data than unknowns" in w for w in fit_doubts(few))
 
 
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [
-        ({"parameters": ("ACL.stifness",)}, UnknownParameter, "ACL.stiffness"),
+        ({"names": ("ACL.stifness",)}, UnknownParameter, "ACL.stiffness"),
         ({"bounds": {"stiffness": (9000.0, 300.0)}}, UnsuitableData, "lower below upper"),
         ({"bounds": {"ACL.stiffness": (300.0, 400.0)}}, UnsuitableData, "exclude the start"),
         ({"rows": 1}, UnsuitableData, "cannot be estimated"),
@@ -204,4 +214,4 @@ def test_mistakes_are_said(knee, measured, change, error, words):
     if change.pop("spoil", False):
         table[3, 2] = np.nan
     with pytest.raises(error, match=words):
-        identify(knee, table, **{"parameters": NAMES, **change})
+        identified(knee, table, **{"noise": (), "bounds": {}, **change})

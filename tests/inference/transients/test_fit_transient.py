@@ -63,7 +63,7 @@ def test_with_noise_the_truth_is_as_near_as_the_interval_says_and_the_noise_is_k
     error = found.uncertainty.standard_error
     assert (np.abs(found.values - list(TRUE.values())) < 3.0 * error).all()
     assert (error < 0.2 * np.array(list(TRUE.values()))).all()
-    np.testing.assert_allclose(found.uncertainty.noise, 0.002, rtol=0.4)
+    np.testing.assert_allclose(found.noise, 0.002, rtol=0.4)
 
 
 def test_what_is_no_damper_or_no_coordinate_is_refused():

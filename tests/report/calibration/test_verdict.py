@@ -204,20 +204,6 @@ def test_limits_that_could_not_be_computed_get_no_reason_that_is_none():
     assert "not determined" not in text and "make up" not in text
 
 
-@pytest.mark.parametrize(
-    ("same", "why"),
-    [(False, "outside: weights are not 1/noise^2; likeliest 4956"),
-     (True, "outside: a better fit is at 4956")],
-)  # fmt: skip
-def test_an_estimate_outside_its_limits_has_its_reason_on_the_line(same, why):
-    outside = _first(
-        value=2842.0, low=3000.0, high=9443.0, likeliest=4956.0, standard_error=np.nan,
-        interval=IntervalKind.PROFILE, same_sum=same,
-    )  # fmt: skip
-    line = _lines(_judged(outside))[1]["ACL.stiffness"]
-    assert "3000 to 9443" in line and why in line
-
-
 def test_limits_are_printed_where_the_standard_error_means_nothing():
     lines = report.calibration_summary(made_up.calibration()).splitlines()
     rows = {line.split()[0]: line for line in reversed(lines) if line.strip()}
