@@ -4,8 +4,8 @@ from kneejax.dynamics._account import Account as Account
 from kneejax.dynamics._account import Flow as Flow
 from kneejax.dynamics._accuracy import move_within as move_within
 from kneejax.dynamics._continuous import integrated as integrated
-from kneejax.dynamics._grid import Grid as Grid
 from kneejax.dynamics._march import Given as Given
+from kneejax.dynamics._march import Grid as Grid
 from kneejax.dynamics._march import Moments as Moments
 from kneejax.dynamics._march import followed as followed
 from kneejax.dynamics._march import march as march

@@ -13,8 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._account import Account, Flow, account_of, flow
-from kneejax.dynamics._grid import Grid
-from kneejax.dynamics._march import BLOCK, Given, Moments, first_moment, march
+from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, march
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis

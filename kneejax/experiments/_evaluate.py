@@ -1,4 +1,4 @@
-"""The mechanics of given poses: nothing is solved."""
+"""What holds a knee in given poses: forces, strains, contacts, slack."""
 
 from __future__ import annotations
 
@@ -288,3 +288,24 @@ def status_of(poses: Mechanics, knee: Knee) -> Array:
     faults = Faults.of(each, fibres, poses.displacement.T)
     nowhere = jnp.isnan(poses.displacement).any(axis=-1)
     return jnp.where(nowhere, int(Status.NOT_CONVERGED), faults.status)
+
+
+def slack_poses(
+    knee: Knee, poses: Pose | State, contact_points: np.ndarray | None = None
+) -> dict[str, np.ndarray]:
+    """Where each ligament and group of a knee is slack.
+
+    Args:
+        knee: any knee.
+        poses: of the tibia, fields of shape `(n,)`; a `State` where other bones move too.
+        contact_points: contact points if they are known.
+
+    Returns:
+        Ligament or group -> `(n,)`, true where no fibre of it is strained.
+    """
+    strain = np.asarray(evaluate(knee, poses, contact_points).strain)
+    names = knee.ligaments.names
+    slack = {name: column <= 0.0 for name, column in zip(names, strain.T, strict=True)}
+    for group, fibres in knee.groups:
+        slack[group] = np.all([slack[fibre] for fibre in fibres], axis=0)
+    return slack

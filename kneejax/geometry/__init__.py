@@ -20,6 +20,7 @@ from kneejax.geometry._coordinates import TIBIA as TIBIA
 from kneejax.geometry._coordinates import Coordinate as Coordinate
 from kneejax.geometry._coordinates import Pair as Pair
 from kneejax.geometry._coordinates import Prescribed as Prescribed
+from kneejax.geometry._coordinates import State as State
 from kneejax.geometry._coordinates import coordinate as coordinate
 from kneejax.geometry._coordinates import coordinates_of as coordinates_of
 from kneejax.geometry._coordinates import free_of as free_of
@@ -31,7 +32,6 @@ from kneejax.geometry._pose import Placement as Placement
 from kneejax.geometry._pose import Pose as Pose
 from kneejax.geometry._pose import angles_from_rotation as angles_from_rotation
 from kneejax.geometry._pose import rotation_from_angles as rotation_from_angles
-from kneejax.geometry._state import State as State
 from kneejax.geometry._vectors import Rotation as Rotation
 from kneejax.geometry._vectors import Vector as Vector
 from kneejax.geometry._vectors import add as add

@@ -1,4 +1,4 @@
-"""Coordinates as data: whose they are, their units and signs, their names in tables and figures.
+"""Coordinates as data: whose they are, units, signs, names; and where all bodies of a knee are.
 
 The femur stands still; every other body has six coordinates against it, by which it turns and moves
 as `kneejax.geometry.Pose` says. Names differ among bodies, so a choice of coordinates, free or
@@ -10,13 +10,15 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from kneejax.geometry._pose import Placement, Pose, from_drawer
 from kneejax.numerics import numpy_for
 
 #: mm at which a rotation moves what counts: the condyles are as far from the knee's centre.
@@ -220,3 +222,60 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
         x = xp.asarray(x, float)
         found[one.name] = jnp.asarray(xp.deg2rad(x) if one.unit == "deg" else x)
     return found
+
+
+class State(eqx.Module):
+    """The pose of every body that moves against the femur.
+
+    Attributes:
+        poses: body -> its pose, all of one shape.
+
+    Example:
+        >>> state = State.of({"flexion": 0.5, "anterior": 2.0}, jnp.zeros((4, 1)))
+        >>> float(state.tibia.anterior[0]), float(state.tibia.superior[0])
+        (2.0, 0.0)
+    """
+
+    poses: dict[str, Pose]
+
+    @classmethod
+    def of(cls, prescribed: Prescribed, q: Array, bodies: Sequence[str] = (TIBIA,)) -> State:
+        """Make a state from its prescribed and its free coordinates.
+
+        Args:
+            prescribed: coordinate -> its value, rad or mm.
+            q: the others, `(free, ...)`, rad and mm, in the order of `kneejax.geometry.free_of`.
+            bodies: that move.
+        """
+        values = {**prescribed, **dict(zip(free_of(prescribed, bodies), q, strict=True))}
+        if "drawer" in values:
+            turned = from_drawer(values["flexion"], values["drawer"], values["lift"])
+            values["anterior"], values["superior"] = turned
+        names = [name for body in bodies for name in BODIES[body]]
+        every = jnp.broadcast_arrays(*(jnp.asarray(values[name], float) for name in names))
+        rows = dict(zip(names, every, strict=True))
+        return cls({body: Pose(*(rows[name] for name in BODIES[body])) for body in bodies})
+
+    @property
+    def tibia(self) -> Pose:
+        """The tibia's pose."""
+        return self.poses[TIBIA]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of the batch."""
+        return jnp.shape(self.tibia.adduction)
+
+    def at(self, names: Iterable[str]) -> Array:
+        """Some of the coordinates, `(len(names), ...)`, rad and mm."""
+        places = [coordinate(name) for name in names]
+        values = [getattr(self.poses[one.body], one.way) for one in places]
+        return jnp.stack(jnp.broadcast_arrays(*values))
+
+    def between(self, pair: Pair) -> Placement:
+        """The motion from the second body's coordinates to the first's."""
+        first, second = pair
+        if first == FEMUR:
+            return self.poses[second].placement
+        back = self.poses[first].placement.inverse()
+        return back if second == FEMUR else back.after(self.poses[second].placement)

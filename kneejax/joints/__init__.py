@@ -21,6 +21,11 @@ from kneejax.joints._facets import touching_rows as touching_rows
 from kneejax.joints._fit import JointFit as JointFit
 from kneejax.joints._fit import calibration_rows as calibration_rows
 from kneejax.joints._fit import fit_joints as fit_joints
+from kneejax.joints._frames import JointProblem as JointProblem
+from kneejax.joints._frames import UnsuitableAxis as UnsuitableAxis
+from kneejax.joints._frames import UnsuitableLandmarks as UnsuitableLandmarks
+from kneejax.joints._frames import UnsuitableMesh as UnsuitableMesh
+from kneejax.joints._frames import UnsuitablePoses as UnsuitablePoses
 from kneejax.joints._frames import femur_frame as femur_frame
 from kneejax.joints._frames import in_frame as in_frame
 from kneejax.joints._frames import joint_center as joint_center
@@ -33,11 +38,6 @@ from kneejax.joints._joint import check_joint as check_joint
 from kneejax.joints._joint import generalised_axis as generalised_axis
 from kneejax.joints._joint import hinge as hinge
 from kneejax.joints._joint import moving_axis as moving_axis
-from kneejax.joints._problems import JointProblem as JointProblem
-from kneejax.joints._problems import UnsuitableAxis as UnsuitableAxis
-from kneejax.joints._problems import UnsuitableLandmarks as UnsuitableLandmarks
-from kneejax.joints._problems import UnsuitableMesh as UnsuitableMesh
-from kneejax.joints._problems import UnsuitablePoses as UnsuitablePoses
 from kneejax.joints._repeated_measures import FEWEST_SUBJECTS as FEWEST_SUBJECTS
 from kneejax.joints._repeated_measures import Pair as Pair
 from kneejax.joints._repeated_measures import RepeatedMeasures as RepeatedMeasures

@@ -15,7 +15,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.geometry import CylinderFit, Pose, fit_cylinder
-from kneejax.joints._problems import UnsuitableMesh
+from kneejax.joints._frames import UnsuitableMesh
 
 #: Regions of a condyle's facets, degrees from anterior through distal about the transverse axis.
 EXTENSION_DEG, FLEXION_DEG = (65.0, 110.0), (110.0, 190.0)

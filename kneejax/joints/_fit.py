@@ -9,8 +9,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Pose
+from kneejax.joints._frames import UnsuitablePoses
 from kneejax.joints._joint import Joint, axis_between, generalised_axis, hinge, moving_axis
-from kneejax.joints._problems import UnsuitablePoses
 
 #: A calibration pose is at most this far from the flexion that was asked for, degrees.
 FARTHEST_DEG = 5.0

@@ -1,4 +1,4 @@
-"""Anatomical frames of femur and tibia from landmarks, after paper 5 and Grood and Suntay.
+"""Frames of the bones for simple joints, and what is wrong with them.
 
 The frames have the package's names: X anterior, Y superior, Z lateral of a right knee. (Paper 5
 calls them Y, Z and, to medial, X.)
@@ -10,7 +10,28 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.geometry import Placement, Pose, SurfaceFit, angles_from_rotation, fit_sphere, full
-from kneejax.joints._problems import UnsuitableLandmarks
+from kneejax.numerics import WrongValue
+
+
+class JointProblem(WrongValue):
+    """Input from which no joint can be made; `field` is the part that it is about."""
+
+
+class UnsuitableMesh(JointProblem):
+    """A mesh in which axes of condyles cannot be found."""
+
+
+class UnsuitableLandmarks(JointProblem):
+    """Landmarks that make no anatomical frame."""
+
+
+class UnsuitableAxis(JointProblem):
+    """Points or calibration angles that make no axis of a knee."""
+
+
+class UnsuitablePoses(JointProblem):
+    """Measured poses on which no joint can be calibrated."""
+
 
 # Medial and lateral landmarks of an adult's knee are about 80 mm apart, of a child's half of that.
 _WIDTH_MM = (20.0, 200.0)

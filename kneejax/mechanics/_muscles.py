@@ -1,19 +1,60 @@
-"""Muscles as lines of given tension, straight or around obstacles."""
+"""Muscles as lines of given tension, cables of given length, and what pulls more than at rest."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State, full, scale
-from kneejax.mechanics._cable import Cable
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
+from kneejax.numerics import positive_part
+
+#: N/mm. A cable is as stiff as poses can be told apart: 1e-9 mm, to which they are found, are
+#: 1e-4 N of its pull, and ten times the stiffest cartilage.
+CABLE_N_PER_MM = 1e5
+#: N: over such pulls it becomes slack, as a cable cannot push.
+_ROUNDING_N, _LEAST_N = 1.0, 0.05
+
+
+class Cable(eqx.Module):
+    """A motor that gives the quadriceps its length (paper 3, Eq 20).
+
+    Heads share its pull as they share their tension at rest, and its length is the mean of theirs
+    with the same shares: pull times a change of it is the work that it does. It stretches by a
+    hundredth of a micrometre for each N by which its pull differs from what was expected. From
+    step to step through time that is next to nothing: the pull is the multiplier of a given length.
+
+    Attributes:
+        length: that the motor gives, mm, `(...)`.
+        expected: pull at which the cable has that length, N, `(...)`.
+    """
+
+    length: Array
+    expected: Array
+
+    def pull(self, length: Array) -> Array:
+        """N, at a length of the quadriceps, mm; 0 where the cable is slack."""
+        return CABLE_N_PER_MM * positive_part(self._stretch(length), _ROUNDING_N / CABLE_N_PER_MM)
+
+    def energy(self, length: Array) -> Array:
+        """Potential of the pull, N mm."""
+        x, w = self._stretch(length), _ROUNDING_N / CABLE_N_PER_MM
+        inner = x * (x + jnp.sqrt(x * x + w * w)) + w * w * jnp.arcsinh(x / w)
+        return 0.25 * CABLE_N_PER_MM * inner
+
+    def _stretch(self, length: Array) -> Array:
+        """Of the cable, mm, counted so that it pulls as expected where it has its length."""
+        y = jnp.maximum(self.expected, _LEAST_N) / CABLE_N_PER_MM
+        w = _ROUNDING_N / CABLE_N_PER_MM
+        return length - self.length + y - w * w / (4.0 * y)
+
 
 #: All muscles that pull on the patella, as the name of a line that pulls.
 QUADRICEPS = "quadriceps"
@@ -177,3 +218,62 @@ class Muscles(Fibres):
     def energy(self, state: State) -> Array:
         """Tension times length of all together, and of the cable, shape `(...)`, N mm."""
         return self.pull(state)[1]
+
+
+class Pull(eqx.Module):
+    """Tension that is added to lines or muscles of a knee, as a load that grows like any other.
+
+    Its lines grow together. Only where a knee is balanced (`kneejax.statics.LoadCases`).
+
+    Attributes:
+        tension: that is added to each, shape `(..., lines)`, N.
+        ends: where each begins, in the femur's frame, and ends, in that of the bone it pulls, shape
+            `(..., lines, 2, 3)`, mm: a muscle that comes from the pelvis begins elsewhere in the
+            femur at each angle of the hip. Of muscles only; None where they stay where they are.
+        lines: names of the knee's lines and muscles; `QUADRICEPS` stands for all its heads.
+    """
+
+    tension: Array
+    ends: Array | None
+    lines: tuple[str, ...] = eqx.field(static=True)
+
+    def __init__(self, tension: ArrayLike, lines: tuple[str, ...], ends: ArrayLike | None = None):
+        self.tension = jnp.asarray(tension, float)
+        self.ends = None if ends is None else jnp.asarray(ends, float)
+        self.lines = tuple(lines)
+
+    @property
+    def sizes(self) -> Array:
+        """How much pulls, `(..., lines)`, N."""
+        return self.tension
+
+    @property
+    def places(self) -> tuple[Array, ...]:
+        """Where it pulls: what stays while it grows."""
+        return () if self.ends is None else (self.ends,)
+
+    def times(self, part: ArrayLike) -> Pull:
+        """A part of it, `(...)` or one."""
+        return dataclasses.replace(self, tension=jnp.asarray(part)[..., None] * self.tension)
+
+    def at_each(self, shape: tuple[int, ...]) -> Pull:
+        """Once for each of `shape` load cases."""
+        ends = self.ends
+        if ends is not None:
+            ends = jnp.broadcast_to(ends, (*shape, *ends.shape[-3:]))
+        tension = jnp.broadcast_to(self.tension, (*shape, len(self.lines)))
+        return dataclasses.replace(self, tension=tension, ends=ends)
+
+
+def pull_of(line: str, tension_N: ArrayLike) -> Pull:
+    """Tension that is added to one of a knee's lines.
+
+    Args:
+        line: its name, e.g. `patellar_tendon`; a muscle's, or `QUADRICEPS`.
+        tension_N: one, or `(n,)` for `kneejax.statics.LoadCases`.
+
+    Example:
+        >>> pull_of("patellar_tendon", [0.0, 50.0]).tension.tolist()
+        [[0.0], [50.0]]
+    """
+    return Pull(jnp.asarray(tension_N, float)[..., None], (line,))

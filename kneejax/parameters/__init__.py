@@ -1,15 +1,14 @@
 """Numbers of a knee by name: selected, bounded, scaled; which motions are a knee's."""
 
+from kneejax.parameters._bounds import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._bounds import default_bounds as default_bounds
+from kneejax.parameters._bounds import looked_up as looked_up
+from kneejax.parameters._bounds import percent_scales as percent_scales
+from kneejax.parameters._bounds import prior_scales as prior_scales
 from kneejax.parameters._bounds import start_within as start_within
+from kneejax.parameters._bounds import stated as stated
 from kneejax.parameters._bounds import stated_bounds as stated_bounds
-from kneejax.parameters._fibres import QUANTITIES as QUANTITIES
-from kneejax.parameters._physiological import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
-from kneejax.parameters._physiological import unphysiological as unphysiological
-from kneejax.parameters._scales import looked_up as looked_up
-from kneejax.parameters._scales import percent_scales as percent_scales
-from kneejax.parameters._scales import prior_scales as prior_scales
-from kneejax.parameters._scales import stated as stated
+from kneejax.parameters._bounds import unphysiological as unphysiological
 from kneejax.parameters._selection import Selection as Selection
 from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData
@@ -20,6 +19,7 @@ from kneejax.parameters._selection import select as select
 from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
+from kneejax.parameters._structures import QUANTITIES as QUANTITIES
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue
 from kneejax.parameters._structures import doubt_prior as doubt_prior
 from kneejax.parameters._structures import doubt_value as doubt_value

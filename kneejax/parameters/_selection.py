@@ -18,16 +18,16 @@ from jax import Array
 
 from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
 from kneejax.numerics import numpy_for
-from kneejax.parameters._fibres import (
+from kneejax.parameters._leaves import AXES, Leaf, leaves_called, parts_of, quantities_of, unit_of
+from kneejax.parameters._structures import (
     BONES,
     QUANTITIES,
+    doubt_value,
     numbers_of,
     strained,
     value_of,
     write_value,
 )
-from kneejax.parameters._leaves import AXES, Leaf, leaves_called, parts_of, quantities_of, unit_of
-from kneejax.parameters._structures import doubt_value
 
 _MOST_SHOWN = 12  # names in an error
 

@@ -21,18 +21,18 @@ _MODULES = {
     "undominated": "kneejax.planning._front",
     "POPULATION": "kneejax.planning._front",
     "GENERATIONS": "kneejax.planning._front",
-    "GRAFTS": "kneejax.planning._grafts",
-    "GraftType": "kneejax.planning._grafts",
-    "Intervals": "kneejax.planning._intervals",
-    "intervals": "kneejax.planning._intervals",
-    "on_knee": "kneejax.planning._intervals",
+    "GRAFTS": "kneejax.planning._reconstruction",
+    "GraftType": "kneejax.planning._reconstruction",
+    "Intervals": "kneejax.planning._limits",
+    "intervals": "kneejax.planning._limits",
+    "on_knee": "kneejax.planning._limits",
     "TunnelMap": "kneejax.planning._maps",
     "over_tension": "kneejax.planning._maps",
     "tunnel_map": "kneejax.planning._maps",
-    "PLANNED": "kneejax.planning._operated",
-    "intact_knee": "kneejax.planning._operated",
-    "knee_of_outcome": "kneejax.planning._operated",
-    "operated_knees": "kneejax.planning._operated",
+    "PLANNED": "kneejax.planning._plan",
+    "intact_knee": "kneejax.planning._plan",
+    "knee_of_outcome": "kneejax.planning._plan",
+    "operated_knees": "kneejax.planning._plan",
     "MOST_EVALUATIONS": "kneejax.planning._optimum",
     "Optimum": "kneejax.planning._optimum",
     "STARTS": "kneejax.planning._optimum",
@@ -56,11 +56,11 @@ _MODULES = {
     "Near": "kneejax.planning._surgery",
     "Outcome": "kneejax.planning._surgery",
     "Surgery": "kneejax.planning._surgery",
-    "Tolerance": "kneejax.planning._tolerance",
-    "tolerances": "kneejax.planning._tolerance",
-    "WINDOW": "kneejax.planning._warping",
-    "warped": "kneejax.planning._warping",
-    "warped_distances": "kneejax.planning._warping",
+    "Tolerance": "kneejax.planning._maps",
+    "tolerances": "kneejax.planning._maps",
+    "WINDOW": "kneejax.planning._footprints",
+    "warped": "kneejax.planning._footprints",
+    "warped_distances": "kneejax.planning._footprints",
 }
 
 if TYPE_CHECKING:
@@ -70,40 +70,45 @@ if TYPE_CHECKING:
     from kneejax.planning._footprints import DIRECTIONS as DIRECTIONS
     from kneejax.planning._footprints import FARTHEST_MM as FARTHEST_MM
     from kneejax.planning._footprints import SEMI_AXES_MM as SEMI_AXES_MM
+    from kneejax.planning._footprints import WINDOW as WINDOW
     from kneejax.planning._footprints import Footprint as Footprint
     from kneejax.planning._footprints import footprint_of as footprint_of
     from kneejax.planning._footprints import octagon as octagon
+    from kneejax.planning._footprints import warped as warped
+    from kneejax.planning._footprints import warped_distances as warped_distances
     from kneejax.planning._front import GENERATIONS as GENERATIONS
     from kneejax.planning._front import POPULATION as POPULATION
     from kneejax.planning._front import Front as Front
     from kneejax.planning._front import criteria_of as criteria_of
     from kneejax.planning._front import pareto_front as pareto_front
     from kneejax.planning._front import undominated as undominated
-    from kneejax.planning._grafts import GRAFTS as GRAFTS
-    from kneejax.planning._grafts import GraftType as GraftType
-    from kneejax.planning._intervals import Intervals as Intervals
-    from kneejax.planning._intervals import intervals as intervals
-    from kneejax.planning._intervals import on_knee as on_knee
+    from kneejax.planning._limits import Intervals as Intervals
     from kneejax.planning._limits import best_of as best_of
+    from kneejax.planning._limits import intervals as intervals
     from kneejax.planning._limits import missed as missed
+    from kneejax.planning._limits import on_knee as on_knee
+    from kneejax.planning._maps import Tolerance as Tolerance
     from kneejax.planning._maps import TunnelMap as TunnelMap
     from kneejax.planning._maps import over_tension as over_tension
+    from kneejax.planning._maps import tolerances as tolerances
     from kneejax.planning._maps import tunnel_map as tunnel_map
-    from kneejax.planning._operated import PLANNED as PLANNED
-    from kneejax.planning._operated import intact_knee as intact_knee
-    from kneejax.planning._operated import knee_of_outcome as knee_of_outcome
-    from kneejax.planning._operated import operated_knees as operated_knees
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
     from kneejax.planning._optimum import STARTS as STARTS
     from kneejax.planning._optimum import Optimum as Optimum
     from kneejax.planning._optimum import optimise as optimise
     from kneejax.planning._plan import FREE as FREE
+    from kneejax.planning._plan import PLANNED as PLANNED
     from kneejax.planning._plan import AclPlan as AclPlan
     from kneejax.planning._plan import graft_types as graft_types
+    from kneejax.planning._plan import intact_knee as intact_knee
+    from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
+    from kneejax.planning._plan import operated_knees as operated_knees
     from kneejax.planning._pretension import Fixed as Fixed
     from kneejax.planning._pretension import fix as fix
     from kneejax.planning._pretension import fixed_knee as fixed_knee
     from kneejax.planning._pretension import slack_length as slack_length
+    from kneejax.planning._reconstruction import GRAFTS as GRAFTS
+    from kneejax.planning._reconstruction import GraftType as GraftType
     from kneejax.planning._reconstruction import Operated as Operated
     from kneejax.planning._reconstruction import Reconstruction as Reconstruction
     from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
@@ -114,11 +119,6 @@ if TYPE_CHECKING:
     from kneejax.planning._surgery import Near as Near
     from kneejax.planning._surgery import Outcome as Outcome
     from kneejax.planning._surgery import Surgery as Surgery
-    from kneejax.planning._tolerance import Tolerance as Tolerance
-    from kneejax.planning._tolerance import tolerances as tolerances
-    from kneejax.planning._warping import WINDOW as WINDOW
-    from kneejax.planning._warping import warped as warped
-    from kneejax.planning._warping import warped_distances as warped_distances
 else:
     __all__ = [*_MODULES]
     __getattr__, __dir__ = lazy_names(__name__, _MODULES)

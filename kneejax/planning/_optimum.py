@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linprog
 
+from kneejax.planning._footprints import alignment
 from kneejax.planning._limits import (
     TOLERANCE,
     bounds,
@@ -16,7 +17,6 @@ from kneejax.planning._limits import (
     room_slopes,
 )
 from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
-from kneejax.planning._warping import alignment
 from kneejax.statics import converged
 
 #: Evaluations in all, and how many starts are looked at before the best of them are followed.

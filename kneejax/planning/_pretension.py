@@ -19,9 +19,13 @@ from jax.typing import ArrayLike
 from kneejax.experiments import passive_flexion
 from kneejax.geometry import State
 from kneejax.mechanics import Knee, ligament_law
-from kneejax.planning._balanced import balanced
-from kneejax.planning._grafts import TRANSITION_STRAIN, TRANSITION_WIDTH
-from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
+from kneejax.planning._followed import balanced
+from kneejax.planning._reconstruction import (
+    BUNDLE_NUMBERS,
+    TRANSITION_STRAIN,
+    TRANSITION_WIDTH,
+    Reconstruction,
+)
 from kneejax.statics import LoadCases, Slopes
 
 

@@ -12,12 +12,11 @@ from kneejax.geometry import FEMUR, TIBIA
 from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
 from kneejax.planning._front import Front, pareto_front
-from kneejax.planning._intervals import Intervals, intervals
-from kneejax.planning._maps import TunnelMap, over_tension, tunnel_map
+from kneejax.planning._limits import Intervals, intervals
+from kneejax.planning._maps import Tolerance, TunnelMap, over_tension, tolerances, tunnel_map
 from kneejax.planning._optimum import Optimum, optimise
 from kneejax.planning._plan import AclPlan
 from kneejax.planning._surgery import CHOICES, Outcome
-from kneejax.planning._tolerance import Tolerance, tolerances
 
 #: Called with a stage's name, balances done and asked for.
 Show = Callable[[str, int, int], None]

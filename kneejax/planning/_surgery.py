@@ -10,10 +10,9 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.planning._followed import Followed, Protocol, follow
-from kneejax.planning._footprints import Footprint
+from kneejax.planning._footprints import Footprint, warped, warped_distances
 from kneejax.planning._pretension import Fixed, fix
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
-from kneejax.planning._warping import warped, warped_distances
 from kneejax.statics import Progress, Slopes, converged
 
 #: Choices of a bundle, in this order; lengths in mm from the middle of the footprint, tension in N.

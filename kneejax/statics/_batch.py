@@ -13,15 +13,13 @@ import jax
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.statics._chunks import Paths, follow_in_chunks
+from kneejax.statics._chunks import Paths, follow_in_chunks, freed
 from kneejax.statics._continuation import Behind
 from kneejax.statics._equilibria import Equilibria
 from kneejax.statics._equilibrium import needs_float64
 from kneejax.statics._flexion_paths import Chain, Routes
-from kneejax.statics._freed import freed
-from kneejax.statics._load_cases import LoadCases
+from kneejax.statics._load_cases import Case, LoadCases, Variants, Vary, in_rows
 from kneejax.statics._status import Status, gives_way
-from kneejax.statics._variants import Case, Variants, Vary, in_rows
 
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]

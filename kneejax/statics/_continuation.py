@@ -25,10 +25,10 @@ from kneejax.mechanics import Knee
 from kneejax.numerics import compiled
 from kneejax.statics._equilibria import shapes_of_record
 from kneejax.statics._equilibrium import fault_of, holding
+from kneejax.statics._load_cases import Case
 from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
 from kneejax.statics._status import Status, converged
 from kneejax.statics._stiffness import size_of, softness_of
-from kneejax.statics._variants import Case
 
 #: Last step of a search, mm (rotations at 30 mm).
 _ACCURACY_MM = 1e-9

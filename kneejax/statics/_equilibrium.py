@@ -26,14 +26,13 @@ from kneejax.statics._balance import (
     force_derivative,
     force_derivative_without_contacts,
 )
-from kneejax.statics._faults import ContactFaults, Faults
 from kneejax.statics._newton import (
     EnergyNewton,
     Guess,
     SearchState,
     look,
 )
-from kneejax.statics._status import Status, converged
+from kneejax.statics._status import ContactFaults, Faults, Status, converged
 from kneejax.statics._stiffness import newton_step_left
 
 _SEARCH = EnergyNewton()

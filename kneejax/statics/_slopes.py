@@ -15,9 +15,8 @@ from kneejax.numerics import compiled, on_all_cores
 from kneejax.statics._batch import balance_many, balance_near
 from kneejax.statics._equilibria import Equilibria, equilibrium_of
 from kneejax.statics._equilibrium import differentiable
-from kneejax.statics._load_cases import LoadCases
+from kneejax.statics._load_cases import LoadCases, Vary, in_lanes
 from kneejax.statics._status import converged
-from kneejax.statics._variants import Vary, in_lanes
 
 #: Lanes of a call: XLA makes a slower program of fewer (four ligaments: 1.3 ms with 32 lanes, 2.6
 #: with 64, 0.6 with 128).

@@ -10,8 +10,7 @@ import pytest
 import kneejax as kj
 from kneejax.experiments import TENDON, activity, cycle_of
 from kneejax.experiments.activity import _instants
-from kneejax.experiments.activity._activity import muscles_over
-from kneejax.experiments.activity._tendon import tendon_of_quadriceps
+from kneejax.experiments.activity._activity import muscles_over, tendon_of_quadriceps
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
 from kneejax.statics import Status

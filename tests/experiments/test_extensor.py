@@ -195,7 +195,7 @@ def test_derivatives_under_a_given_length_are_exact(knee, central_difference):
 def test_a_balance_elsewhere_than_expected_is_walked_to(knee, monkeypatch):
     shank = kj.Shank.of_person(75.0, 1.75)
     near = kj.leg_raise(knee, FLEXION, shank)
-    monkeypatch.setattr("kneejax.experiments.extensor._held_leg._MISSED_MM", -1.0)
+    monkeypatch.setattr("kneejax.experiments.extensor._extensor._MISSED_MM", -1.0)
     far = kj.leg_raise(knee, FLEXION, shank)
     assert far.walked.all() and not near.walked.any()
     np.testing.assert_allclose(far.quadriceps_N, near.quadriceps_N, rtol=1e-9)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import _second_balances as second
+from kneejax.experiments import _branches as second
 from kneejax.experiments import activity, lab_tests, load_curves, second_balances
-from kneejax.experiments._second_balances import changed_in_steps, follow_second
+from kneejax.experiments._branches import changed_in_steps, follow_second
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
 from kneejax.parameters import cut

@@ -12,7 +12,7 @@ from jax.flatten_util import ravel_pytree
 import kneejax.geometry as geo
 from kneejax import numerics
 from kneejax.geometry import _vectors as v
-from kneejax.geometry.surfaces._polynomials import partials
+from kneejax.geometry.surfaces._bases import partials
 from tests.derivatives import both_ways
 
 RADIANS, MM = 0.3, 10.0

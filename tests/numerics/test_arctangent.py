@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.numerics._arctangent import arctan2
+from kneejax.numerics._safe import arctan2
 
 
 def test_the_angle_is_numpys_to_the_last_digits_all_around(rng):

@@ -20,7 +20,7 @@ from kneejax.statics import (
 )
 from kneejax.statics._batch import _Batch
 from kneejax.statics._flexion_paths import Chain
-from kneejax.statics._variants import Variants
+from kneejax.statics._load_cases import Variants
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 

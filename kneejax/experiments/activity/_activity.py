@@ -1,4 +1,4 @@
-"""A recorded movement as a row of balances: at each instant the knee holds what acts on it."""
+"""Activities: a recorded motion, its external loads and muscles, balanced instant by instant."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from jax import Array
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion
 from kneejax.experiments.activity._instants import Instants
-from kneejax.experiments.activity._tendon import tendon_of_quadriceps
 from kneejax.geometry import (
     FEMUR_AND_TIBIA,
     FREE_COORDINATES,
@@ -37,6 +36,29 @@ from kneejax.mechanics import (
 from kneejax.numerics import compiled
 from kneejax.parameters import cut
 from kneejax.statics import LoadCases, converged
+
+#: Flexion, degrees, and tension of the patellar tendon by pull of the quadriceps there: passive
+#: flexion of the model lenhart2015 of OpenSim JAM, recorded (Lenhart et al., Annals of Biomedical
+#: Engineering 43, 2015; Apache-2.0); constant beyond.
+FLEXION_DEG = np.arange(0.0, 91.0, 10.0)
+TENDON_BY_QUADRICEPS = np.array([1.13, 1.04, 0.86, 0.77, 0.68, 0.59, 0.50, 0.52, 0.55, 0.60])
+
+
+def tendon_of_quadriceps(quadriceps_N: np.ndarray, flexion_deg: np.ndarray) -> np.ndarray:
+    """Tension of the patellar tendon under a pull of the quadriceps, N.
+
+    Args:
+        quadriceps_N: of all heads together, `(n,)`.
+        flexion_deg: of the tibia, `(n,)`.
+
+    Source: as `TENDON_BY_QUADRICEPS`.
+
+    Example:
+        >>> tendon_of_quadriceps(np.array([100.0, 100.0]), np.array([0.0, 65.0])).round(6).tolist()
+        [113.0, 51.0]
+    """
+    return quadriceps_N * np.interp(flexion_deg, FLEXION_DEG, TENDON_BY_QUADRICEPS)
+
 
 #: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"

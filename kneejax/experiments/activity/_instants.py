@@ -16,13 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from kneejax.experiments._motion import Motion, again
-from kneejax.experiments._second_balances import (
+from kneejax.experiments._branches import (
     GUESSED,
     changed_in_steps,
     follow_second,
     second_of,
 )
+from kneejax.experiments._motion import Motion, again
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics import (

@@ -9,6 +9,7 @@ from kneejax.experiments.laboratory._lab_test import load_cycle as load_cycle
 from kneejax.experiments.laboratory._laxity import LAXITY_COLUMNS as LAXITY_COLUMNS
 from kneejax.experiments.laboratory._laxity import Laxity as Laxity
 from kneejax.experiments.laboratory._laxity import laxity as laxity
+from kneejax.experiments.laboratory._laxity import second_balances as second_balances
 from kneejax.experiments.laboratory._measured_test import COUNTED_FROM as COUNTED_FROM
 from kneejax.experiments.laboratory._measured_test import READINGS as READINGS
 from kneejax.experiments.laboratory._measured_test import WITHOUT_LOADS as WITHOUT_LOADS
@@ -17,7 +18,6 @@ from kneejax.experiments.laboratory._measured_test import counts_like_poses as c
 from kneejax.experiments.laboratory._measured_test import reading_unit as reading_unit
 from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY
+from kneejax.experiments.laboratory._ready import AgainstLoad as AgainstLoad
+from kneejax.experiments.laboratory._ready import against_load as against_load
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests
-from kneejax.experiments.laboratory._second import second_balances as second_balances
-from kneejax.experiments.laboratory._sense import AgainstLoad as AgainstLoad
-from kneejax.experiments.laboratory._sense import against_load as against_load

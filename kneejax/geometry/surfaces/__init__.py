@@ -3,10 +3,10 @@
 from kneejax.geometry.surfaces._bases import BASES as BASES
 from kneejax.geometry.surfaces._bases import CUBIC_SPLINE as CUBIC_SPLINE
 from kneejax.geometry.surfaces._bases import POWER as POWER
+from kneejax.geometry.surfaces._bases import partials as partials
 from kneejax.geometry.surfaces._condyle import Condyle as Condyle
-from kneejax.geometry.surfaces._condyles import Condyles as Condyles
+from kneejax.geometry.surfaces._condyle import Condyles as Condyles
 from kneejax.geometry.surfaces._plateau import Plateau as Plateau
-from kneejax.geometry.surfaces._polynomials import partials as partials
 from kneejax.geometry.surfaces._quadrics import Ellipsoid as Ellipsoid
 from kneejax.geometry.surfaces._quadrics import Plane as Plane
 from kneejax.geometry.surfaces._quadrics import Sphere as Sphere

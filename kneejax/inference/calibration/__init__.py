@@ -2,8 +2,8 @@
 
 from kneejax.inference.calibration._answers import motion_at as motion_at
 from kneejax.inference.calibration._calibrate import CalibrationProblem as CalibrationProblem
-from kneejax.inference.calibration._fitted_test import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Fault as Fault
+from kneejax.inference.calibration._quality import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Misfit as Misfit
 from kneejax.inference.calibration._result import Calibration as Calibration
 from kneejax.inference.calibration._result import Ending as Ending
@@ -11,6 +11,7 @@ from kneejax.inference.calibration._result import Estimate as Estimate
 from kneejax.inference.calibration._result import Fit as Fit
 from kneejax.inference.calibration._result import Iteration as Iteration
 from kneejax.inference.calibration._result import Motion as Motion
+from kneejax.inference.calibration._result import versions as versions
 from kneejax.inference.calibration._search import METHODS as METHODS
 from kneejax.inference.calibration._search import POSES as POSES
 from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
@@ -22,4 +23,3 @@ from kneejax.inference.calibration._side_by_side import calibrate as calibrate
 from kneejax.inference.calibration._side_by_side import (
     calibrate_side_by_side as calibrate_side_by_side,
 )
-from kneejax.inference.calibration._versions import versions as versions

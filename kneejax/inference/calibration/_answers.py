@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.experiments import with_flips
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
-from kneejax.inference.calibration._fitted_test import fitted_tests
+from kneejax.inference.calibration._quality import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import Trail, together
 from kneejax.inference.fit import (

@@ -1,4 +1,4 @@
-"""Whether a fit is any good: its errors against the start's, the noise, and what a knee does."""
+"""Whether a fit is any good: poses and tests beside the start, the noise, and what a knee does."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.experiments import MeasuredTest
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.inference.fit import Problem
+from kneejax.statics import Slopes
 
 #: Times a stated noise beyond which a root mean square error of many poses is more than noise.
 _BEYOND_NOISE = 1.5
@@ -94,3 +97,110 @@ def more_than_luck(numbers: int) -> float:
 
     count = max(numbers, 1)
     return max(_BEYOND_NOISE, float(np.sqrt(chdtri(count, 1e-3) / count)))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FittedTest:
+    """A measured test beside the same test on a knee.
+
+    Attributes:
+        test: as it was measured.
+        measured: of each row what was compared, counted as the test says, `(n, 5)`; NaN where
+            nothing was.
+        fitted: the same of the knee; the best of unknown constants is added.
+        status: of the knee's balances, one `Status` value a row.
+        readings: the knee's in the place of each of `test.readings`, `(n,)`, in its unit, the best
+            of unknown constants added; NaN where nothing was compared.
+        restless: of a motion that repeats itself, how far it is from where it was a period before,
+            mm or degrees; 0 of all others.
+    """
+
+    test: MeasuredTest
+    measured: np.ndarray
+    fitted: np.ndarray
+    status: np.ndarray
+    readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    restless: float = 0.0
+
+    @property
+    def compared(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Coordinate, or name of what was read of a part -> its measured and fitted numbers, `(n,)`
+        each, degrees, mm, N or strain; NaN where nothing was compared."""
+        places = [(name, FREE_COORDINATES.index(name)) for name in self.test.coordinates]
+        pairs = {name: (self.measured[:, k], self.fitted[:, k]) for name, k in places}
+        return pairs | {
+            name: (np.where(np.isfinite(own), self.test.readings[name], np.nan), own)
+            for name, own in self.readings.items()
+        }
+
+    def rmse(self, name: str, flexion_deg: float | None = None) -> float:
+        """Root mean square error in its own unit; NaN where nothing was measured.
+
+        Args:
+            name: one of `compared`, or a free coordinate.
+            flexion_deg: of the rows that count; all by default.
+        """
+        if name not in self.compared:
+            return np.nan
+        measured, fitted = self.compared[name]
+        own = fitted - measured
+        if flexion_deg is not None:
+            own = own[self.test.flexion_deg == flexion_deg]
+        known = own[np.isfinite(own)]
+        return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
+
+
+def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
+    """Every test of a problem beside what one fit gives."""
+    read = _readings(problem, found)
+    error = problem.cases.error(found)[0][0]
+    seen, target = problem.cases.seen, problem.cases.target
+    error = np.where(seen, error, np.nan)
+    return tuple(
+        FittedTest(
+            test,
+            np.where(seen[rows], target[rows], np.nan),
+            target[rows] + error[rows],
+            found.status[0][rows],
+            {name: read[name][rows] for name in test.readings},
+        )
+        for test, rows in zip(problem.tests, problem.rows_of_tests(), strict=True)
+    )
+
+
+def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
+    """Of each name, what the knee gives at the load cases where it was read, `(cases,)`."""
+    data = problem.cases.readings
+    if data is None:
+        return {}
+    error, counted = data.error(problem.cases, found)[0][0], data.counted(problem.cases)
+    value, every = np.where(counted, data.target + error, np.nan), {}
+    for place, name in enumerate(data.names):
+        own = data.name == place
+        every[name] = np.full(len(problem.cases.load_cases), np.nan)
+        every[name][data.case[own]] = value[own]
+    return every
+
+
+def misfits_of_test(
+    own: FittedTest, before: FittedTest, stated: np.ndarray, counted: np.ndarray
+) -> tuple[Misfit, ...]:
+    """Coordinates of a test in which a fit is poor, by the rules of poses (`misfits`).
+
+    Args:
+        own: the test as fitted.
+        before: the same at the start.
+        stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
+        counted: which coordinates are fitted, `(5,)`.
+    """
+    for row, name in enumerate(FREE_COORDINATES):
+        sd = own.test.sd_mm if COORDINATES[name].unit == "mm" else own.test.sd_deg
+        stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated
+    fitted, start = ({x: one.rmse(x) for x in FREE_COORDINATES} for one in (own, before))
+    found = misfits(fitted, start, stated, counted, len(own.test.flexion_deg))
+    beyond = []
+    for name in own.test.readings:
+        rmse, noise = own.rmse(name), float(own.test.sd_of(name))
+        if rmse > more_than_luck(len(own.test.flexion_deg)) * noise:
+            beyond.append(Misfit(name, Fault.BEYOND_NOISE, rmse, noise))
+    return tuple(dataclasses.replace(one, test=own.test.name) for one in (*found, *beyond))

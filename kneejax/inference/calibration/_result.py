@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import importlib.metadata
+import platform
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import Mechanics
-from kneejax.inference.calibration._fitted_test import FittedTest
-from kneejax.inference.calibration._quality import Misfit
+from kneejax.inference.calibration._quality import FittedTest, Misfit
 from kneejax.inference.intervals import IntervalKind
 from kneejax.mechanics import Knee
+
+_PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
+
+
+def versions() -> dict[str, str]:
+    """Versions of everything that a number in a result depends on."""
+    found = {"python": platform.python_version(), "platform": platform.platform()}
+    for package in _PACKAGES:
+        try:
+            found[package] = importlib.metadata.version(package)
+        except importlib.metadata.PackageNotFoundError:
+            found[package] = "not installed"
+    return found
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,11 +18,9 @@ from kneejax.inference.calibration._answers import (
     sureties_of,
 )
 from kneejax.inference.calibration._calibrate import CalibrationProblem
-from kneejax.inference.calibration._fitted_test import fitted_tests, misfits_of_test
-from kneejax.inference.calibration._quality import misfits
-from kneejax.inference.calibration._result import Calibration, Fit
+from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
+from kneejax.inference.calibration._result import Calibration, Fit, versions
 from kneejax.inference.calibration._search import Trail, run_side_by_side, together
-from kneejax.inference.calibration._versions import versions
 from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
 from kneejax.inference.intervals import Surety
 from kneejax.numerics import adding_up, lap, stopwatch

@@ -1,4 +1,4 @@
-"""Tests that could be made next: a flexion, a load on the tibia, and what is measured."""
+"""Tests that could be made, and what each would tell."""
 
 from __future__ import annotations
 
@@ -8,9 +8,111 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.mechanics import NAMED_LOADS, RANGES, load_of, load_words
-from kneejax.parameters import UnsuitableData
-from kneejax.statics import LoadCases
+from kneejax.inference.fit import table_of
+from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_of, load_words
+from kneejax.parameters import Selection, UnsuitableData
+from kneejax.statics import LoadCases, Slopes, balance_with_slopes
+
+
+@dataclasses.dataclass(frozen=True)
+class LoadCaseDerivatives:
+    """Poses at load cases, and how parameters move them; rows that failed are NaN.
+
+    Attributes:
+        slopes: the balances in full, one variant.
+    """
+
+    slopes: Slopes
+
+    @property
+    def table(self) -> np.ndarray:
+        """Free coordinates, degrees and mm, `(load_cases, 5)`."""
+        return table_of(self.slopes)[0][0]
+
+    @property
+    def jacobian(self) -> np.ndarray:
+        """Derivative of the table with respect to the parameters, `(load_cases, 5, p)`."""
+        return table_of(self.slopes)[1][0]
+
+    @property
+    def status(self) -> np.ndarray:
+        """`Status` values, `(load_cases,)`."""
+        return self.slopes.status[0]
+
+    def take(self, rows: Sequence[int]) -> LoadCaseDerivatives:
+        """Some of the load cases, in the order of `rows`."""
+        return LoadCaseDerivatives(self.slopes.at(list(rows)))
+
+
+def load_case_derivatives(
+    selection: Selection,
+    knee: Knee,
+    values: np.ndarray,
+    load_cases: LoadCases,
+    near: LoadCaseDerivatives | None = None,
+) -> LoadCaseDerivatives:
+    """Balance a knee at flexions with loads, and differentiate each pose by the parameters.
+
+    Every load case is reached as a test is made: the knee is bent without load, then loaded.
+
+    Args:
+        selection: the parameters.
+        knee: gives everything else.
+        values: of the parameters, `(p,)`.
+        load_cases: the load cases, in any order; none depends on another.
+        near: balanced poses at these load cases, of parameters close by, to predict from instead.
+
+    Returns:
+        Poses, exact derivatives (the implicit function theorem) and outcomes.
+    """
+    known = None if near is None else near.slopes
+    one = np.asarray(values, float)[None]
+    return LoadCaseDerivatives(balance_with_slopes(knee, selection.apply, one, load_cases, known))
+
+
+def departures(
+    selection: Selection,
+    knee: Knee,
+    values: np.ndarray,
+    covariance: np.ndarray,
+    noise: np.ndarray,
+    candidates: Sequence[Candidate],
+    chosen: Sequence[int],
+    foreseen: LoadCaseDerivatives,
+) -> np.ndarray:
+    """Move parameters by one standard deviation along what a test tells most about, both ways.
+
+    What a design promises rests on first derivatives. This is their error over the width that
+    matters: the change of the pose that the derivative leaves out, as a part of the one it gives.
+
+    Args:
+        selection: the parameters.
+        knee: gives everything else.
+        values: of the parameters, `(p,)`.
+        covariance: of the parameters before the tests, `(p, p)`.
+        noise: standard deviations, `(5,)`.
+        candidates: all tests.
+        chosen: rows of those to check.
+        foreseen: poses and derivatives of all tests.
+
+    Returns:
+        One part a chosen test; infinite where the moved knee has no balance.
+    """
+    parts: dict[int, float] = {}
+    for row in set(chosen):
+        jacobian = foreseen.jacobian[row] / noise[:, None]
+        sizes, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.T)
+        step = covariance @ jacobian.T @ directions[:, -1] / np.sqrt(sizes[-1])
+        # As many load cases as there were candidates: one shape, one compilation.
+        copies = [row] * len(candidates)
+        alike, near = load_cases_of([candidates[i] for i in copies]), foreseen.take(copies)
+        for side in (step, -step):
+            moved = load_case_derivatives(selection, knee, values + side, alike, near).table[0]
+            change, straight = (moved - foreseen.table[row]) / noise, jacobian @ side
+            part = np.linalg.norm(change - straight) / np.linalg.norm(straight)
+            parts[row] = max(parts.get(row, 0.0), float(np.nan_to_num(part, nan=np.inf)))
+    return np.array([parts[row] for row in chosen])
+
 
 #: Loads of the usual tests, of the size that laxity tests use: name of a load -> its size.
 USUAL_LOADS: tuple[dict[str, float], ...] = (

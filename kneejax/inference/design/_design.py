@@ -8,9 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.design._candidates import Candidate, load_cases_of, usual_candidates
-from kneejax.inference.design._linearity import departures
-from kneejax.inference.design._load_case_derivatives import load_case_derivatives
+from kneejax.inference.design._candidates import (
+    Candidate,
+    departures,
+    load_case_derivatives,
+    load_cases_of,
+    usual_candidates,
+)
 from kneejax.inference.identification import Information
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData

@@ -9,8 +9,8 @@ from kneejax.inference.intervals._intervals import same_ends as same_ends
 from kneejax.inference.intervals._intervals import sureties as sureties
 from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile
+from kneejax.inference.intervals._profiles import Uncertainty as Uncertainty
 from kneejax.inference.intervals._profiles import follow_to_the_lowest as follow_to_the_lowest
 from kneejax.inference.intervals._profiles import named as named
 from kneejax.inference.intervals._profiles import profiles as profiles
-from kneejax.inference.intervals._uncertainty import Uncertainty as Uncertainty
-from kneejax.inference.intervals._uncertainty import uncertainty as uncertainty
+from kneejax.inference.intervals._profiles import uncertainty as uncertainty

@@ -23,8 +23,7 @@ from kneejax.inference.fit import (
     on_bounds,
 )
 from kneejax.inference.intervals._profile_arms import BOUND, Pace
-from kneejax.inference.intervals._profiles import Profile, follow_to_the_lowest
-from kneejax.inference.intervals._uncertainty import uncertainty
+from kneejax.inference.intervals._profiles import Profile, follow_to_the_lowest, uncertainty
 from kneejax.statics import Slopes
 
 #: Confidence that is asked for.

@@ -17,8 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.inference.intervals._curvature import is_convex, learned
-from kneejax.inference.intervals._farthest import farthest, products, squares
+from kneejax.inference.intervals._farthest import farthest, is_convex, learned, products, squares
 from kneejax.statics import Slopes
 
 #: Part of the limit's distance, and of the root of the rise, by which points beyond it count.

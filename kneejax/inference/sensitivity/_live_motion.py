@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem, check_finite, table_of
-from kneejax.inference.sensitivity._condition import Condition, worst_condition
+from kneejax.inference.sensitivity._parameter_map import Condition, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import UnknownParameter, UnsuitableData, select, unphysiological
 from kneejax.statics import Slopes, converged

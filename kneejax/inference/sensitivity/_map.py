@@ -9,8 +9,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.sensitivity._map_cases import MapCases
-from kneejax.inference.sensitivity._map_study import LoadedMaps, Maps, PassiveMaps
+from kneejax.inference.sensitivity._map_study import LoadedMaps, MapCases, Maps, PassiveMaps
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (

@@ -27,7 +27,7 @@ from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._border import Border
-from kneejax.mechanics.contact._damper import ContactDamper
+from kneejax.mechanics.contact._cartilage_law import ContactDamper
 from kneejax.mechanics.contact._foundation import Foundation, foundations_of
 from kneejax.mechanics.contact._patch import Gap
 from kneejax.mechanics.contact._patch_force import Pressed, press

@@ -24,7 +24,14 @@ from kneejax.geometry import Condyles, Pair, Placement, Surface, dot, subtract
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border
 from kneejax.mechanics.contact._border import Border
-from kneejax.mechanics.contact._points import Points, Sampled, asked_at, midpoints
+from kneejax.mechanics.contact._points import (
+    Answer,
+    Points,
+    Sampled,
+    asked_at,
+    midpoints,
+    over_rays,
+)
 from kneejax.mechanics.contact._points_force import (
     PointFaults,
     faults_at,
@@ -32,7 +39,6 @@ from kneejax.mechanics.contact._points_force import (
     sampled_wrenches,
     summed,
 )
-from kneejax.mechanics.contact._quadrature import Answer, over_rays
 
 if TYPE_CHECKING:
     from kneejax.mechanics.contact._contact import Contact

@@ -43,19 +43,19 @@ from kneejax.geometry import (
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact._border import OFF_SURFACE_MM
-from kneejax.mechanics.contact._points import Points, Sampled, asked_at
-from kneejax.mechanics.contact._quadrature import (
+from kneejax.mechanics.contact._points import (
+    Points,
+    Sampled,
+    asked_at,
+    of_usual_rows,
     over_rays,
+    over_unusual_rows,
     quick_depths,
     quickly_with_bend,
+    row_after_row,
     thoroughly,
 )
 from kneejax.mechanics.contact._rays import FARTHEST
-from kneejax.mechanics.contact._unusual_rays import (
-    of_usual_rows,
-    over_unusual_rows,
-    row_after_row,
-)
 from kneejax.numerics import instantiate, none_of
 
 

@@ -1,14 +1,25 @@
-"""The nonlinear spring of a ligament fibre: energy, tension and stiffness as functions of strain.
+"""The nonlinear spring of a ligament fibre, its damper, and the strain at which it tears.
 
 Slack below zero strain, a parabola up to the transition strain, a line above (Blankevoort 1991).
 The smooth law replaces the two corners of the tension's slope by a rounded positive part of width
 `w`. It integrates twice in closed form, so tension and energy are exact derivatives of each
 other, and a slack fibre keeps a small gradient, which lets a calibration pull it tight.
+
+Two conventions, each named by its unit:
+
+- `damping_N_s`: as OpenSim 4.6 damps a `Blankevoort1991Ligament`. Force is the coefficient times
+  the rate of strain while a fibre lengthens, faded in over the first percent of strain.
+- `damping_N_s_per_mm`: force per rate of length, while a fibre lengthens or shortens (paper 2,
+  section 3.1; `critical_damping`), faded in alike: paper 2 does not say what a slack fibre does.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
@@ -201,3 +212,132 @@ def _bowl(x: Array, width: ArrayLike) -> Array:
     square, soft = x * x + jnp.square(width), 0.25 * jnp.square(width)
     root = jnp.sqrt(square)
     return (x**3 + square * root) / 12.0 + soft * (x * jnp.arcsinh(x / width) - root)
+
+
+#: Strain at which a fibre is damped in full (OpenSim 4.6).
+FULL_STRAIN = 0.01
+
+
+def tautness(strain: ArrayLike) -> Array:
+    """Part of its damping that a fibre has: 0 where slack, 1 from 1 % of strain on.
+
+    Args:
+        strain: length over slack length, minus one.
+
+    Returns:
+        A polynomial of degree 5 between, twice continuously differentiable.
+
+    Source: OpenSim 4.6, `Blankevoort1991Ligament`.
+
+    Example:
+        >>> [float(tautness(e)) for e in (-0.1, 0.005, 0.02)]
+        [0.0, 0.5, 1.0]
+    """
+    x = jnp.clip(jnp.asarray(strain, float) / FULL_STRAIN, 0.0, 1.0)
+    return x * x * x * (10.0 + x * (6.0 * x - 15.0))
+
+
+def critical_damping(stiffness: ArrayLike, slack_length: ArrayLike, mass_kg: ArrayLike) -> Array:
+    """Damping at which a mass on a fibre just does not swing, N s/mm.
+
+    Args:
+        stiffness: N per unit strain.
+        slack_length: mm; stiffness over it is the spring constant, N/mm.
+        mass_kg: that the fibre holds.
+
+    Source: paper 2, section 3.1: `sqrt(4 k m)`, with `k` in N/mm (its Table 1 gives kN per unit
+    strain).
+
+    Example:
+        >>> round(float(critical_damping(4500.0, 30.0, 4.0)), 3)
+        1.549
+    """
+    per_mm = jnp.asarray(stiffness, float) / jnp.asarray(slack_length, float)
+    return safe_sqrt(4.0 * per_mm * 1e-3 * jnp.asarray(mass_kg, float))
+
+
+class Dampers(eqx.Module):
+    """Dampers of fibres as they are in one implicit step; arrays `(n, ...)`, one row a fibre.
+
+    The rate of a length is `per_s` times how far it is from `before`, so that a damper is a
+    spring for as long as the step lasts.
+
+    Attributes:
+        lengthening: N s/mm, of fibres that become longer.
+        both_ways: N s/mm.
+        before: mm; no rate where the length is this.
+        per_s: 1/s.
+    """
+
+    lengthening: Array
+    both_ways: Array
+    before: Array
+    per_s: Array
+
+    def tension(self, length: Array) -> Array:
+        """N, at given lengths; negative where a taut fibre is held back from shortening."""
+        return damping_force(self.per_s * (length - self.before), self.lengthening, self.both_ways)
+
+    def energy(self, length: Array) -> Array:
+        """Potential of the tension, N mm."""
+        rate = self.per_s * (length - self.before)
+        faster = jnp.maximum(rate, 0.0)
+        return 0.5 / self.per_s * (self.lengthening * faster * faster + self.both_ways * rate**2)
+
+
+def damping_force(rate_mm_s: Array, lengthening: Array, both_ways: Array) -> Array:
+    """Tension of dampers, N.
+
+    Args:
+        rate_mm_s: at which fibres become longer.
+        lengthening: N s/mm while they do.
+        both_ways: N s/mm.
+    """
+    return lengthening * jnp.maximum(rate_mm_s, 0.0) + both_ways * rate_mm_s
+
+
+#: Strain at which ligaments failed in tension, human tissue: the kind, as it stands in a fibre's
+#: name, and its mean. Fascicle-bone units of cruciate and lateral collateral ligaments: 15.0 %
+#: (Butler, Kay and Stouffer, J Biomech 19, 1986); the medial collateral along its fibres: 17.1 %
+#: (Quapp and Weiss, J Biomech Eng 120, 1998); the posterior cruciate's main bundle: 18.0 % (Race
+#: and Amis, J Biomech 27, 1994).
+FAILURE_STRAIN = {"PCL": 0.18, "MCL": 0.17, "ACL": 0.15, "LCL": 0.15}
+#: Who measured them, in a line for a knee file.
+FAILURE_SOURCE = "published (Butler 1986; Quapp and Weiss 1998; Race and Amis 1994)"
+#: Of any other: Butler's mean of knee ligaments.
+USUAL_FAILURE_STRAIN = 0.15
+
+
+class FibreFaults(eqx.Module):
+    """What is wrong with any fibre of a knee, each of the shape of the poses.
+
+    Attributes:
+        overstretched: strained beyond its failure strain.
+        past_wrap: touches its cylinder beyond the cylinder's length.
+        wrap_inside: has an end inside its obstacle.
+    """
+
+    overstretched: Array
+    past_wrap: Array
+    wrap_inside: Array
+
+
+def usual_failure_strain(names: Sequence[str]) -> np.ndarray:
+    """Published failure strain of fibres, by the kind that their names tell.
+
+    Args:
+        names: of the fibres.
+
+    Returns:
+        Shape `(n,)`.
+
+    Example:
+        >>> usual_failure_strain(["ACLam1", "PCL", "pCAP3"]).tolist()
+        [0.15, 0.18, 0.15]
+    """
+    return np.array([_of(name.upper()) for name in names], float)
+
+
+def _of(name: str) -> float:
+    known = (strain for kind, strain in FAILURE_STRAIN.items() if kind in name)
+    return next(known, USUAL_FAILURE_STRAIN)

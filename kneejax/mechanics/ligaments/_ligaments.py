@@ -2,18 +2,203 @@
 
 from __future__ import annotations
 
+import functools
+import operator
+from typing import NamedTuple
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR_AND_TIBIA, Pair, State, Vector, full, scale
+from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector, full, scale
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
-from kneejax.mechanics.ligaments._courses import Course
-from kneejax.mechanics.ligaments._dampers import Dampers
-from kneejax.mechanics.ligaments._failure_strain import FibreFaults, usual_failure_strain
-from kneejax.mechanics.ligaments._fibres import Fibres, WrapState
+from kneejax.mechanics.ligaments._courses import Course, by_kind
+from kneejax.mechanics.ligaments._law import Dampers, FibreFaults, usual_failure_strain
+
+
+class WrapState(eqx.Module):
+    """How fibres pass their obstacles; fibres without one are free.
+
+    Attributes:
+        angle: rad over which a fibre lies on its obstacle, `(n, ...)`; not positive where free,
+            minus infinity without an obstacle.
+        inside: whether an end lies inside the obstacle: its length means nothing then.
+        side: unit direction from the obstacle's centre to the fibre, in the obstacle's frame,
+            each component `(n, ...)`; zero without an obstacle. A jump between poses is a flip.
+        other_side: how much longer the way around the other side is, mm, `(n, ...)`; infinite
+            where free. Near zero two ways compete.
+        beyond_ends: whether the fibre touches a cylinder beyond its length, `(n, ...)`.
+    """
+
+    angle: Array
+    inside: Array
+    side: Vector
+    other_side: Array
+    beyond_ends: Array
+
+
+class Fibres(eqx.Module):
+    """Lines between two attachments each, one row each.
+
+    Attributes:
+        femoral_attachment: shape `(n, 3, ...)`, mm, femur frame; of a fibre between other bones,
+            the attachment to the first of them, in its frame.
+        tibial_attachment: shape `(n, 3, ...)`, mm, tibia frame; to the second bone.
+        courses: of the fibres that have via points or an obstacle; the others are straight.
+        names: one name per fibre.
+        bodies: the two bones that each fibre joins.
+    """
+
+    femoral_attachment: Array
+    tibial_attachment: Array
+    courses: tuple[Course, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
+    bodies: tuple[Pair, ...] = eqx.field(static=True)
+
+    def __check_init__(self):
+        rows = [row for course in self.courses for row in course.rows]
+        if len(set(rows)) < len(rows) or not set(rows) <= set(range(len(self.names))):
+            kind = type(self).__name__
+            raise ValueError(f"{kind}.courses name rows {rows}; expected each once, existing")
+        for course in self.courses:
+            if {self.bodies[row] for row in course.rows} - {course.bodies}:
+                kind = type(self).__name__
+                raise ValueError(
+                    f"{kind}.bodies: rows of a course between {course.bodies} join others"
+                )
+
+    @property
+    def kinds(self) -> tuple[Course, ...]:
+        """All fibres in courses, each of what can be computed together; straight ones first."""
+        bent = {row for course in self.courses for row in course.rows}
+        straight: dict[Pair, list[int]] = {} if self.names else {FEMUR_AND_TIBIA: []}
+        for row, pair in enumerate(self.bodies):
+            if row not in bent:
+                straight.setdefault(pair, []).append(row)
+        without = (Course(rows, bodies=pair) for pair, rows in straight.items())
+        return *without, *by_kind(self.courses, self.femoral_attachment.ndim > 2)
+
+    def length(self, state: State) -> Array:
+        """Length of each fibre along its course, shape `(n, ...)`, mm."""
+        kinds = self.kinds
+        return self._joined(kinds, [way.length for way in self._ways(kinds, state)])
+
+    def length_wrap_and_pulls(self, state: State) -> tuple[Array, WrapState, Vector]:
+        """Lengths, `(n, ...)`, mm, how the fibres pass their obstacles, and `unit_pulls`.
+
+        Of a fibre's several pieces the most bent one counts.
+        """
+        kinds = self.kinds
+        ways = self._ways(kinds, state)
+        wraps = [functools.reduce(_more_bent, way.bent, _free(way.length)) for way in ways]
+        wrap = jax.tree.map(lambda *x: self._joined(kinds, list(x)), *wraps)
+        length = self._joined(kinds, [way.length for way in ways])
+        return length, wrap, self._unit_pulls(kinds, ways, state)
+
+    def unit_pulls(self, state: State) -> Vector:
+        """Force of a unit tension on the second bone of each, in femur axes, each `(n, ...)`."""
+        kinds = self.kinds
+        return self._unit_pulls(kinds, self._ways(kinds, state), state)
+
+    def _unit_pulls(self, kinds: tuple[Course, ...], ways: list[_Way], state: State) -> Vector:
+        found = []
+        for way in ways:
+            first, force = way.course.bodies[0], full(way.pull.force)
+            found.append(force if first == FEMUR else state.poses[first].placement.turn(force))
+        x, y, z = (self._joined(kinds, list(parts)) for parts in zip(*found, strict=True))
+        return x, y, z
+
+    def unit_wrenches(self, state: State) -> Wrench:
+        """What a unit tension of each does to its second bone, about that bone's origin in the
+        axes of the first, each component `(n, ...)`."""
+        kinds = self.kinds
+        pulls = [way.pull for way in self._ways(kinds, state)]
+        rows = ([full(pull.force) for pull in pulls], [full(pull.moment) for pull in pulls])
+        force, moment = (
+            tuple(self._joined(kinds, list(parts)) for parts in zip(*row, strict=True))
+            for row in rows
+        )
+        return Wrench(force, moment)  # pyright: ignore[reportArgumentType]
+
+    def ends_inside(self, state: State) -> Array:
+        """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
+        inside = jnp.zeros(len(self.names), bool)
+        for course in self.courses:
+            found = course.ends_inside(*self._ends(course.rows), state.between(course.bodies))
+            inside = inside.at[np.array(course.rows)].set(found)
+        return inside
+
+    def _of(self, rows: tuple[int, ...], array: Array) -> Array:
+        """Rows of an array; all of them as they are."""
+        return array if rows == tuple(range(len(self.names))) else _rows_of(array, rows)
+
+    def _ends(self, rows: tuple[int, ...]) -> tuple[Array, Array]:
+        return self._of(rows, self.femoral_attachment), self._of(rows, self.tibial_attachment)
+
+    def _joined(self, kinds: tuple[Course, ...], parts: list[Array]) -> Array:
+        """What was computed kind by kind, in the order of the fibres."""
+        order = np.argsort([row for course in kinds for row in course.rows])
+        if len(parts) == 1 and list(order) == list(range(len(order))):  # spares a gather
+            return parts[0]
+        shape = jnp.broadcast_shapes(*(part.shape[1:] for part in parts))
+        return jnp.concatenate([jnp.broadcast_to(x, (len(x), *shape)) for x in parts])[order]
+
+    def _ways(self, kinds: tuple[Course, ...], state: State) -> list[_Way]:
+        """How the fibres of each kind run."""
+        ways = []
+        for course in kinds:
+            pieces = course.pieces(*self._ends(course.rows), state.between(course.bodies))
+            length = functools.reduce(operator.add, (piece.length for piece in pieces))
+            pull = functools.reduce(operator.add, (piece.pull for piece in pieces))
+            bent = [piece.taut for piece in pieces if piece.taut is not None]
+            ways.append(_Way(course, length, pull, bent))
+        return ways
+
+
+class _Way(NamedTuple):
+    """Fibres of one kind: lengths, the wrench of unit tensions, ways around obstacles."""
+
+    course: Course
+    length: Array
+    pull: Wrench
+    bent: list[TautPath]
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _rows_of(array: Array, rows: tuple[int, ...]) -> Array:
+    """Some rows of an array; neighbours without a gather."""
+    first, last = (rows[0], rows[-1] + 1) if rows else (0, 0)
+    return array[first:last] if rows == tuple(range(first, last)) else array[np.array(rows)]
+
+
+@_rows_of.defjvp
+def _rows_of_jvp(rows: tuple[int, ...], primals, tangents):
+    # By a matrix of zeros and ones: backwards a slice becomes a pad and a gather a scatter, and
+    # kernels that XLA (jaxlib 0.10.2) makes of several abort the process.
+    (array,), (change,) = primals, tangents
+    chosen = np.equal.outer(rows, np.arange(len(array))).astype(float)
+    return _rows_of(array, rows), jnp.tensordot(chosen, change, 1)
+
+
+def _free(length: Array) -> WrapState:
+    """Of fibres without an obstacle."""
+    zero = jnp.zeros_like(length)
+    return WrapState(zero - jnp.inf, zero > 0, (zero, zero, zero), zero + jnp.inf, zero > 0)
+
+
+def _more_bent(before: WrapState, path: TautPath) -> WrapState:
+    more = path.angle > before.angle
+    return WrapState(
+        jnp.where(more, path.angle, before.angle),
+        before.inside | path.inside,
+        tuple(jnp.where(more, a, b) for a, b in zip(path.side, before.side, strict=True)),
+        jnp.where(more, path.detour_other_side, before.other_side),
+        before.beyond_ends | path.beyond_ends,
+    )
 
 
 class Ligaments(Fibres):

@@ -12,11 +12,11 @@ from scipy.interpolate import BSpline
 
 import kneejax.geometry as geo
 from kneejax.geometry import _vectors as v
-from kneejax.geometry.surfaces import _splines
-from kneejax.geometry.surfaces._polynomials import partials
+from kneejax.geometry.surfaces import _bases
+from kneejax.geometry.surfaces._bases import partials
 
 # One program for each shape, where operation by operation would be a hundred small ones.
-spline_partials = jax.jit(_splines.spline_partials, static_argnums=3)
+spline_partials = jax.jit(_bases.spline_partials, static_argnums=3)
 point_of = jax.jit(lambda surface, a, b: v.full(surface.point(a, b)))
 level_of = jax.jit(lambda surface, point: surface.level(point))
 # To the last bit alike: so no kernel of one may round otherwise than the other's.
@@ -93,7 +93,7 @@ def test_derivatives_through_it_agree_with_central_differences(rng, central_diff
     c, point = rng.normal(size=(7, 6)), rng.uniform(-0.9, 0.9, 2)
 
     def table(flat, order):
-        d = _splines.spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
+        d = _bases.spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
         return jnp.stack([x for row in d for x in row])
 
     @partial(jax.jit, static_argnums=1)

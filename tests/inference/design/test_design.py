@@ -22,7 +22,7 @@ from kneejax.inference import (
     told_by,
     usual_candidates,
 )
-from kneejax.inference.design._linearity import departures
+from kneejax.inference.design._candidates import departures
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.design import design_notes, design_words
 from kneejax.statics import LoadCases, Status, balance_with_slopes

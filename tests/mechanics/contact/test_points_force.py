@@ -11,8 +11,7 @@ import pytest
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, PointFaults, Wrench, foundations_of
 from kneejax.mechanics._wrench import wrench_of
-from kneejax.mechanics.contact._points import asked_at
-from kneejax.mechanics.contact._quadrature import quick_depths
+from kneejax.mechanics.contact._points import asked_at, quick_depths
 from kneejax.numerics import compiled, compiler_options
 
 

@@ -1,4 +1,4 @@
-"""Packages that only some questions need."""
+"""Errors for the person who made the mistake: packages that are missing, values that cannot be."""
 
 from __future__ import annotations
 
@@ -69,3 +69,20 @@ def _missing(package: str, extra: str) -> MissingPackage:
     return MissingPackage(
         f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
     )
+
+
+class WrongValue(ValueError):
+    """An argument that is not what it should be: `FIELD: FOUND; expected EXPECTED`.
+
+    Attributes:
+        field: name of the argument, or of the part of it.
+        found: what was given, in words.
+        expected: what should be given.
+    """
+
+    def __init__(self, field: str, found: str, expected: str):
+        self.field, self.found, self.expected = field, found, expected
+        super().__init__(f"{field}: {found}; expected {expected}")
+
+    def __reduce__(self):
+        return type(self), (self.field, self.found, self.expected)

@@ -1,0 +1,241 @@
+"""How far an answer scatters when its data are drawn again."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from kneejax.experiments import MeasuredTest
+from kneejax.inference.calibration import CalibrationProblem
+from kneejax.inference.fit import Observations, fit_lanes, rows_of_tests
+from kneejax.parameters import UnsuitableData
+from kneejax.statics import Slopes
+
+#: Draws that are fitted at once: bounds memory.
+_AT_ONCE = 100
+_MOST_EVALUATIONS = 100
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Answered:
+    """A problem, and balances of its answer.
+
+    Attributes:
+        own: the problem.
+        cases: load cases that count: those at which the answer balances.
+        first: balances of the answer.
+    """
+
+    own: CalibrationProblem
+    cases: Observations
+    first: Slopes
+
+    @classmethod
+    def of(cls, problem: CalibrationProblem, answer: Sequence[float]) -> Answered:
+        """Balance an answer.
+
+        Args:
+            problem: that was solved.
+            answer: values of its parameters, then of constants between frames, `(p,)`.
+
+        Raises:
+            UnsuitableData: forces were read beside poses, which are not drawn again, or the answer
+                has no balance.
+        """
+        check_redrawn(problem.fitted.tests)
+        fitted = problem.fitted
+        first = fitted.begin(np.asarray(answer, float)[None])
+        if not first.converged[0].any():
+            raise UnsuitableData("bootstrap: the answer has no balance")
+        return cls(problem, fitted.with_used(first.converged[0] & fitted.used).cases, first)
+
+    def fitted(
+        self, draws: Sequence[int], data: Callable[[Sequence[int]], Observations]
+    ) -> np.ndarray:
+        """Fit data of each draw, with all parameters free, from the answer.
+
+        Args:
+            draws: their numbers.
+            data: load cases of some draws, a set of data each.
+
+        Returns:
+            Values of each draw, `(draws, p)`; NaN where its fit did not converge.
+        """
+        found = [np.empty((0, len(self.own.start)))]
+        for place in range(0, len(draws), _AT_ONCE):
+            some = draws[place : place + _AT_ONCE]
+            count = len(some)
+            begin = self.first.take(np.zeros(count, int))
+            box = [np.tile(bound, (count, 1)) for bound in (self.own.lower, self.own.upper)]
+            fits = fit_lanes(
+                self.own.fitted.balance, data(some), begin, begin.values, *box,
+                most=_MOST_EVALUATIONS,
+            )  # fmt: skip
+            found.append(np.where(fits.converged[:, None], fits.values, np.nan))
+        return np.concatenate(found)
+
+
+def check_redrawn(tests: Sequence[MeasuredTest]) -> None:
+    """Refuse tests whose data are not drawn again.
+
+    Args:
+        tests: that were made.
+
+    Raises:
+        UnsuitableData: forces, strains or the patella were read in one of them.
+    """
+    for test in tests:
+        if test.readings:
+            words = ", ".join(test.readings)
+            raise UnsuitableData(f"bootstrap: {test.name}: {words}: expected poses alone")
+
+
+#: Flexions of one test that are farther apart are curves of their own, degrees.
+_APART_DEG = 2.0
+#: Curves of which draws tell anything: of five, one draw in 26 is less than three of them.
+FEWEST_CURVES = 6
+
+
+def curves_of(poses: int, tests: Sequence[MeasuredTest]) -> list[np.ndarray]:
+    """Load cases of each curve that was measured: of the passive motion, or a test at one flexion.
+
+    Rows of a test that share unknown constants, or that a knee in motion passes, are one curve.
+
+    Args:
+        poses: of the passive motion; they are one curve.
+        tests: that were made beside it.
+
+    Returns:
+        Their numbers among the load cases, as `observations` orders these.
+
+    Example:
+        >>> import kneejax as kj
+        >>> (test,) = kj.lab_tests("drawer", [0.0, 30.0], steps=2)
+        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
+        >>> [one.tolist() for one in curves_of(2, [kj.MeasuredTest.of(curves)])]
+        [[0, 1], [2, 3, 4], [5, 6, 7]]
+    """
+    found = [np.arange(poses)] if poses else []
+    for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
+        own = _within(test)
+        found += [place.start + np.flatnonzero(own == k) for k in range(own.max() + 1)]
+    return found
+
+
+def bootstrap_by_blocks(
+    problem: CalibrationProblem, answer: Sequence[float], draws: Sequence[int], seed: int = 0
+) -> np.ndarray:
+    """Fit as many of the measured curves as there are, drawn with replacement, many times.
+
+    What all rows of a curve share (how the leg lay in the rig, where the load took hold) is drawn
+    with it, which no noise of single readings knows. A draw depends on the seed and on its own
+    number alone, begins at the answer, and is fitted with all parameters free.
+
+    Args:
+        problem: that was solved (`calibrate`).
+        answer: values of its parameters, then of constants between frames, `(p,)`.
+        draws: numbers of the draws, from zero.
+        seed: of the draws.
+
+    Returns:
+        Values of each draw, `(draws, p)`; NaN where its fit did not converge.
+
+    Raises:
+        UnsuitableData: fewer than six curves, forces were read beside poses, or the answer has no
+            balance.
+
+    Source: A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application (1997),
+    section 3.8.
+    """
+    answered = Answered.of(problem, answer)
+    cases = answered.cases
+    curves = curves_of(int(cases.posed.sum()), problem.fitted.tests)
+    check_curves(curves)
+    count, shape = len(curves), cases.target.shape
+    spread = np.ones(shape) if cases.spread is None else cases.spread
+
+    def drawn(some: Sequence[int]) -> Observations:
+        times = np.ones((len(some), *shape))
+        for place, k in enumerate(some):
+            lot = np.random.default_rng([seed, k]).integers(0, count, count)
+            for rows, often in zip(curves, np.bincount(lot, minlength=count), strict=True):
+                times[place, rows] = often
+        with np.errstate(divide="ignore"):  # what is not drawn counts for nothing
+            return dataclasses.replace(
+                cases, target=np.tile(cases.target, (len(some), 1, 1)),
+                spread=spread / np.sqrt(times),
+            )  # fmt: skip
+
+    return answered.fitted(draws, drawn)
+
+
+def check_curves(curves: Sequence[np.ndarray]) -> None:
+    """Refuse to draw among too few curves (`curves_of`).
+
+    Raises:
+        UnsuitableData: they are fewer than six.
+    """
+    count = len(curves)
+    if count < FEWEST_CURVES:
+        raise UnsuitableData(
+            f"bootstrap by blocks: {count} curve{'s' * (count != 1)}: expected at least "
+            f"{FEWEST_CURVES} (the passive motion, and each test at one flexion)"
+        )
+
+
+def _within(test: MeasuredTest) -> np.ndarray:
+    """Which of a test's curves each of its rows is of, `(n,)`."""
+    flexion = np.asarray(test.flexion_deg)
+    if test.frames is not None:
+        return np.zeros(len(flexion), int)
+    if (test.groups >= 0).any():
+        return np.unique(test.groups, return_inverse=True)[1]
+    order = np.argsort(flexion, kind="stable")
+    number = np.zeros(len(flexion), int)
+    number[order] = np.r_[0, np.cumsum(np.diff(flexion[order]) > _APART_DEG)]
+    return number
+
+
+def bootstrap(
+    problem: CalibrationProblem,
+    answer: Sequence[float],
+    noise: Sequence[float],
+    draws: Sequence[int],
+    seed: int = 0,
+) -> np.ndarray:
+    """Fit data that the answer itself would give, with new noise, many times.
+
+    A draw depends on the seed and on its own number alone. Each begins at the answer and is fitted
+    with all parameters free, whatever the procedure; a prior stays as it is.
+
+    Args:
+        problem: that was solved (`calibrate`).
+        answer: values of its parameters, then of constants between frames, `(p,)`.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        draws: numbers of the draws, from zero.
+        seed: of the noise.
+
+    Returns:
+        Values of each draw, `(draws, p)`; NaN where its fit did not converge.
+
+    Raises:
+        UnsuitableData: forces were read beside poses, which are not made again, or the answer has
+            no balance.
+
+    Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
+    """
+    answered = Answered.of(problem, answer)
+    cases = answered.cases
+    model, spread = cases.observed(answered.first)[0][0], np.asarray(noise, float)
+    spread = np.where(np.isfinite(spread), spread, 0.0)
+    if cases.spread is not None:
+        spread = spread * cases.spread
+
+    def made_again(some: Sequence[int]) -> Observations:
+        scatter = [np.random.default_rng([seed, k]).standard_normal(model.shape) for k in some]
+        target = model + spread * np.array(scatter)
+        return dataclasses.replace(cases, target=np.where(np.isnan(cases.target), np.nan, target))
+
+    return answered.fitted(draws, made_again)
