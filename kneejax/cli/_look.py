@@ -26,7 +26,8 @@ from kneejax.files import (
 )
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
-from kneejax.parameters import QUANTITIES, UnknownParameter, default_bounds, select
+from kneejax.parameters import UnknownParameter, default_bounds, select
+from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.report import evaluation_answer, knee_text
 from kneejax.statics import Status
 
@@ -53,7 +54,7 @@ def parameter_lines(knee: Knee, fibres: bool = False) -> Iterator[str]:
     grouped = {fibre for _, members in knee.groups for fibre in members}
     owners = [name for name, _ in knee.groups]
     owners += [name for name in knee.ligaments.names if fibres or name not in grouped]
-    names = [f"{owner}.{quantity}" for owner in owners for quantity in QUANTITIES]
+    names = [f"{owner}.{quantity}" for owner in owners for quantity in FIBRE_QUANTITIES]
     names += [f"{owner}.{quantity}" for owner in knee.contact_names for quantity in _OF_CONTACTS]
     yield f"{knee.name}: names as `parameters:` of a study and --set take them; *.stiffness is"
     yield "the stiffness of every ligament. Bounds hold in a fit unless the study states others."

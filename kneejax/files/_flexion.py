@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax._ranges import RANGES, Range
 from kneejax.files.reading import Field, plain_number
+from kneejax.quantities import RANGES, Range
 
 _MOST_VALUES = 10_000
 

@@ -9,12 +9,12 @@ import jax
 import numpy as np
 from jax import Array
 
-from kneejax._ranges import QUANTITY_FIELDS
-from kneejax._ranges import RANGES as RANGES
-from kneejax._ranges import Range as Range
-from kneejax._ranges import range_of_parameter as range_of_parameter
 from kneejax.geometry import State
 from kneejax.mechanics.ligaments import Ligaments
+from kneejax.quantities import QUANTITIES
+from kneejax.quantities import RANGES as RANGES
+from kneejax.quantities import Range as Range
+from kneejax.quantities import range_of_parameter as range_of_parameter
 
 
 class Implausible(ValueError):
@@ -66,10 +66,10 @@ def check_fibres(ligaments: Ligaments, inside: Array, lengths: Array) -> None:
     _check_numbers(names, "attachment", np.abs(points).max(axis=(0, 2), initial=0.0),
                    RANGES["point_mm"])  # fmt: skip
     _check_lengths(names, np.asarray(lengths), points)
-    for quantity, field in QUANTITY_FIELDS.items():
-        if quantity != "reference_strain":
-            values = np.asarray(getattr(ligaments, quantity))
-            _check_numbers(names, quantity, values, RANGES[field])
+    for one in QUANTITIES.values():
+        if "ligament" in one.owners and hasattr(ligaments, one.name) and not one.bone:
+            values = np.asarray(getattr(ligaments, one.name))
+            _check_numbers(names, one.name, values, one.allowed)
 
 
 def _check_numbers(

@@ -19,7 +19,6 @@ from kneejax.parameters._selection import select as select
 from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
-from kneejax.parameters._structures import QUANTITIES as QUANTITIES
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue
 from kneejax.parameters._structures import doubt_prior as doubt_prior
 from kneejax.parameters._structures import doubt_value as doubt_value

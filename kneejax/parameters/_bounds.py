@@ -5,56 +5,29 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from numpy.typing import ArrayLike
 
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Knee
-from kneejax.parameters._leaves import is_size
 from kneejax.parameters._selection import (
     Selection,
     UnknownParameter,
     UnsuitableData,
     nearest_of,
-    unit_of_quantity,
 )
 from kneejax.parameters._structures import of_one_fibre, structure_range
+from kneejax.quantities import quantity_of
 
 T = TypeVar("T")
-
-#: Standard deviations in proportion to the value. Conventions rather than measurements: published
-#: values of one ligament differ by as much (ACL 3100 to 5900 N in papers 1 to 3).
-PROPORTIONAL_SCALES = {
-    "stiffness": 0.3,
-    "slack_length": 0.02,
-    "transition_strain": 0.3,
-    "transition_width": 0.3,
-    "failure_strain": 0.3,
-    "damping": 0.3,
-}
-#: Standard deviations whatever the value: a strain, and mm for how well an attachment is seen.
-FIXED_SCALES = {
-    "reference_strain": 0.02,
-    "femoral_attachment": 2.0,
-    "tibial_attachment": 2.0,
-    "patellar_attachment": 2.0,
-}
-
-
-#: Of anything else, in proportion to its value.
-_OTHER_SCALE = 0.1
-
 
 def prior_scales(
     selection: Selection, values: ArrayLike, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """Prior standard deviations of parameters, in their own units.
 
-    Where none is given: 30 % of a stiffness, 0.02 of a reference strain, 2 % of a slack length,
-    30 % of a transition strain or width, 2 mm of an attachment, 1 mm or 0.05 rad of another place,
-    10 % of anything else.
+    Where none is given, those of the quantities (`Quantity.scale_of`): 30 % of a stiffness, 0.02 of
+    a reference strain, 2 % of a slack length, 2 mm of an attachment, ...
 
     Args:
         selection: the parameters.
@@ -78,7 +51,8 @@ def prior_scales(
     values = np.asarray(values, float)
     scales = np.empty(len(selection))
     for i, own in enumerate(stated(selection, given or {}, "prior")):
-        scales[i] = _usual(selection.quantity(i), values[i]) if own is None else own
+        usual = quantity_of(selection.quantity(i)).scale_of(values[i])
+        scales[i] = usual if own is None else own
         if not (np.isfinite(scales[i]) and scales[i] > 0):
             raise UnsuitableData(
                 f"{selection.names[i]}: prior of width {scales[i]:g}: expected a standard "
@@ -104,8 +78,7 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
     scales = []
     for i, value in enumerate(np.asarray(values, float)):
         quantity, name = selection.quantity(i), selection.names[i]
-        place = unit_of_quantity(quantity) in ("mm", "rad") and not is_size(quantity)
-        if place and quantity not in PROPORTIONAL_SCALES:
+        if quantity_of(quantity).is_place:
             raise UnsuitableData(f"{name} has no per cent, its zero is arbitrary: scale by a prior")
         scales.append(0.01 if quantity == "reference_strain" else 0.01 * abs(value))
         if not scales[-1] > 0:
@@ -154,60 +127,24 @@ def _keys(selection: Selection, index: int) -> tuple[str, ...]:
     return tuple(keys)
 
 
-def _usual(quantity: str, value: float) -> float:
-    if quantity in PROPORTIONAL_SCALES:
-        return PROPORTIONAL_SCALES[quantity] * abs(value)
-    fixed = FIXED_SCALES.get(quantity.split(".")[0])
-    if fixed is None and not is_size(quantity):
-        fixed = {"mm": 1.0, "rad": 0.05}.get(unit_of_quantity(quantity))
-    return _OTHER_SCALE * abs(value) if fixed is None else fixed
+def default_bounds(knee: Knee, selection: Selection) -> tuple[np.ndarray, np.ndarray]:
+    """Lower and upper bounds of a selection, those of its quantities (`Quantity.bounds_around`).
 
-
-#: Bounds of paper 1, section 2.3, and wide ones for the rest, by quantity. Paper 1 draws each
-#: structure as one line: its bounds of stiffness are a structure's.
-DEFAULT_BOUNDS = {
-    "stiffness": (300.0, 10000.0),
-    "reference_strain": (-0.2, 0.2),
-    "slack_length": (5.0, 200.0),
-    "transition_strain": (0.005, 0.2),
-    "transition_width": (1e-4, 0.02),
-    "failure_strain": (0.05, 0.5),
-    "damping": (0.0, 200.0),
-}
-
-
-def default_bounds(knee: Knee, selection: Selection) -> tuple[Array, Array]:
-    """Lower and upper bounds of a selection.
-
-    Those of `DEFAULT_BOUNDS`; points may move by 10 mm and angles by 0.2 rad; anything else may be
-    half or twice what it is. The stiffness of a structure drawn as several fibres may be a quarter
-    of and four times what it is at least, and those of its fibres and bundles in proportion
-    (`structure_range`).
+    The stiffness of a structure drawn as several fibres may be a quarter of and four times what it
+    is at least, and those of its fibres and bundles in proportion (`structure_range`); its damping
+    has the bounds of all its fibres together.
     """
-    values = np.asarray(selection.read(knee))
-    pairs = [_usual_bounds(knee, selection, i, float(value)) for i, value in enumerate(values)]
-    lower, upper = np.array(pairs, float).T
-    return jnp.asarray(lower), jnp.asarray(upper)
-
-
-def _usual_bounds(
-    knee: Knee, selection: Selection, index: int, value: float
-) -> tuple[float, float]:
-    quantity, unit = selection.quantity(index), selection.unit(index)
-    fibres = selection.fibres(index)
-    if quantity == "stiffness" and fibres:
-        return structure_range(knee, fibres, DEFAULT_BOUNDS[quantity])
-    if quantity == "damping" and fibres:
-        return DEFAULT_BOUNDS[quantity][0], DEFAULT_BOUNDS[quantity][1] * len(fibres)
-    if quantity in DEFAULT_BOUNDS:
-        return DEFAULT_BOUNDS[quantity]
-    shift = {"mm": 10.0, "rad": 0.2}.get(unit)
-    if shift and not is_size(quantity):
-        return value - shift, value + shift
-    if value == 0.0:
-        return -1.0, 1.0
-    low, high = sorted((0.5 * value, 2.0 * value))
-    return low, high
+    pairs = []
+    for i, value in enumerate(np.asarray(selection.read(knee))):
+        quantity, fibres = quantity_of(selection.quantity(i)), selection.fibres(i)
+        low, high = quantity.bounds_around(float(value))
+        if quantity.name == "stiffness" and fibres:
+            low, high = structure_range(knee, fibres, (low, high))
+        elif quantity.summed and fibres:
+            low, high = low, high * len(fibres)
+        pairs.append((low, high))
+    lower, upper = np.reshape(pairs, (-1, 2)).T
+    return lower, upper
 
 
 def stated_bounds(

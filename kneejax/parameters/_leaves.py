@@ -2,7 +2,7 @@
 
 A name leads from a part through its fields to one number: `medial.youngs_modulus`,
 `medial.tibial_surface.superior`, `quadriceps.tension`, `PatTen.radius`. Fields are those of the
-part's own class; what they are called in a laboratory stands in `_ALSO_CALLED`.
+part's own class, or as `kneejax.quantities` calls them.
 """
 
 from __future__ import annotations
@@ -18,41 +18,16 @@ from jax import Array
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import numpy_for, traced
+from kneejax.quantities import AXES, QUANTITIES
 
-#: Components of points and directions.
-AXES = ("anterior", "superior", "lateral")
-#: Field of a part -> its fields in the class.
-_ALSO_CALLED = {
-    "femoral_surface": "femoral.frame.origin",
-    "tibial_surface": "tibial.frame.origin",
-    "wrap": "obstacle.frame.origin",
-    "radius": "obstacle.radius",
-    "semi_axes": "obstacle.semi_axes",
+#: Kind of part -> what it is called in a knee.
+_PARTS = {
+    "contacts": "contact",
+    "lines": "line",
+    "muscles": "muscle",
+    "loads": "load",
+    "courses": "obstacle",
 }
-_OF_MUSCLES = {"origin": "femoral_attachment", "insertion": "tibial_attachment"}
-#: Units by the last field that has one.
-_UNITS = {
-    "youngs_modulus": "MPa",
-    "layer_thickness": "mm",
-    "onset_width": "mm",
-    "tension": "N",
-    "insertion": "mm",
-    "radius": "mm",
-    "length": "mm",
-    "semi_axes": "mm",
-    "origin": "mm",
-    "via": "mm",
-    "femoral_surface": "mm",
-    "tibial_surface": "mm",
-    "wrap": "mm",
-    "rotation": "rad",
-    "force": "N",
-    "moment": "N mm",
-    "point": "mm",
-}
-#: Quantities that have no other sign.
-_SIZES = ("youngs_modulus", "layer_thickness", "onset_width", "tension", "radius", "semi_axes",
-          "length")  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,11 +104,8 @@ def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
     """
     for part, row in parts_of(knee).get(owner, []):
         words = quantity.split(".")
-        fields = tuple(_ALSO_CALLED.get(words[0], words[0]).split("."))
-        if part == "muscles":
-            fields = (_OF_MUSCLES.get(words[0], words[0]),)
-        if part != "courses" and words[0] in ("wrap", "radius", "semi_axes"):
-            fields = (words[0],)
+        declared = QUANTITIES.get(words[0])
+        fields = tuple((declared.paths if declared else {}).get(_PARTS[part], words[0]).split("."))
         found = _descended(Leaf(part, row, ()), (*fields, *words[1:]), knee)
         if found is not None:
             return {quantity + end: leaf for end, leaf in _components(found, knee).items()}
@@ -142,28 +114,9 @@ def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
 
 def quantities_of(knee: Knee, owner: str) -> tuple[str, ...]:
     """What may be named of a part besides what every ligament has, for advice."""
-    common = {
-        "contacts": ("youngs_modulus", "poisson_ratio", "layer_thickness", "onset_width",
-                     "femoral_surface", "tibial_surface"),
-        "lines": ("tension", "insertion", "origin"),
-        "muscles": ("tension", "insertion", "origin"),
-        "loads": ("force", "moment", "point"),
-        "courses": ("radius", "semi_axes", "wrap"),
-    }  # fmt: skip
-    kinds = [part for part, _ in parts_of(knee).get(owner, [])]
-    names = (name for kind in kinds for name in common[kind])
+    kinds = [_PARTS[part] for part, _ in parts_of(knee).get(owner, [])]
+    names = [one.name for kind in kinds for one in QUANTITIES.values() if kind in one.owners]
     return tuple(name for name in names if leaves_called(knee, owner, name))
-
-
-def unit_of(quantity: str) -> str:
-    """The unit of a quantity, empty for a plain number."""
-    known = [word for word in quantity.split(".") if word in _UNITS]
-    return _UNITS[known[-1]] if known else ""
-
-
-def is_size(quantity: str) -> bool:
-    """Whether a quantity is a size, which may not fall below zero, and no place."""
-    return quantity.split(".")[-1] in _SIZES or quantity.split(".")[0] in _SIZES
 
 
 def _descended(leaf: Leaf, words: tuple[str, ...], knee: Knee) -> Leaf | None:

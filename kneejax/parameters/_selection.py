@@ -18,16 +18,16 @@ from jax import Array
 
 from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
 from kneejax.numerics import numpy_for
-from kneejax.parameters._leaves import AXES, Leaf, leaves_called, parts_of, quantities_of, unit_of
+from kneejax.parameters._leaves import Leaf, leaves_called, parts_of, quantities_of
 from kneejax.parameters._structures import (
     BONES,
-    QUANTITIES,
     doubt_value,
     numbers_of,
     strained,
     value_of,
     write_value,
 )
+from kneejax.quantities import AXES, FIBRE_QUANTITIES, quantity_of
 
 _MOST_SHOWN = 12  # names in an error
 
@@ -142,7 +142,7 @@ def unit_of_quantity(quantity: str) -> str:
         >>> unit_of_quantity("stiffness"), unit_of_quantity("tibial_surface.superior")
         ('N', 'mm')
     """
-    return QUANTITIES.get(quantity) or unit_of(quantity)
+    return quantity_of(quantity).unit
 
 
 def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
@@ -198,7 +198,7 @@ def _quantities_of_fibres(knee: Knee, name: str) -> tuple[str, ...]:
     """Quantities of a ligament or of a group: of attachments, those to the bones that it joins."""
     pairs = [knee.ligaments.bodies[row] for row in fibre_rows(knee, name)]
     known = []
-    for quantity in QUANTITIES:
+    for quantity in FIBRE_QUANTITIES:
         bone = BONES.get(quantity.split(".")[0])
         if bone is None or all(bone in pair for pair in pairs):
             known.append(quantity)
@@ -216,7 +216,7 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
         if BONES[quantity.split(".")[0]] not in joined:
             ends = " and ".join(end for end, bone in BONES.items() if bone in joined)
             return f": {owner} joins {' and '.join(sorted(joined))}; its ends are {ends}"
-    known: tuple[str, ...] = tuple(QUANTITIES) if near_owner == "*" else ()
+    known: tuple[str, ...] = FIBRE_QUANTITIES if near_owner == "*" else ()
     if near_owner in fibres:
         known = _quantities_of_fibres(knee, near_owner)
     quantities = (*known, *quantities_of(knee, near_owner or ""))

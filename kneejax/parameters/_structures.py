@@ -20,29 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import Knee, ligament_law
 from kneejax.numerics import numpy_for
-from kneejax.parameters._leaves import AXES
+from kneejax.quantities import AXES, QUANTITIES, quantity_of
 
 #: Ends of a ligament, by the bones that they are on.
-BONES = {
-    "femoral_attachment": FEMUR,
-    "tibial_attachment": TIBIA,
-    "patellar_attachment": PATELLA,
-}
-#: Quantities of a ligament that may be named, with their units.
-QUANTITIES = {
-    "stiffness": "N",
-    "reference_strain": "",
-    "slack_length": "mm",
-    "transition_strain": "",
-    "transition_width": "",
-    "failure_strain": "",
-    "damping": "N s",
-} | {f"{end}.{axis}": "mm" for end in BONES for axis in AXES}
-#: Of these a structure's value is the sum over its fibres, of all others the mean.
-SUMMED = ("stiffness", "damping")
+BONES = {one.name: one.bone for one in QUANTITIES.values() if one.bone}
 
 
 def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
@@ -54,7 +37,8 @@ def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
         quantity: decides between sum and mean.
     """
     xp = numpy_for(numbers)
-    return (xp.sum if quantity in SUMMED else xp.mean)(xp.asarray(numbers)[np.array(rows)])
+    own = xp.asarray(numbers)[np.array(rows)]
+    return (xp.sum if quantity_of(quantity).summed else xp.mean)(own)
 
 
 def numbers_of(knee: Knee, quantity: str) -> Array:
@@ -87,11 +71,11 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
     Args:
         knee: any knee.
         rows: of the structure's fibres.
-        quantity: any of `QUANTITIES` but `reference_strain` (see `strained`).
+        quantity: any of a fibre but `reference_strain` (see `strained`).
         value: sum or mean, as `value_of` reads it.
     """
     end, _, axis = quantity.partition(".")
-    if quantity in SUMMED:
+    if quantity_of(quantity).summed:
         value = value / len(rows)
     old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
     changed = _shared(old, rows, value, shifts=bool(axis))
@@ -180,7 +164,7 @@ def fibres_summed(knee: Knee, name: str) -> int:
         [3, 1]
     """
     owner, _, quantity = name.partition(".")
-    return len(dict(knee.groups).get(owner, (owner,))) if quantity in SUMMED else 1
+    return len(dict(knee.groups).get(owner, (owner,))) if quantity_of(quantity).summed else 1
 
 
 def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
@@ -236,7 +220,7 @@ def doubt_prior(knee: Knee, name: str, deviation: float) -> None:
 
 def _of_whole(name: str, count: int, total: float) -> str:
     owner, _, quantity = name.partition(".")
-    unit = {"stiffness": "N", "damping": "N s"}[quantity]
+    unit = quantity_of(quantity).unit
     return (
         f"{unit} is of the whole {owner}, drawn as {count} fibres with {total:,.0f} {unit} in this "
         f"knee; one fibre has {total / count:,.0f} {unit} in the mean"
@@ -257,7 +241,7 @@ def _sum(knee: Knee, name: str) -> float:
     """The sum over a structure's fibres; 0 of what is no sum."""
     owner, _, quantity = name.partition(".")
     fibres = dict(knee.groups).get(owner)
-    return _over(knee, fibres, quantity) if fibres and quantity in SUMMED else 0.0
+    return _over(knee, fibres, quantity) if fibres and quantity_of(quantity).summed else 0.0
 
 
 def _over(knee: Knee, fibres: Sequence[str], quantity: str) -> float:

@@ -21,8 +21,8 @@ from pydantic import (
 from pydantic import Field as PydanticField
 from pydantic_core import core_schema
 
-from kneejax._ranges import RANGES, Range, range_of_parameter
 from kneejax.files.reading import MOST, Field, InputProblem, InputProblems, nearest_name
+from kneejax.quantities import RANGES, Range, range_of_parameter
 
 if TYPE_CHECKING:
     from numpy import ndarray

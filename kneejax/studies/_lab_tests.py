@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
-from kneejax._ranges import RANGES
 from kneejax.files.reading import Field, InputProblem
+from kneejax.quantities import RANGES
 from kneejax.studies._checked import (
     UNITS,
     Angles,

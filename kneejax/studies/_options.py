@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import PlainValidator, model_validator
 
-from kneejax._ranges import RANGES, Range
 from kneejax.files.reading import Field, InputProblem
+from kneejax.quantities import RANGES, Range
 from kneejax.studies._checked import (
     Choice,
     Flag,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import PlainValidator, ValidationInfo
 
-from kneejax._ranges import RANGES
 from kneejax.files.reading import Field
+from kneejax.quantities import RANGES
 from kneejax.studies._checked import (
     UNITS,
     Angles,

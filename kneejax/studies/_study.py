@@ -14,6 +14,7 @@ from pydantic import PrivateAttr
 
 from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Field
+from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.studies._checked import UNITS, Mistakes, found_in, plain
 from kneejax.studies._reading import check_fields, objects_of
 from kneejax.studies._schema import STUDY_FIELDS, StudyFields
@@ -270,7 +271,6 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     """Names, bounds and data that must suit the knee."""
     from kneejax.numerics import check_installed
     from kneejax.parameters import (
-        QUANTITIES,
         doubt_prior,
         select,
         start_within,
@@ -287,7 +287,7 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     if study.prior and None in study.noise:
         expected = "noise_mm and noise_deg too, against which a prior counts"
         mistakes.keep(InputProblem("", "prior", ", ".join(study.prior), expected))
-    bounded = [name for name in study.bounds if name not in QUANTITIES]
+    bounded = [name for name in study.bounds if name not in FIBRE_QUANTITIES]
     for name in dict.fromkeys((*study.parameters, *study.truth, *study.start, *bounded)):
         with mistakes.gathered():
             select(study.knee, [name])

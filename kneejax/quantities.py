@@ -1,0 +1,281 @@
+"""Every quantity of a knee, declared once: name, unit, field in a file, limits, scales, source.
+
+Parameter names, units, bounds, prior scales and what a file may say come from `QUANTITIES`. Adding
+one is an entry here and its use in the physics. It imports no JAX: a wrong number is answered at
+once.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+#: Components of points and directions.
+AXES = ("anterior", "superior", "lateral")
+
+
+@dataclasses.dataclass(frozen=True)
+class Range:
+    """The values that a quantity may have.
+
+    Attributes:
+        lower: the least.
+        upper: the greatest.
+        unit: empty for a plain number.
+        or_zero: whether zero is allowed too, below `lower`.
+        too_small: what a smaller value suggests.
+        too_large: what a larger value suggests.
+
+    Example:
+        >>> allowed = QUANTITIES["youngs_modulus"].allowed
+        >>> allowed.holds(5e6), allowed.expected(5e6)
+        (False, 'between 0.001 and 100,000 MPa; Pa are suspected')
+    """
+
+    lower: float
+    upper: float
+    unit: str = ""
+    or_zero: bool = False
+    too_small: str = ""
+    too_large: str = ""
+
+    def holds(self, value: float) -> bool:
+        """Whether a value is one of them; NaN is not."""
+        return self.lower <= value <= self.upper or (self.or_zero and value == 0.0)
+
+    def expected(self, value: float) -> str:
+        """What should stand where this value does, with what its size suggests."""
+        return f"{self}{self.hint(value)}"
+
+    def hint(self, value: float) -> str:
+        """What the size of a value suggests, if anything, to end a sentence with."""
+        suspected = self.too_large if value > self.upper else ""
+        suspected = self.too_small if value < self.lower else suspected
+        return f"; {suspected}" if suspected else ""
+
+    @property
+    def spread(self) -> Range:
+        """What a standard deviation, or a step, of such a quantity can be."""
+        width = self.upper - self.lower
+        return Range(1e-9 * width, width, self.unit)
+
+    def __str__(self) -> str:
+        zero = "0, or " if self.or_zero else ""
+        unit = f" {self.unit}" if self.unit else ""
+        return f"{zero}between {_plain(self.lower)} and {_plain(self.upper)}{unit}"
+
+
+def _plain(x: float) -> str:
+    return f"{x:,.0f}" if abs(x) >= 1e4 else f"{x:g}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """A number, or the components of a point, that parts of a knee have.
+
+    Attributes:
+        name: as in `ACL.stiffness`.
+        owners: kinds of parts that have it: `ligament`, `contact`, `line`, `muscle`, `load`,
+            `obstacle` (what fibres wrap around); empty where no part is advised to name it.
+        unit: of a parameter; empty for a plain number.
+        allowed: what every knee's numbers lie between.
+        field: in a knee file; empty where the file says it otherwise.
+        paths: kind of part -> attributes that lead from it to the number, where they are not the
+            name.
+        bone: on which the point lies, of an attachment.
+        summed: whether a structure's value is the sum over its fibres; the mean otherwise.
+        bounds: of a search for a single line; None where they go by the knee's own value.
+        within: bounds lie so far from the knee's own value; None for from half to twice of it.
+        relative: prior standard deviation, as a part of the value; conventions of ours, as are
+            those below: published stiffnesses of one ligament differ by as much.
+        deviation: prior standard deviation whatever the value, in the unit; None for a part of it.
+        source: of the bounds.
+    """
+
+    name: str
+    owners: tuple[str, ...]
+    unit: str
+    allowed: Range
+    field: str = ""
+    paths: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    bone: str = ""
+    summed: bool = False
+    bounds: tuple[float, float] | None = None
+    within: float | None = None
+    relative: float = 0.1
+    deviation: float | None = None
+    source: str = ""
+
+    @property
+    def is_place(self) -> bool:
+        """Whether its zero is arbitrary, so that no per cent of it means anything."""
+        return self.within is not None
+
+    def bounds_around(self, value: float) -> tuple[float, float]:
+        """Bounds of a search that begins at a value."""
+        if self.bounds is not None:
+            return self.bounds
+        if self.within is not None:
+            return value - self.within, value + self.within
+        if value == 0.0:
+            return -1.0, 1.0
+        low, high = sorted((0.5 * value, 2.0 * value))
+        return low, high
+
+    def scale_of(self, value: float) -> float:
+        """Prior standard deviation of a value."""
+        return self.relative * abs(value) if self.deviation is None else self.deviation
+
+
+_METRES, _PERCENT = "metres are suspected", "a strain, not percent"
+_STRAIN = {"too_large": _PERCENT, "too_small": _PERCENT}
+_POINT = Range(-1000.0, 1000.0, "mm")
+_SIZE = Range(1.0, 1000.0, "mm", too_small=_METRES)
+_PAPER1 = "paper 1, section 2.3"
+
+
+def _point(name: str, *owners: str, **other) -> Quantity:
+    """A point on a bone, that may move by 10 mm."""
+    fields = {"field": f"{name}_mm", "within": 10.0, "deviation": 1.0} | other
+    return Quantity(name, owners, "mm", _POINT, **fields)
+
+
+def _attachment(bone: str, adjective: str) -> Quantity:
+    """An end of a ligament, which is seen to within 2 mm."""
+    return _point(f"{adjective}_attachment", "ligament", bone=bone, deviation=2.0)
+
+
+_ALL = (
+    Quantity("stiffness", ("ligament",), "N", Range(1e-3, 1e7, "N"), "stiffness_N", summed=True,
+             bounds=(300.0, 10000.0), relative=0.3, source=_PAPER1),
+    Quantity("reference_strain", ("ligament",), "", Range(-0.9, 0.5, **_STRAIN), "reference_strain",
+             bounds=(-0.2, 0.2), deviation=0.02, source=_PAPER1),
+    # The iliotibial band, the longest of all, is 550 mm.
+    Quantity("slack_length", ("ligament",), "mm", Range(1.0, 700.0, "mm", too_small=_METRES),
+             "slack_length_mm", bounds=(5.0, 200.0), relative=0.02),
+    Quantity("transition_strain", ("ligament",), "", Range(1e-4, 0.5, too_large=_PERCENT),
+             "transition_strain", bounds=(0.005, 0.2), relative=0.3),
+    Quantity("transition_width", ("ligament",), "", Range(1e-7, 0.5, too_large=_PERCENT),
+             "transition_width", bounds=(1e-4, 0.02), relative=0.3),
+    Quantity("failure_strain", ("ligament",), "", Range(1e-3, 1.0, too_large=_PERCENT),
+             "failure_strain", bounds=(0.05, 0.5), relative=0.3),
+    Quantity("damping", ("ligament",), "N s", Range(1e-9, 1e5, "N s", or_zero=True), "damping_N_s",
+             summed=True, bounds=(0.0, 200.0), relative=0.3),
+    _attachment("femur", "femoral"),
+    _attachment("tibia", "tibial"),
+    _attachment("patella", "patellar"),
+    Quantity("youngs_modulus", ("contact",), "MPa", Range(1e-3, 1e5, "MPa",
+             too_large="Pa are suspected"), "youngs_modulus_MPa"),
+    Quantity("poisson_ratio", ("contact",), "", Range(0.0, 0.4999), "poisson_ratio"),
+    Quantity("layer_thickness", ("contact",), "mm", Range(0.1, 50.0, "mm", too_small=_METRES),
+             "layer_thickness_mm"),
+    Quantity("onset_width", ("contact",), "mm", Range(1e-6, 5.0, "mm"), "onset_width_mm"),
+    _point("femoral_surface", "contact", field="", paths={"contact": "femoral.frame.origin"}),
+    _point("tibial_surface", "contact", field="", paths={"contact": "tibial.frame.origin"}),
+    Quantity("tension", ("line", "muscle"), "N", Range(1e-6, 1e5, "N", or_zero=True), "tension_N"),
+    _point("insertion", "line", "muscle", paths={"muscle": "tibial_attachment"}),
+    _point("origin", "line", "muscle", paths={"muscle": "femoral_attachment"}),
+    Quantity("force", ("load",), "N", Range(-1e5, 1e5, "N"), "force_N"),
+    Quantity("moment", ("load",), "N mm", Range(-1e6, 1e6, "N mm"), "moment_Nmm"),
+    _point("point", "load"),
+    Quantity("radius", ("obstacle",), "mm", _SIZE, "radius_mm",
+             paths={"obstacle": "obstacle.radius"}),
+    Quantity("semi_axes", ("obstacle",), "mm", _SIZE, "semi_axes_mm",
+             paths={"obstacle": "obstacle.semi_axes"}),
+    _point("wrap", "obstacle", field="", paths={"obstacle": "obstacle.frame.origin"}),
+    Quantity("length", (), "mm", Range(1.0, 700.0, "mm"), "length_mm"),
+    _point("via", field=""),
+    Quantity("rotation", (), "rad", Range(-6.3, 6.3, "rad"), within=0.2, deviation=0.05),
+)  # fmt: skip
+#: Name -> quantity.
+QUANTITIES = {one.name: one for one in _ALL}
+#: What a parameter of a ligament may be called after its name.
+FIBRE_QUANTITIES = tuple(
+    f"{one.name}.{axis}" if axis else one.name
+    for one in _ALL
+    if "ligament" in one.owners
+    for axis in (AXES if one.bone else ("",))
+)
+_OTHER = Quantity("", (), "", Range(-float("inf"), float("inf")))
+
+
+def quantity_of(name: str) -> Quantity:
+    """The quantity that a parameter, or a field of a part, is of.
+
+    Args:
+        name: `ACL.stiffness`, `*.stiffness`, `stiffness`, or fields with dots between them, as
+            `medial.tibial_surface.superior`.
+
+    Returns:
+        The last that is named; one without name, unit and limits where none is known.
+
+    Example:
+        >>> quantity_of("ACL.femoral_attachment.anterior").unit, quantity_of("ACL.colour").name
+        ('mm', '')
+    """
+    known = [word for word in name.split(".") if word in QUANTITIES]
+    return QUANTITIES[known[-1]] if known else _OTHER
+
+
+#: Name of a field, a column or a load, with its unit -> the values that it may have.
+RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field} | {
+    "reference_force_N": Range(1e-6, 1e5, "N"),
+    # of places and sizes
+    "point_mm": _POINT,
+    "scan_mm": Range(-1e4, 1e4, "mm"),  # from a scanner's origin
+    "size_mm": _SIZE,
+    "within_mm": Range(1e-3, 1000.0, "mm"),
+    "corner_radius_mm": Range(1e-3, 1000.0, "mm"),  # a fitted table may fall off at its corners
+    "coefficient_mm": Range(-1e4, 1e4, "mm"),
+    "fit_mm": Range(1e-9, 1000.0, "mm", or_zero=True),
+    "rotation_deg": Range(-360.0, 360.0, "degrees"),
+    "angle_deg": Range(-90.0, 270.0, "degrees"),
+    # of a pose
+    "flexion_deg": Range(-30.0, 180.0, "degrees", too_small="flexion is positive"),
+    "adduction_deg": Range(-45.0, 45.0, "degrees"),
+    "internal_rotation_deg": Range(-90.0, 90.0, "degrees"),
+    "anterior_mm": _POINT,
+    "superior_mm": _POINT,
+    "lateral_mm": _POINT,
+    # of loads
+    "lateral_N": Range(-1e5, 1e5, "N"),
+    "anterior_N": Range(-1e5, 1e5, "N"),
+    "compression_N": Range(-1e5, 1e5, "N"),
+    "varus_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
+                      too_small="N mm are suspected"),
+    "internal_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
+                         too_small="N mm are suspected"),
+    # of motion through time
+    "body_kg": Range(20.0, 300.0, "kg"),
+    "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
+    "ankle_kg": Range(0.0, 100.0, "kg"),
+    "femur_deg": Range(-90.0, 90.0, "degrees"),
+    "time_s": Range(-1e6, 1e6, "s"),
+    "period_s": Range(1e-2, 1e3, "s"),
+    "error_mm": Range(1e-6, 10.0, "mm"),
+    "critical": Range(0.0, 100.0, ""),
+    "damping_N_s_per_mm": Range(0.0, 1e3, "N s/mm"),
+    "dissipation_s_per_mm": Range(0.0, 10.0, "s/mm", too_large="s/m are suspected"),
+    # of what is measured
+    "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
+    "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),
+    "weight": Range(1e-9, 1e9, or_zero=True),
+    "strain": Range(-0.9, 1.0, **_STRAIN),
+}  # fmt: skip
+
+
+def range_of_parameter(name: str) -> Range | None:
+    """What a parameter may be, by its name.
+
+    Args:
+        name: `LIGAMENT.quantity`, `*.quantity` or a quantity alone.
+
+    Returns:
+        The range; None for a quantity that is not known.
+
+    Example:
+        >>> str(range_of_parameter("ACL.slack_length"))
+        'between 1 and 700 mm'
+    """
+    found = quantity_of(name)
+    return found.allowed if found.name and found.unit != "rad" else None
