@@ -229,24 +229,6 @@ def test_starts_that_end_apart_are_said(tmp_path):
     assert said.startswith("1 of 3 starts ended apart from the answer and fit as well: ACL.stiff")
 
 
-def test_an_answer_outside_its_limits_is_said():
-    def change(fit):
-        first, *rest = fit.estimates
-        return {
-            "estimates": (
-                dataclasses.replace(
-                    first, value=2842.0, low=3000.0, high=9443.0, likeliest=4956.0,
-                    interval=IntervalKind.PROFILE,
-                ),
-                *rest,
-            )
-        }  # fmt: skip
-
-    (said,) = report.warnings(_judged(change))
-    assert "ACL.stiffness, 2842, lies outside its limits (3000 to 9443)" in said
-    assert "4956" in said
-
-
 def test_fitted_motion_is_drawn_where_its_errors_are():
     calibration = made_up.calibration()
     fit = _sound(calibration.fit)
