@@ -44,7 +44,7 @@ _FINEST_BENT, _FINEST_CHANGED, _FINEST = 2.0**-3, 2.0**-6, 2.0**-14
 #: smooth, and shorter steps come as near as one likes; another branch stays away.
 _MISSED_MM = 1.0
 #: How far a tibia may move in one step, mm (rotations at 30 mm): for each degree of flexion, but as
-#: far at least; while loads change, where longer steps may pass over a limit point. A patella: twice.
+#: far at least; under changing loads, where longer steps pass over limit points. A patella: twice.
 _PER_DEGREE_MM, _BENT_MM, _LOADED_MM, _PATELLA = 0.75, 0.75, 1.0, 2.0
 #: Unit vectors that differ by less have one direction.
 _STRAIGHT = 1e-6

@@ -162,10 +162,11 @@ def bootstrapped(
     """
     values = [answer.found[name] for name in study.selection.names]
     values += [answer.frame_offset[name] for name in study.frame_offset]
-    if by_blocks:
-        return bootstrap_by_blocks(study.problem(), values, draws, study.seed)
     noise = [answer.noise[name] for name in UNITS]
-    return bootstrap(study.problem(), values, noise, draws, study.seed)
+    problem = study.problem().weighing(np.array(noise))
+    if by_blocks:
+        return bootstrap_by_blocks(problem, values, draws, study.seed)
+    return bootstrap(problem, values, noise, draws, study.seed)
 
 
 def identify(study: Study, options: Identify | None = None, **fields: Any) -> Identified:

@@ -11,8 +11,7 @@ from kneejax.cli import main
 from kneejax.experiments import MeasuredTest, lab_tests, load_curves, passive_flexion
 from kneejax.files import write_poses
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks, curves_of
-from kneejax.inference.bootstrap._bootstrap import Answered
+from kneejax.inference.bootstrap import Answered, bootstrap, bootstrap_by_blocks, curves_of
 from kneejax.inference.fit import rows_of_tests
 from kneejax.parameters import UnsuitableData
 

@@ -116,6 +116,13 @@ class CalibrationProblem:
         fitted = fitted.stepping(start)
         return cls(fitted, noise, start, lower, upper, **search)
 
+    def weighing(self, noise: np.ndarray) -> CalibrationProblem:
+        """The same whose squares weigh by the noise that an answer left, `(5,)`, where it was
+        estimated."""
+        if self.noise.given or not self.noise.estimated:
+            return self
+        return dataclasses.replace(self, fitted=self.fitted.weighing(np.asarray(noise, float)))
+
 
 def _check_offsets(problem: Problem) -> None:
     """Refuse constants between frames that absorb all that was measured."""
