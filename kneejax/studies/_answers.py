@@ -162,7 +162,7 @@ def bootstrapped(
     """
     values = [answer.found[name] for name in study.selection.names]
     values += [answer.frame_offset[name] for name in study.frame_offset]
-    noise = [answer.noise[name] for name in UNITS]
+    noise = [answer.noise.get(name, np.inf) for name in UNITS]
     problem = study.problem().weighing(np.array(noise))
     if by_blocks:
         return bootstrap_by_blocks(problem, values, draws, study.seed)
