@@ -139,6 +139,15 @@ def designs() -> dict[str, Design]:
         found["twelve poses"], prior={"*.stiffness": 600.0}
     )
     found["laxity twin"] = Design(np.arange(0.0, 91.0, 15.0), 0.1, true=0.01, laxity=True)
+    found["groups of an imported knee"] = Design(
+        np.arange(0.0, 91.0, 15.0), 0.1, knee="lenhart2015_reduced", laxity=True, true=0.01,
+        stiffness=(300.0, 60000.0),
+        names=tuple(
+            f"{name}.{quantity}"
+            for quantity in ("stiffness", "reference_strain")
+            for name in ("ACL", "PCL", "MCL", "LCL")
+        ),
+    )
     found["Lachman, ACL cut"] = printed
     # With the printed strains the knee is dislocated from half of the load on, and moves by 18 mm.
     patient = dataclasses.replace(printed, added=PRESTRAIN)
