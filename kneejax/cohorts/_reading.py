@@ -12,7 +12,9 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import PlainValidator, ValidationInfo
 
 from kneejax.files import (
     InputProblem,
@@ -21,7 +23,21 @@ from kneejax.files import (
     bundled_studies,
     study_path,
 )
-from kneejax.files.reading import Field, load_yaml, plain_number
+from kneejax.files.reading import (
+    Mistakes,
+    Part,
+    Text,
+    checked,
+    choice,
+    entries,
+    folder_of,
+    items,
+    load_yaml,
+    meaning,
+    plain_number,
+    text,
+    wrong,
+)
 from kneejax.files.tables import read_rows
 from kneejax.mechanics import Implausible
 from kneejax.numerics import MissingPackage
@@ -37,6 +53,50 @@ _COLUMNS = (
     "name, side, about's, or a field of the study: knee, measured.file, TEST.file, noise_mm, "
     "set.ACL.stiffness, ..."
 )
+
+
+def _template(value: Any, info: ValidationInfo) -> Any:
+    """The fields of a study as they are, or the file that has them."""
+    if isinstance(value, dict):
+        return value
+    known, name = bundled_studies(), text(value)
+    path = study_path(name) if name in known else folder_of(info) / name
+    if not os.path.isfile(path):
+        expected = f"a study file, its fields, or a bundled study; not at {path}"
+        raise wrong(value, expected, known)
+    return path
+
+
+def _knees(value: Any, info: ValidationInfo) -> Any:
+    """Rows as they are, or the table that has them."""
+    if isinstance(value, list):
+        mistakes = Mistakes()
+        for number, row in enumerate(items(value, "knees")):
+            if not isinstance(row, dict):
+                expected = "a mapping with the field name, and what differs"
+                mistakes.append(wrong(row, expected, at=f"[{number}]"))
+        mistakes.check()
+        return value
+    path = folder_of(info) / text(value)
+    if not os.path.isfile(path):
+        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
+        raise wrong(value, expected)
+    return path
+
+
+class CohortFile(Part):
+    """All that a cohort file may say."""
+
+    title: Text = meaning("for reports")
+    study: Annotated[Any, PlainValidator(_template)] = meaning(
+        "the template: a study file, a bundled study, or its fields"
+    )
+    knees: Annotated[Any, PlainValidator(_knees)] = meaning(
+        "CSV table with one row a knee, or a list"
+    )
+    about: Annotated[tuple[Text, ...], entries("columns")] = meaning(
+        "columns that are carried along", ()
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -121,9 +181,9 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
     own = path / _COHORT_FILE if os.path.isdir(path) else path
     title = path.name
     if os.path.isfile(own):
-        whole = Field(os.fspath(own), "", load_yaml(own, "a cohort file"))
-        whole.mapping(("title", "study", "knees"), ("about",))
-        found, title = _from_rows(whole, own.parent), whole["title"].text()
+        document = load_yaml(own, "a cohort file")
+        whole = checked(CohortFile, document, os.fspath(own), folder=own.parent)
+        found, title = _from_rows(whole, own), whole.title
     else:
         found = _from_studies(path)
     for one in found:
@@ -161,54 +221,42 @@ def _from_studies(pattern: Path) -> Iterator[Member | str]:
             continue  # a knee may lie beside the study that begins with it
         count += 1
         name = file.parent.name if file.name == _STUDY_FILE else file.stem
-        yield from _member(name, Field(os.fspath(file), "", document), file.parent)
+        yield from _member(name, document, os.fspath(file), file.parent)
     if not count:
         raise InputProblem("cohort", "folder", os.fspath(pattern), expected)
 
 
-def _from_rows(whole: Field, beside: Path) -> Iterator[Member | str]:
+def _from_rows(whole: CohortFile, own: Path) -> Iterator[Member | str]:
     """A member, or what is wrong with it, for every row of a cohort file's knees."""
-    shared, folder = whole["study"], beside
-    if isinstance(shared.value, dict):
-        template = shared.value
-    else:
-        known, name = bundled_studies(), shared.text()
-        path = study_path(name) if name in known else beside / name
-        if not os.path.isfile(path):
-            expected = f"a study file, its fields, or a bundled study; not at {path}"
-            raise shared.problem(expected, known)
-        template, folder = load_yaml(path, "a study file"), path.parent
+    template, folder = whole.study, own.parent
+    if isinstance(template, Path):
+        path, folder = template, template.parent
+        template = load_yaml(path, "a study file")
         if not isinstance(template, dict):
             raise InputProblem(path, "file", template, "a study file")
-    about = [one.text() for one in whole["about"].items("columns")] if "about" in whole else []
-    for place, cells in _rows(whole["knees"], beside):
+    for place, cells in _rows(whole, own):
         try:
-            name, known, document = _overlaid(place, cells, template, folder, beside, about)
+            about = whole.about
+            name, known, document = _overlaid(place, cells, template, folder, own.parent, about)
         except InputProblem as problem:
             yield str(problem)
             continue
-        yield from _member(name, Field(place, "", document), folder, known)
+        yield from _member(name, document, place, folder, known)
 
 
-def _rows(field: Field, folder: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
+def _rows(whole: CohortFile, own: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Place of each row for errors, and its cells by column, without empty ones."""
-    if isinstance(field.value, list):
-        for item in field.items("knees"):
-            if not isinstance(item.value, dict):
-                raise item.problem("a mapping with the field name, and what differs")
-            name = item.value.get("name", "")
-            yield f"{item.file}: {item.path}" + f" ({name})" * bool(name), item.value
+    if isinstance(whole.knees, list):
+        for number, cells in enumerate(whole.knees):
+            name = cells.get("name", "")
+            yield f"{own}: knees[{number}]" + f" ({name})" * bool(name), cells
         return
-    path = folder / field.text()
-    if not os.path.isfile(path):
-        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
-        raise field.problem(expected)
-    header, rows = read_rows(os.fspath(path), ["name"])
+    header, rows = read_rows(os.fspath(whole.knees), ["name"])
     for number, (_, texts) in enumerate(rows, 1):
         cells = {column: _value(x) for column, x in zip(header, texts, strict=True) if x.strip()}
         # A name may be a number, or the word no.
         cells["name"] = name = texts[header.index("name")].strip()
-        yield f"{path}: row {number}" + f" ({name})" * bool(name), cells
+        yield f"{whole.knees}: row {number}" + f" ({name})" * bool(name), cells
 
 
 def _value(cell: str) -> Any:
@@ -264,7 +312,10 @@ def _overlaid(
             near = [*STUDY_FIELDS, "measured.file", *(f"{name}.file" for name in named)]
             raise InputProblem(place, "column", column, f"no such column, but {_COLUMNS}", near)
     if "side" in cells:
-        side = Field(place, "side", cells["side"]).choice(("right", "left", "r", "l"))
+        mistakes, side = Mistakes(place), ""
+        with mistakes.gathered("side"):
+            side = choice(cells["side"], ("right", "left", "r", "l"))
+        mistakes.check()
         for one in (document.get("measured"), *tests):
             # A left knee's tables are mirrored; what comes with the package is of right knees.
             if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
@@ -273,35 +324,34 @@ def _overlaid(
 
 
 def _member(
-    name: str, document: Field, folder: Path, about: Mapping[str, float | str] | None = None
-) -> Iterator[Member | str]:
+    name: str, document: Any, file: str, folder: Path,
+    about: Mapping[str, float | str] | None = None,
+) -> Iterator[Member | str]:  # fmt: skip
     if not _NAME.fullmatch(name):
         expected = "a name of letters, digits, ., _, + or -, which is that of its folder too"
-        yield str(InputProblem(document.file, "name", name, expected))
+        yield str(InputProblem(file, "name", name, expected))
         return
-    if missing := [*_missing_files(document, folder)]:
+    if missing := [*_missing_files(document, file, folder)]:
         yield from map(str, missing)
         return
     try:
-        yield Member(name, study_of(document, folder), dict(about or {}), document.file)
+        yield Member(name, study_of(document, file, folder), dict(about or {}), file)
     except _MISTAKES as problem:
         for one in getattr(problem, "problems", (problem,)):
-            named = str(one).startswith(f"{document.file}: ")
-            yield str(one) if named else f"{document.file}: {one}"
+            named = str(one).startswith(f"{file}: ")
+            yield str(one) if named else f"{file}: {one}"
 
 
-def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:
+def _missing_files(document: Any, file: str, folder: Path) -> Iterator[InputProblem]:
     """Every file that a study names and that is not there, at once."""
-    if not isinstance(document.value, dict):
+    if not isinstance(document, dict):
         return
-    places = [(document, "knee", bundled_knees())]
-    tests = document.value.get("tests")
-    listed = [*enumerate(tests)] if isinstance(tests, list) else []
-    named = [Field(document.file, f"tests[{number}]", test) for number, test in listed]
-    if "measured" in document:
-        named.insert(0, document["measured"])
-    places += [(one, "file", bundled_measurements()) for one in named]
-    for field, name, known in places:
-        value = field.value.get(name) if isinstance(field.value, dict) else None
+    tests = document.get("tests")
+    listed = tests if isinstance(tests, list) else []
+    places = [("", document, "knee", bundled_knees())]
+    places += [("measured.", document.get("measured"), "file", bundled_measurements())]
+    places += [(f"tests[{i}].", x, "file", bundled_measurements()) for i, x in enumerate(listed)]
+    for at, part, name, known in places:
+        value = part.get(name) if isinstance(part, dict) else None
         if isinstance(value, str) and value not in known and not os.path.isfile(folder / value):
-            yield field[name].problem(f"a file; not at {folder / value}", known)
+            yield InputProblem(file, at + name, value, f"a file; not at {folder / value}", known)

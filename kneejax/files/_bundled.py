@@ -8,7 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
+from kneejax.files.reading import (
+    InputProblem,
+    Part,
+    Text,
+    checked,
+    load_yaml,
+    meaning,
+    nearest_name,
+    neighbour,
+)
 
 _ENDINGS = {
     "knees": ".yaml",
@@ -43,6 +52,23 @@ class Measurement:
     use: str = "poses"
     counted_from: str = ""
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+class AboutTest(Part):
+    """How a table is one of a test."""
+
+    counted_from: Text = meaning("what its numbers are counted from")
+    columns: dict[str, str] = meaning("column of a pose -> column of the table", dict)
+
+
+class AboutTable(Part):
+    """The YAML file beside a bundled table."""
+
+    title: Text = meaning("what was measured")
+    source: Text = meaning("where it was published")
+    description: Text = meaning("how it was measured", "")
+    test: AboutTest | None = meaning("of a test", None)
+    conditions: Any = meaning("of a table of conditions", None)
 
 
 def bundled_path(kind: str, name: str) -> Path:
@@ -86,11 +112,8 @@ def bundled_knees() -> dict[str, Path]:
 
 def bundled_knee_descriptions() -> dict[str, str]:
     """Name -> description of each knee that comes with the package; none is built for that."""
-    answer = {}
-    for name, path in bundled_files("knees").items():
-        document = Field(os.fspath(path), "", load_yaml(path, "a knee file"))
-        answer[name] = document["description"].text()
-    return answer
+    files = bundled_files("knees").items()
+    return {name: load_yaml(path, "a knee file")["description"].strip() for name, path in files}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,11 +150,8 @@ def bundled_studies() -> dict[str, str]:
         >>> "paper1" in bundled_studies()
         True
     """
-    answer = {}
-    for name, path in bundled_files("studies").items():
-        document = load_yaml(path, "a study")
-        answer[name] = Field(os.fspath(path), "", document)["title"].text()
-    return answer
+    files = bundled_files("studies").items()
+    return {name: load_yaml(path, "a study")["title"].strip() for name, path in files}
 
 
 def absent_measurement(study: str) -> Path | None:
@@ -173,22 +193,12 @@ def bundled_measurements() -> dict[str, Measurement]:
     answer = {}
     for name, path in bundled_files("measurements").items():
         about = path.with_suffix(".yaml")
-        field = Field(os.fspath(about), "", load_yaml(about, "title and source of a table"))
-        field.mapping(("title", "source"), ("description", "test", "conditions"))
-        said = [field[k].text() if k in field else "" for k in ("title", "source", "description")]
-        answer[name] = Measurement(path, *said, **_use(field))
+        document = load_yaml(about, "title and source of a table")
+        one = checked(AboutTable, document, os.fspath(about))
+        use = "nothing" if one.conditions is not None else "test" if one.test else "poses"
+        test = {} if one.test is None else dict(one.test)
+        answer[name] = Measurement(path, one.title, one.source, one.description, use, **test)
     return answer
-
-
-def _use(field: Field) -> dict[str, Any]:
-    """What a study takes a measurement for."""
-    if "conditions" in field:
-        return {"use": "nothing"}
-    if "test" not in field:
-        return {}
-    test = field["test"].mapping(("counted_from",), ("columns",))
-    columns = test["columns"].value if "columns" in test else {}
-    return {"use": "test", "counted_from": test["counted_from"].text(), "columns": columns}
 
 
 def bundled_laxity_sources() -> dict[str, str]:
@@ -200,9 +210,8 @@ def bundled_laxity_sources() -> dict[str, str]:
     """
     answer = {}
     for name, path in bundled_files("laxity").items():
-        field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
-        unknown = "" if "size" in field else "; load not known"
-        answer[name] = field["source"].text() + unknown
+        about = load_yaml(path, "source of a laxity table")
+        answer[name] = about["source"].strip() + "; load not known" * ("size" not in about)
     return answer
 
 
@@ -248,7 +257,7 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
-def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Field, Path]:
+def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Any, Path]:
     """What a bundled file of this name says, or else the file itself.
 
     Args:
@@ -256,13 +265,13 @@ def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Fie
         name_or_path: name of a bundled file, or any file.
 
     Returns:
-        The document, and the folder to which paths in it are relative.
+        The document, and its file, to whose folder paths in it are relative.
 
     Raises:
         InputProblem: there is neither, or it is no YAML.
     """
     path = named_path(kind, name_or_path)
-    return Field(os.fspath(path), "", load_yaml(path, f"a {_ONE[kind]} file")), path.parent
+    return load_yaml(path, f"a {_ONE[kind]} file"), path
 
 
 def bundled_files(kind: str) -> dict[str, Path]:

@@ -6,11 +6,22 @@ import dataclasses
 import os
 from collections.abc import Collection
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
 from kneejax.files._bundled import bundled_files
-from kneejax.files.reading import Field, InputProblem, load_yaml
+from kneejax.files.reading import (
+    InputProblem,
+    Part,
+    Text,
+    checked,
+    load_yaml,
+    meaning,
+    number,
+    one_of,
+    reads,
+)
 from kneejax.files.tables import read_rows
 
 _COLUMNS = ["flexion_deg", "end", "mean", "sd", "cut"]
@@ -51,6 +62,19 @@ class LaxityBand:
     counted_from: str = "unloaded"
 
 
+class AboutLaxity(Part):
+    """The YAML file beside a table of laxities."""
+
+    label: Text = meaning("for a figure's legend")
+    source: Text = meaning("where it was published")
+    load: Text = meaning("that acted")
+    size: Annotated[float, reads(number)] = meaning("of the load", np.nan)
+    notes: Any = meaning("anything else", None)
+    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = meaning(
+        "what a cut knee's displacement is counted from", "unloaded"
+    )
+
+
 def bundled_bands(
     cut: Collection[str] | None = None, name: str | None = None
 ) -> list[LaxityBand]:
@@ -73,26 +97,22 @@ def bundled_bands(
 
 
 def _read(path: Path) -> list[LaxityBand]:
-    field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
-    field.mapping(("label", "source", "load"), ("size", "notes", "counted_from"))
-    known = ("unloaded", "intact")
-    counted = field["counted_from"].choice(known) if "counted_from" in field else known[0]
-    label, source, load = (field[name].text() for name in ("label", "source", "load"))
-    size = field["size"].number() if "size" in field else np.nan
+    about = checked(AboutLaxity, load_yaml(path, "source of a laxity table"), os.fspath(path))
     table = os.fspath(path.with_suffix(".csv"))
     header, rows = read_rows(table, _COLUMNS)
     place = [header.index(name) for name in _COLUMNS]
     kinds: dict[tuple[str, str], list[list[float]]] = {}
-    for number, (line, cells) in enumerate(rows, 1):
+    for count, (line, cells) in enumerate(rows, 1):
         flexion, end, mean, sd, cut = (cells[i].strip() for i in place)
         if end not in ENDS:
-            where = f"row {number} (line {line}), end"
+            where = f"row {count} (line {line}), end"
             raise InputProblem(table, where, end, f"one of {', '.join(ENDS)}", ENDS)
         kinds.setdefault((end, cut), []).append([float(x) for x in (flexion, mean, sd)])
     return [
         LaxityBand(
-            path.stem, label, source, load, size, end, tuple(cut.split()), *np.array(own).T,
-            counted_from=counted if cut else known[0],
+            path.stem, about.label, about.source, about.load, about.size, end,
+            tuple(cut.split()), *np.array(own).T,
+            counted_from=about.counted_from if cut else "unloaded",
         )
         for (end, cut), own in kinds.items()
-    ]
+    ]  # fmt: skip

@@ -6,7 +6,7 @@ from kneejax._lazy import lazy_names
 
 #: Module -> its public names: what may be asked, with its defaults, is known without JAX.
 _NAMES = {
-    "_acl_plan": ("drawn_parameters", "plan_of", "read_plan"),
+    "_acl_plan": ("drawn_parameters", "read_plan"),
     "_answers": (
         "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify", "run",
         "run_side_by_side", "sensitivity",
@@ -20,7 +20,6 @@ _MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for
 
 if TYPE_CHECKING:
     from kneejax.studies._acl_plan import drawn_parameters as drawn_parameters
-    from kneejax.studies._acl_plan import plan_of as plan_of
     from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answers import Identified as Identified
     from kneejax.studies._answers import Sensitivities as Sensitivities

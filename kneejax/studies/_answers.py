@@ -44,7 +44,7 @@ from kneejax.inference.sensitivity import (
 )
 from kneejax.numerics import adding_up, check_installed, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData, stated
-from kneejax.studies._checked import UNITS
+from kneejax.studies._fields import UNITS
 from kneejax.studies._maps import check_map, sensitivity_map
 from kneejax.studies._options import Identify, Map, Sensitivity
 from kneejax.studies._study import Study

@@ -17,7 +17,7 @@ from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.mechanics import AXES, NAMED_LOADS
 from kneejax.numerics import MissingPackage
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.studies import _checked, _lab_tests, _reading, _schema
+from kneejax.studies import _fields, _lab_tests, _reading, _schema
 
 
 @pytest.fixture(scope="module")
@@ -151,9 +151,9 @@ def test_names_that_are_known_without_jax_are_those_of_what_computes():
     assert kj.Study.model_fields["cycles"].default == USUAL_CYCLES
     assert get_args(_lab_tests.CountedFrom) == tuple(COUNTED_FROM)
     assert {*get_args(_lab_tests.Axes)} == {*AXES}
-    assert {*get_args(_checked.LoadName)} == {*NAMED_LOADS}
+    assert {*get_args(_fields.LoadName)} == {*NAMED_LOADS}
     assert get_args(_schema.Measured.model_fields["convention"].annotation) == tuple(CONVENTIONS)
-    assert tuple(_checked.UNITS) == FREE_COORDINATES
+    assert tuple(_fields.UNITS) == FREE_COORDINATES
     assert _lab_tests.COORDINATES == (
         *FREE_COORDINATES, *(one.name for one in OTHER_COLUMNS.values())
     )  # fmt: skip
