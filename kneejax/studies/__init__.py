@@ -2,21 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Module -> its public names: what may be asked, with its defaults, is known without JAX.
-_NAMES = {
-    "_acl_plan": ("drawn_parameters", "read_plan"),
-    "_answers": (
-        "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify", "run",
-        "run_side_by_side", "sensitivity",
-    ),
-    "_maps": ("about_maps", "fingerprint", "sensitivity_map"),
-    "_options": ("Identify", "Map", "Sensitivity"),
-    "_schema": ("FAULTS", "STUDY_FIELDS", "Measured", "Synthetic"),
-    "_study": ("Study", "read_study", "study_of"),
-}  # fmt: skip
-_MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.studies._acl_plan import drawn_parameters as drawn_parameters
@@ -44,5 +30,4 @@ if TYPE_CHECKING:
     from kneejax.studies._study import read_study as read_study
     from kneejax.studies._study import study_of as study_of
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -2,21 +2,9 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Module -> its public names, imported when one of them is first asked for.
-_NAMES = {
-    "_building": ("build_obstacle", "build_surface"),
-    "_document": ("check_knee", "format_knee", "mirror_document", "mirror_part"),
-    "_file": ("KneeFile", "build_knee", "read_knee", "write_knee"),
-    "_parts": ("ENDS",),
-    "_restated": ("reconstructed", "restated"),
-}
-_MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
-    from kneejax.files.knee._building import build_obstacle as build_obstacle
-    from kneejax.files.knee._building import build_surface as build_surface
     from kneejax.files.knee._document import check_knee as check_knee
     from kneejax.files.knee._document import format_knee as format_knee
     from kneejax.files.knee._document import mirror_document as mirror_document
@@ -28,6 +16,7 @@ if TYPE_CHECKING:
     from kneejax.files.knee._parts import ENDS as ENDS
     from kneejax.files.knee._restated import reconstructed as reconstructed
     from kneejax.files.knee._restated import restated as restated
+    from kneejax.files.knee._surfaces import build_obstacle as build_obstacle
+    from kneejax.files.knee._surfaces import build_surface as build_surface
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -8,112 +8,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from kneejax import geometry, mechanics
 from kneejax.files.knee import _parts as parts
 from kneejax.files.knee import _surfaces as surfaces
 from kneejax.files.knee._document import KneeDocument, Patella
+from kneejax.files.knee._surfaces import floats
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import (
-    FEMUR,
-    PATELLA,
-    TIBIA,
-    Condyle,
-    Ellipsoid,
-    Frame,
-    Obstacle,
-    Pair,
-    Plane,
-    Plateau,
-    Pose,
-    Sphere,
-    State,
-    Surface,
-    WrapCylinder,
-    WrapEllipsoid,
-    WrapSphere,
-)
-from kneejax.mechanics import (
-    RANGES,
-    ConstantTensionLine,
-    Contact,
-    Course,
-    Implausible,
-    Knee,
-    Ligaments,
-    Load,
-    Muscles,
-    at_reference,
-    check_fibres,
-    ligament_law,
-    usual_failure_strain,
-)
-
-
-def build_surface(surface: dict[str, Any]) -> Surface:
-    """Make a surface of a part of a knee document.
-
-    Args:
-        surface: a mapping with `kind` and that kind's fields, of a right knee.
-    """
-    return surface_of(surfaces.SURFACES[surface["kind"]].model_construct(**surface))
-
-
-def build_obstacle(wrap: dict[str, Any]) -> Obstacle:
-    """What fibres go around, by its entry in a knee document."""
-    return obstacle_of(surfaces.OBSTACLES[wrap["kind"]].model_construct(**wrap))
-
-
-def surface_of(part: surfaces.Surface) -> Surface:
-    """A surface of a right knee."""
-    match part:
-        case surfaces.Condyle():
-            frame, angle = _frame(part.axis_point_mm, part.axis_rotation_deg), part.angle_deg
-            table, width = _floats(part.coefficients_mm), _floats(part.width_mm)
-            return Condyle(table, np.deg2rad(angle), width, frame, part.basis)
-        case surfaces.Plateau():
-            frame = _frame(part.origin_mm, part.rotation_deg)
-            region = _floats(part.anterior_mm), _floats(part.lateral_mm)
-            table = _floats(part.coefficients_mm)
-            return Plateau(table, *region, frame, part.basis, part.outline_mm)
-        case surfaces.PlaneSurface():
-            return Plane(_frame(part.origin_mm, part.rotation_deg), part.half_extent_mm)
-        case surfaces.SphereSurface():
-            return Sphere(part.radius_mm, _frame(part.center_mm, None))
-        case surfaces.EllipsoidSurface():
-            return Ellipsoid(part.semi_axes_mm, _frame(part.center_mm, part.rotation_deg))
-    raise TypeError(part)
-
-
-def obstacle_of(part: surfaces.Obstacle) -> Obstacle:
-    """What fibres of a right knee go around."""
-    frame = _frame(part.center_mm, part.rotation_deg)
-    match part:
-        case surfaces.SphereObstacle():
-            return WrapSphere(part.radius_mm, frame)
-        case surfaces.CylinderObstacle():
-            return WrapCylinder(part.radius_mm, part.length_mm, frame, part.side)
-        case surfaces.EllipsoidObstacle():
-            return WrapEllipsoid(part.semi_axes_mm, frame)
-    raise TypeError(part)
-
-
-def _floats(numbers: Any) -> np.ndarray:
-    """For these JAX compiles no conversion."""
-    return np.array(numbers, float)
-
-
-def _frame(origin: Any, turn: Any) -> Frame:
-    return Frame(origin, None if turn is None else np.deg2rad(turn))
+from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.mechanics import RANGES, Implausible
 
 
 class Way(NamedTuple):
     """A part that may have via points and a wrap, the bones that it joins, and known wraps."""
 
     part: parts.Ligament | parts.Muscle
-    bones: Pair
+    bones: geometry.Pair
     wraps: Mapping[str, surfaces.Obstacle]
 
 
-def knee_of(document: KneeDocument, side: str, file: str) -> Knee:
+def knee_of(document: KneeDocument, side: str, file: str) -> mechanics.Knee:
     """The knee of two bones.
 
     Args:
@@ -121,13 +34,13 @@ def knee_of(document: KneeDocument, side: str, file: str) -> Knee:
         side: of the knee that it was read from.
         file: where it stands, for errors.
     """
-    state = State({TIBIA: _pose(document.reference_pose)})
+    state = geometry.State({TIBIA: _pose(document.reference_pose)})
     return _built(document, None, side, file, state, None)
 
 
 def knee_with_patella(
     document: KneeDocument, side: str, file: str, tension_N: Mapping[str, float]
-) -> Knee:
+) -> mechanics.Knee:
     """The knee of three bones.
 
     Lines of constant tension, which stand for the patella where there is none, are left out.
@@ -141,16 +54,16 @@ def knee_with_patella(
     patella = document.patella
     assert isinstance(patella, Patella)
     poses = {TIBIA: document.reference_pose, PATELLA: patella.reference_pose}
-    state = State({bone: _pose(pose) for bone, pose in poses.items()})
+    state = geometry.State({bone: _pose(pose) for bone, pose in poses.items()})
     muscles = _muscles(patella, state, file, tension_N)
     return _built(document, patella, side, file, state, muscles)
 
 
 def _built(
-    document: KneeDocument, patella: Patella | None, side: str, file: str, state: State,
-    muscles: Muscles | None,
-) -> Knee:  # fmt: skip
-    ways, contacts = _ways(document.ligaments, document.wraps), dict[str, surfaces.Contact]()
+    document: KneeDocument, patella: Patella | None, side: str, file: str, state: geometry.State,
+    muscles: mechanics.Muscles | None,
+) -> mechanics.Knee:  # fmt: skip
+    ways, contacts = _ways(document.ligaments, document.wraps), dict[str, surfaces.ContactPart]()
     contacts |= document.contacts
     if patella is not None:
         ways |= _ways(patella.ligaments, patella.wraps)
@@ -161,13 +74,12 @@ def _built(
     def members(patterns: Iterable[str]) -> tuple[str, ...]:
         return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
 
-    return Knee(
+    return mechanics.Knee(
         ligaments=_ligaments(ways, state, file),
-        contacts=tuple(_contact(part) for part in contacts.values()),
-        loads=tuple(_load(part, name) for name, part in document.loads.items()),
+        contacts=tuple(part.built() for part in contacts.values()),
+        loads=tuple(part.built(name) for name, part in document.loads.items()),
         lines=tuple(
-            ConstantTensionLine(part.tension_N, part.origin_mm, part.insertion_mm, name)
-            for name, part in lines
+            part.built(name) for name, part in lines
         ),
         reference_pose=state.tibia,
         contact_names=tuple(contacts),
@@ -179,8 +91,8 @@ def _built(
     )
 
 
-def _pose(stated: Any) -> Pose:
-    return Pose.from_table([x for name, x in stated if name != "source"])
+def _pose(stated: Any) -> geometry.Pose:
+    return geometry.Pose.from_table([x for name, x in stated if name != "source"])
 
 
 def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> dict[str, Way]:
@@ -190,38 +102,38 @@ def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> 
     }
 
 
-def _ligaments(ways: dict[str, Way], state: State, file: str) -> Ligaments:
+def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechanics.Ligaments:
     """All fibres; those of the patella must not be torn at the reference poses."""
     ligaments: list[Any] = [way.part for way in ways.values()]
-    usual = usual_failure_strain(tuple(ways))
+    usual = mechanics.usual_failure_strain(tuple(ways))
     tears = [usual[row] if one.failure_strain is None else one.failure_strain
              for row, one in enumerate(ligaments)]  # fmt: skip
 
     def column(name: str) -> np.ndarray:
-        return _floats([getattr(part, name) for part in ligaments])
+        return floats([getattr(part, name) for part in ligaments])
 
-    def fibres(slack: np.ndarray) -> Ligaments:
-        return Ligaments(
-            _floats([getattr(part, part.ends[0]) for part in ligaments]),
-            _floats([getattr(part, part.ends[1]) for part in ligaments]),
+    def fibres(slack: np.ndarray) -> mechanics.Ligaments:
+        return mechanics.Ligaments(
+            floats([getattr(part, part.ends[0]) for part in ligaments]),
+            floats([getattr(part, part.ends[1]) for part in ligaments]),
             column("stiffness_N"),
             slack,
             column("transition_strain"),
             column("transition_width"),
             tuple(ways),
             _courses([*ways.values()]),
-            _floats(tears),
+            floats(tears),
             damping=column("damping_N_s"),
             bodies=tuple(way.bones for way in ways.values()),
         )
 
     unloaded = fibres(np.ones(len(ligaments)))
-    inside, lengths = at_reference(unloaded, state, detour_counts(ligaments))
+    inside, lengths = mechanics.at_reference(unloaded, state, detour_counts(ligaments))
     lengths = np.asarray(lengths)
     slack = [slack_length(*pair) for pair in zip(ligaments, lengths.tolist(), strict=True)]
     found = fibres(np.array(slack))
     try:
-        check_fibres(found, inside, lengths)
+        mechanics.check_fibres(found, inside, lengths)
     except Implausible as problem:
         raise _at_its_place(problem, ways[problem.fibre].part, file) from None
     if PATELLA in state.poses:
@@ -251,7 +163,7 @@ def _at_its_place(problem: Implausible, part: Any, file: str) -> InputProblem:
     return InputProblem(file, place, value, expected)
 
 
-def _courses(ways: list[Way]) -> list[Course]:
+def _courses(ways: list[Way]) -> list[mechanics.Course]:
     """What is not straight, together where bones and obstacle are the same."""
     kinds: dict[tuple, list[int]] = {}
     for row, way in enumerate(ways):
@@ -265,14 +177,14 @@ def _courses(ways: list[Way]) -> list[Course]:
         points = np.array(via, float) if bones else None
         wrap = ways[rows[0]].wraps[name] if name else None
         bone = wrap.bone if wrap else pair[1]
-        obstacle = obstacle_of(wrap) if wrap else None
-        courses.append(Course(rows, points, bones, obstacle, bone, pair))
+        obstacle = wrap.built() if wrap else None
+        courses.append(mechanics.Course(rows, points, bones, obstacle, bone, pair))
     return courses
 
 
 def _muscles(
-    patella: Patella, state: State, file: str, tension_N: Mapping[str, float]
-) -> Muscles:
+    patella: Patella, state: geometry.State, file: str, tension_N: Mapping[str, float]
+) -> mechanics.Muscles:
     """Muscles that pull."""
     known = patella.muscles
     for name, tension in tension_N.items():
@@ -285,7 +197,7 @@ def _muscles(
     tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
     names = tuple(name for name, tension in tensions.items() if tension > 0)
     ways = [Way(known[x], (FEMUR, known[x].insertion_bone), patella.wraps) for x in names]
-    muscles = Muscles(
+    muscles = mechanics.Muscles(
         [known[name].origin_mm for name in names],
         [known[name].insertion_mm for name in names],
         [tensions[name] for name in names],
@@ -318,30 +230,7 @@ def slack_length(part: parts.Ligament, length: float) -> float:
     if part.slack_length_mm is not None:
         return float(part.slack_length_mm)
     if part.reference_strain is not None:
-        return float(ligament_law.slack_length_from_strain(length, part.reference_strain))
+        return float(mechanics.ligament_law.slack_length_from_strain(length, part.reference_strain))
     values = (part.reference_force_N, part.stiffness_N, part.transition_strain,
               part.transition_width)  # fmt: skip
-    return float(ligament_law.slack_length_from_force(length, *values))
-
-
-def _contact(part: surfaces.Contact) -> Contact:
-    first, second = part.faces
-    return Contact(
-        surface_of(getattr(part, first)),
-        surface_of(getattr(part, second)),
-        part.youngs_modulus_MPa,
-        part.poisson_ratio,
-        part.layer_thickness_mm,
-        part.onset_width_mm,
-        law=part.law,
-        form=part.form,
-        points=part.points,
-        layer_variation=part.layer_variation_mm,
-        bodies=(FEMUR, PATELLA if second == "patellar_surface" else TIBIA),
-    )
-
-
-def _load(part: parts.LoadOfFile, name: str) -> Load:
-    still = (0.0, 0.0, 0.0)
-    vectors = (_floats(x or still) for x in (part.force_N, part.moment_Nmm, part.point_mm))
-    return Load(*vectors, axes=part.axes, point_in=part.point_in, name=name)
+    return float(mechanics.ligament_law.slack_length_from_force(length, *values))

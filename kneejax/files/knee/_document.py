@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator, Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-import numpy as np
 from pydantic import Field, create_model, model_validator
 
 from kneejax.files._bundled import bundled_files, bundled_path
@@ -25,7 +24,7 @@ from kneejax.files.knee._surfaces import (
     SURFACES,
     AnyObstacle,
     AnySurface,
-    Contact,
+    ContactPart,
     PatellarContact,
     TibialContact,
 )
@@ -44,6 +43,7 @@ from kneejax.files.reading import (
     named,
     number,
     one_of,
+    plain,
     reads,
     whole,
     wrong,
@@ -265,18 +265,7 @@ def format_knee(document: dict[str, Any]) -> str:
 
 def plain_document(document: dict[str, Any]) -> dict[str, Any]:
     """A knee document of Python's own numbers, texts and lists, in the order of the format."""
-    return _walked(KneeDocument, _plain(document), lambda value, marks, part: value)
-
-
-def _plain(value: Any) -> Any:
-    """The same with Python's own numbers, texts and lists."""
-    if isinstance(value, dict):
-        return {str(name): _plain(item) for name, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if hasattr(value, "tolist"):  # NumPy and JAX arrays and numbers
-        return _plain(np.asarray(value).tolist())
-    return value
+    return _walked(KneeDocument, plain(document), lambda value, marks, part: value)
 
 
 def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
@@ -299,7 +288,7 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
 def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
     """The other side's twin of a contact or a surface of a knee document."""
-    model = SURFACES[part["kind"]] if "kind" in part else Contact
+    model = SURFACES[part["kind"]] if "kind" in part else ContactPart
     return _walked(model, part, _image)
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.files.knee._building import build_surface, knee_of, knee_with_patella
+from kneejax.files.knee._building import knee_of, knee_with_patella
 from kneejax.files.knee._document import (
     check_knee,
     mirror_document,
@@ -16,6 +16,7 @@ from kneejax.files.knee._document import (
     plain_document,
     with_own_patella,
 )
+from kneejax.files.knee._surfaces import build_surface
 from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import Surface
 from kneejax.mechanics import Knee

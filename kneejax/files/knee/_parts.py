@@ -14,6 +14,7 @@ import functools
 from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, TypeVar, get_args
 
+import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from kneejax.files.reading import (
@@ -31,7 +32,7 @@ from kneejax.files.reading import (
     wrong,
 )
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
-from kneejax.mechanics import AXES, BONES, RANGES
+from kneejax.mechanics import AXES, BONES, RANGES, ConstantTensionLine, Load
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
@@ -236,6 +237,10 @@ class Line(Sourced):
     insertion_mm: Point
     origin_mm: Annotated[Any, reads(rows, 3, RANGES["coefficient_mm"]), Mirrored(_points)]
 
+    def built(self, name: str) -> ConstantTensionLine:
+        """The line of this name."""
+        return ConstantTensionLine(self.tension_N, self.origin_mm, self.insertion_mm, name)
+
 
 class Muscle(Course):
     """A muscle from the femur to the patella or the tibia."""
@@ -261,6 +266,13 @@ class LoadOfFile(Sourced):
     point_mm: Point | None = None
     axes: Annotated[str, one_of(AXES), WORD]
     point_in: Annotated[str, one_of(BONES), WORD] = TIBIA
+
+    def built(self, name: str) -> Load:
+        """The load of this name."""
+        still = (0.0, 0.0, 0.0)
+        vectors = (self.force_N or still, self.moment_Nmm or still, self.point_mm or still)
+        own = {"axes": self.axes, "point_in": self.point_in, "name": name}
+        return Load(*(np.array(one) for one in vectors), **own)
 
     @model_validator(mode="after")
     def _check_load(self) -> LoadOfFile:

@@ -22,7 +22,7 @@ from kneejax.files.knee._parts import (
     Source,
     marked,
 )
-from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, Contact, Surface
+from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
 from kneejax.mechanics import RANGES, Fibres, Knee, at_reference, usual_failure_strain
@@ -91,7 +91,7 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
     _courses(sections, Ligament, knee.ligaments, source)
     contacts = [part for section in sections for part in section["contacts"].values()]
     for part, contact in zip(contacts, knee.contacts, strict=True):
-        _state(part, contact, Contact, source)
+        _state(part, contact, ContactPart, source)
         faces = [face for face in FACES if face in part]
         for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
             _state(part[field], surface, SURFACES[part[field]["kind"]], source)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import model_validator
 
+from kneejax import geometry
 from kneejax.files.knee._parts import (
     ALL_BONES,
     SPARED,
@@ -39,13 +41,36 @@ from kneejax.files.reading import (
     within,
     wrong,
 )
-from kneejax.geometry import BASES, CUBIC_SPLINE, POWER, SIDES
-from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Range, cartilage_law
+from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
+from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartilage_law
 
 #: Fields of a contact that hold a surface.
 FACES = ("femoral_surface", "patellar_surface", "tibial_surface")
 _MOST_POINTS = 1000  # of a contact, along a side
 _MOST_CONTROL_VALUES = 200
+
+
+def floats(numbers: Any) -> np.ndarray:
+    """For these JAX compiles no conversion."""
+    return np.array(numbers, float)
+
+
+def _frame(origin: Any, turn: Any = None) -> geometry.Frame:
+    return geometry.Frame(origin, None if turn is None else np.deg2rad(turn))
+
+
+def build_surface(surface: dict[str, Any]) -> geometry.Surface:
+    """Make a surface of a part of a knee document.
+
+    Args:
+        surface: a mapping with `kind` and that kind's fields, of a right knee.
+    """
+    return SURFACES[surface["kind"]].model_construct(**surface).built()
+
+
+def build_obstacle(wrap: dict[str, Any]) -> geometry.Obstacle:
+    """What fibres go around, by its entry in a knee document."""
+    return OBSTACLES[wrap["kind"]].model_construct(**wrap).built()
 
 
 def _odd(table: Any, part: Mapping[str, Any]) -> Any:
@@ -111,6 +136,10 @@ class Surface(Sourced):
     fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
     fit_max_mm: Annotated[float, within("fit_mm")] | None = None
 
+    @abc.abstractmethod
+    def built(self) -> geometry.Surface:
+        """The surface of a right knee."""
+
 
 def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
     """A polynomial over its region, at a grid of points."""
@@ -158,6 +187,12 @@ class Condyle(Surface):
         _check_table(self, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
         return self
 
+    def built(self) -> geometry.Condyle:
+        """The surface."""
+        table, width, angle = map(floats, (self.coefficients_mm, self.width_mm, self.angle_deg))
+        frame = _frame(self.axis_point_mm, self.axis_rotation_deg)
+        return geometry.Condyle(table, np.deg2rad(angle), width, frame, self.basis)
+
 
 class Plateau(Surface):
     """A height over a plane."""
@@ -175,6 +210,12 @@ class Plateau(Surface):
         _check_table(self, "a height", RANGES["point_mm"], RANGES["point_mm"])
         return self
 
+    def built(self) -> geometry.Plateau:
+        """The surface."""
+        table, x, z = map(floats, (self.coefficients_mm, self.anterior_mm, self.lateral_mm))
+        frame = _frame(self.origin_mm, self.rotation_deg)
+        return geometry.Plateau(table, x, z, frame, self.basis, self.outline_mm)
+
 
 class PlaneSurface(Surface):
     """A rectangle."""
@@ -183,12 +224,20 @@ class PlaneSurface(Surface):
     rotation_deg: Rotation = None
     half_extent_mm: Annotated[tuple[float, float], numbers_within(2, "size_mm")]
 
+    def built(self) -> geometry.Plane:
+        """The surface."""
+        return geometry.Plane(_frame(self.origin_mm, self.rotation_deg), self.half_extent_mm)
+
 
 class SphereSurface(Surface):
     """A sphere."""
 
     center_mm: Origin
     radius_mm: Size
+
+    def built(self) -> geometry.Sphere:
+        """The surface."""
+        return geometry.Sphere(self.radius_mm, _frame(self.center_mm))
 
 
 class EllipsoidSurface(Surface):
@@ -197,6 +246,11 @@ class EllipsoidSurface(Surface):
     center_mm: Origin
     rotation_deg: Rotation = None
     semi_axes_mm: SemiAxes
+
+    def built(self) -> geometry.Ellipsoid:
+        """The surface."""
+        frame = _frame(self.center_mm, self.rotation_deg)
+        return geometry.Ellipsoid(self.semi_axes_mm, frame)
 
 
 class Obstacle(Sourced):
@@ -207,11 +261,19 @@ class Obstacle(Sourced):
     center_mm: Origin
     rotation_deg: Rotation = None
 
+    @abc.abstractmethod
+    def built(self) -> geometry.Obstacle:
+        """What fibres of a right knee go around."""
+
 
 class SphereObstacle(Obstacle):
     """A sphere."""
 
     radius_mm: Size
+
+    def built(self) -> geometry.WrapSphere:
+        """The obstacle."""
+        return geometry.WrapSphere(self.radius_mm, _frame(self.center_mm, self.rotation_deg))
 
 
 class CylinderObstacle(Obstacle):
@@ -221,11 +283,21 @@ class CylinderObstacle(Obstacle):
     length_mm: Size
     side: Annotated[str, one_of(SIDES), WORD] = ""
 
+    def built(self) -> geometry.WrapCylinder:
+        """The obstacle."""
+        frame = _frame(self.center_mm, self.rotation_deg)
+        return geometry.WrapCylinder(self.radius_mm, self.length_mm, frame, self.side)
+
 
 class EllipsoidObstacle(Obstacle):
     """An ellipsoid."""
 
     semi_axes_mm: SemiAxes
+
+    def built(self) -> geometry.WrapEllipsoid:
+        """The obstacle."""
+        frame = _frame(self.center_mm, self.rotation_deg)
+        return geometry.WrapEllipsoid(self.semi_axes_mm, frame)
 
 
 #: Kind of a surface, or of an obstacle -> its model.
@@ -254,7 +326,7 @@ AnySurface = Annotated[Surface, _by_kind(SURFACES)]
 AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
 
 
-class Contact(Sourced):
+class ContactPart(Sourced):
     """A contact of two surfaces with cartilage."""
 
     form: Annotated[str, one_of(FORMS), WORD]
@@ -275,8 +347,25 @@ class Contact(Sourced):
         first, second = (face for face in FACES if getattr(self, face) is not None)
         return first, second
 
+    def built(self) -> Contact:
+        """The contact."""
+        first, second = self.faces
+        return Contact(
+            getattr(self, first).built(),
+            getattr(self, second).built(),
+            self.youngs_modulus_MPa,
+            self.poisson_ratio,
+            self.layer_thickness_mm,
+            self.onset_width_mm,
+            law=self.law,
+            form=self.form,
+            points=self.points,
+            layer_variation=self.layer_variation_mm,
+            bodies=(FEMUR, PATELLA if second == "patellar_surface" else TIBIA),
+        )
+
     @model_validator(mode="after")
-    def _check_layer(self) -> Contact:
+    def _check_layer(self) -> ContactPart:
         mistakes = Mistakes()
         for name in ("points", "layer_variation_mm"):
             if name in self.model_fields_set and self.form != QUADRATURE:
@@ -293,14 +382,14 @@ class Contact(Sourced):
         return self
 
 
-class TibialContact(Contact):
+class TibialContact(ContactPart):
     """A contact of femur and tibia."""
 
     patellar_surface: Absent = None
     tibial_surface: Annotated[AnySurface, WORD]  # pyright: ignore[reportGeneralTypeIssues]
 
 
-class PatellarContact(Contact):
+class PatellarContact(ContactPart):
     """A contact of femur and patella."""
 
     patellar_surface: Annotated[AnySurface, WORD]  # pyright: ignore[reportGeneralTypeIssues]

@@ -2,26 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Module -> its public names: what a mistake is called is said without a reader of YAML.
-_NAMES = {
-    "_problem": ("InputProblem", "InputProblems", "counted", "nearest_name", "wrong"),
-    "_model": ("Chosen", "Mistakes", "Part", "checked", "fill", "folder_of", "together"),
-    "_values": (
-        "MOST", "Choice", "Distinct", "Flag", "Name", "Number", "Text", "by_parameter", "choice",
-        "deviation", "entries", "interval", "items", "mapping_of", "meaning", "name", "named",
-        "number",
-        "numbers", "numbers_within", "one_of", "parameter_name", "plain", "reads", "rows", "text",
-        "whole", "within",
-    ),
-    "_text": (
-        "load_json", "neighbour", "plain_number", "read_bytes", "read_text", "write_bytes",
-        "write_text",
-    ),
-    "_yaml": ("format_yaml", "load_yaml"),
-}  # fmt: skip
-_MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.reading._model import Chosen as Chosen
@@ -74,5 +55,4 @@ if TYPE_CHECKING:
     from kneejax.files.reading._yaml import format_yaml as format_yaml
     from kneejax.files.reading._yaml import load_yaml as load_yaml
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -2,29 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    "CandidateRow": "kneejax.files.tables._candidates",
-    "read_candidates": "kneejax.files.tables._candidates",
-    "LabTable": "kneejax.files.tables._lab_table",
-    "read_lab_table": "kneejax.files.tables._lab_table",
-    "read_loads": "kneejax.files.tables._loads",
-    "read_loads_over_time": "kneejax.files.tables._loads",
-    "Storage": "kneejax.files.tables._storage",
-    "angles_rad": "kneejax.files.tables._storage",
-    "column_of": "kneejax.files.tables._storage",
-    "common_times": "kneejax.files.tables._storage",
-    "last_word": "kneejax.files.tables._storage",
-    "read_storage": "kneejax.files.tables._storage",
-    "cell_number": "kneejax.files.tables._tables",
-    "read_patella_poses": "kneejax.files.tables._tables",
-    "read_poses": "kneejax.files.tables._tables",
-    "read_rows": "kneejax.files.tables._tables",
-    "write_poses": "kneejax.files.tables._tables",
-    "write_rows": "kneejax.files.tables._tables",
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.tables._candidates import CandidateRow as CandidateRow
@@ -46,5 +24,4 @@ if TYPE_CHECKING:
     from kneejax.files.tables._tables import write_poses as write_poses
     from kneejax.files.tables._tables import write_rows as write_rows
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())
