@@ -22,7 +22,7 @@ from kneejax.files.reading import (
     one_of,
     reads,
 )
-from kneejax.files.tables import read_rows
+from kneejax.files.tables import Table
 
 _COLUMNS = ["flexion_deg", "end", "mean", "sd", "cut"]
 #: What a published number is of: the first three as `kneejax.Laxity` has them, the last what the
@@ -98,16 +98,18 @@ def bundled_bands(
 
 def _read(path: Path) -> list[LaxityBand]:
     about = checked(AboutLaxity, load_yaml(path, "source of a laxity table"), os.fspath(path))
-    table = os.fspath(path.with_suffix(".csv"))
-    header, rows = read_rows(table, _COLUMNS)
-    place = [header.index(name) for name in _COLUMNS]
-    kinds: dict[tuple[str, str], list[list[float]]] = {}
-    for count, (line, cells) in enumerate(rows, 1):
-        flexion, end, mean, sd, cut = (cells[i].strip() for i in place)
+    table = Table.read(path.with_suffix(".csv"), _COLUMNS)
+    ends, cuts = table.cells("end"), table.cells("cut")
+    for place, end in ends:
         if end not in ENDS:
-            where = f"row {count} (line {line}), end"
-            raise InputProblem(table, where, end, f"one of {', '.join(ENDS)}", ENDS)
-        kinds.setdefault((end, cut), []).append([float(x) for x in (flexion, mean, sd)])
+            expected = f"one of {', '.join(ENDS)}"
+            table.mistakes.append(InputProblem(table.file, place, end, expected, ENDS))
+    numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
+                        table.column("sd", empty=True)], axis=1)  # fmt: skip
+    table.mistakes.check()
+    kinds: dict[tuple[str, str], list[np.ndarray]] = {}
+    for (_, end), (_, cut), own in zip(ends, cuts, numbers, strict=True):
+        kinds.setdefault((end, cut), []).append(own)
     return [
         LaxityBand(
             path.stem, about.label, about.source, about.load, about.size, end,

@@ -21,7 +21,7 @@ from kneejax.files.reading import (
     numbers_within,
     wrong,
 )
-from kneejax.files.tables import cell_number, read_rows, write_rows
+from kneejax.files.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")
@@ -182,39 +182,33 @@ def _from_yaml(file: str, side: str) -> dict[str, np.ndarray]:
 
 
 def _from_table(file: str) -> dict[str, np.ndarray]:
-    header, rows = read_rows(file, list(_COLUMNS))
-    for name in header:
+    table, known = Table.read(file, _COLUMNS), (*_AXES, _FURTHER)
+    for name in table.header:
         if name not in _COLUMNS:
             raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
-    known = (*_AXES, _FURTHER)
-    points: dict[tuple[str, str], np.ndarray] = {}
-    first: dict[tuple[str, str], int] = {}
-    for number, (line, cells) in enumerate(rows, 1):
-        row, place = dict(zip(header, cells, strict=True)), f"row {number} (line {line})"
-        axis = _choice(file, f"{place}, axis", row["axis"], known)
-        point = axis, _choice(file, f"{place}, side", row["side"], SIDES)
-        if first.setdefault(point, number) != number:
-            found = f"{' '.join(point)} again, as row {first[point]}"
+    columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
+    for name, options in (("axis", known), ("side", SIDES)):
+        for place, word in table.cells(name):
+            if word not in options:
+                expected = f"one of {', '.join(options)}"
+                table.mistakes.append(InputProblem(file, place, word, expected, options))
+    table.mistakes.check()
+    points: dict[tuple[str, str], int] = {}
+    for row, ((_, axis), (_, side)) in enumerate(
+        zip(table.cells("axis"), table.cells("side"), strict=True)
+    ):
+        if (first := points.setdefault((axis, side), row)) != row:
+            place = f"row {row + 1} (line {table.rows[row][0]})"
+            found = f"{axis} {side} again, as row {first + 1}"
             raise InputProblem(file, place, found, "every point once")
-        points[point] = np.array(
-            [cell_number(file, f"{place}, {c}", row[c], RANGES["scan_mm"]) for c in _COORDINATES]
-        )
     given = {axis for axis, _ in points}
     for axis in known:
         for side in SIDES:
             if (axis in given or axis != _FURTHER) and (axis, side) not in points:
                 among = ", ".join(" ".join(point) for point in points)
                 raise InputProblem(file, f"{axis} {side}", "missing", f"this row beside {among}")
-    return {
-        axis: np.stack([points[axis, side] for side in SIDES]) for axis in known if axis in given
-    }
-
-
-def _choice(file: str, place: str, cell: str, known: tuple[str, ...]) -> str:
-    word = cell.strip()
-    if word not in known:
-        raise InputProblem(file, place, word, f"one of {', '.join(known)}", known)
-    return word
+    each = np.stack(columns, axis=1)
+    return {axis: each[[points[axis, side] for side in SIDES]] for axis in known if axis in given}
 
 
 @dataclasses.dataclass(frozen=True)
