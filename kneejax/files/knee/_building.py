@@ -12,7 +12,6 @@ from kneejax import geometry, mechanics
 from kneejax.files.knee import _parts as parts
 from kneejax.files.knee import _surfaces as surfaces
 from kneejax.files.knee._document import KneeDocument, Patella
-from kneejax.files.knee._surfaces import floats
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 from kneejax.mechanics import RANGES, Implausible
@@ -77,9 +76,9 @@ def _built(
     return mechanics.Knee(
         ligaments=_ligaments(ways, state, file),
         contacts=tuple(part.built() for part in contacts.values()),
-        loads=tuple(part.built(name) for name, part in document.loads.items()),
+        loads=tuple(part.built(name=name) for name, part in document.loads.items()),
         lines=tuple(
-            part.built(name) for name, part in lines
+            part.built(name=name) for name, part in lines
         ),
         reference_pose=state.tibia,
         contact_names=tuple(contacts),
@@ -89,6 +88,10 @@ def _built(
         other_bones={bone: pose for bone, pose in state.poses.items() if bone != TIBIA},
         muscles=muscles,
     )
+
+
+def _floats(numbers: Any) -> np.ndarray:
+    return np.array(numbers, float)
 
 
 def _pose(stated: Any) -> geometry.Pose:
@@ -110,19 +113,19 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
              for row, one in enumerate(ligaments)]  # fmt: skip
 
     def column(name: str) -> np.ndarray:
-        return floats([getattr(part, name) for part in ligaments])
+        return _floats([getattr(part, name) for part in ligaments])
 
     def fibres(slack: np.ndarray) -> mechanics.Ligaments:
         return mechanics.Ligaments(
-            floats([getattr(part, part.ends[0]) for part in ligaments]),
-            floats([getattr(part, part.ends[1]) for part in ligaments]),
+            _floats([getattr(part, part.ends[0]) for part in ligaments]),
+            _floats([getattr(part, part.ends[1]) for part in ligaments]),
             column("stiffness_N"),
             slack,
             column("transition_strain"),
             column("transition_width"),
             tuple(ways),
             _courses([*ways.values()]),
-            floats(tears),
+            _floats(tears),
             damping=column("damping_N_s"),
             bodies=tuple(way.bones for way in ways.values()),
         )

@@ -12,7 +12,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, TypeVar, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
@@ -31,7 +31,7 @@ from kneejax.files.reading import (
     text,
     wrong,
 )
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
 from kneejax.mechanics import AXES, BONES, RANGES, ConstantTensionLine, Load
 
 #: Field of an attachment -> the bone to which it is.
@@ -64,13 +64,14 @@ class Mirrored:
 
 @dataclasses.dataclass(frozen=True)
 class Source:
-    """Whether a field may have a source of its own, and so needs none."""
+    """Of a field that needs no source of its own: whether it has a number, and is built with."""
 
-    may: bool
+    number: bool
+    builds: bool
 
 
-#: A word or a part, which is no number; a number whose source may be missing.
-WORD, SPARED = Source(False), Source(True)
+#: A number whose source may be missing; a word with which a part is built; any other word or part.
+SPARED, WORD, APART = Source(True, True), Source(False, True), Source(False, False)
 
 
 @functools.cache
@@ -86,6 +87,28 @@ def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
     fields = model.model_fields.items()
     every = {name: [*marks(*one.metadata, one.annotation)] for name, one in fields}
     return {name: found[0] for name, found in every.items() if found}
+
+
+_UNITS = ("_N_s", "_mm", "_deg", "_Nmm", "_N", "_MPa")
+#: Fields that no attribute of what is built stands for.
+_ELSEWHERE = (*_LAST, "via_points")
+
+
+@functools.cache
+def attributes(model: type[Part]) -> dict[str, str]:
+    """Field -> attribute of what is built that has its number."""
+    gives, apart = marked(model, Gives), marked(model, Source)
+    return {
+        name: gives[name].attribute if name in gives else quantity(name)
+        for name in model.model_fields
+        if name not in _ELSEWHERE and apart.get(name, SPARED).number
+    }
+
+
+def quantity(field: str) -> str:
+    """`damping_N_s` -> `damping`."""
+    unit = next((unit for unit in _UNITS if field.endswith(unit)), "")
+    return field.removesuffix(unit)
 
 
 def negative(x: float) -> float:
@@ -121,8 +144,13 @@ Point = Annotated[Vector, numbers_within(3, "point_mm"), Mirrored(_point)]
 
 
 class Sourced(Part):
-    """A part with the source of its numbers: a text, or one for each field."""
+    """A part with the source of its numbers: a text, or one for each field.
 
+    Attributes:
+        makes: the class of what is built of it.
+    """
+
+    makes: ClassVar[Callable[..., Any]]
     source: Annotated[Any, reads(_source)]
 
     @classmethod
@@ -131,6 +159,20 @@ class Sourced(Part):
         fields = cls.__pydantic_fields__
         for name in [name for name in _LAST if name in fields]:
             fields[name] = fields.pop(name)
+
+    def built(self, **more: Any) -> Any:
+        """What it is in a right knee."""
+        frame: dict[str, Any] = {}
+        words = [name for name, one in marked(type(self), Source).items() if one == WORD]
+        given = {name: getattr(self, name) for name in words} | more
+        for field, name in attributes(type(self)).items():
+            value = getattr(self, field)
+            if value is not None:
+                # JAX compiles no conversion for arrays.
+                value = np.deg2rad(value) if field.endswith("_deg") else np.array(value, float)
+                place, inside, own = name.partition(".")
+                (frame if inside else given)[own or place] = value
+        return type(self).makes(**given | ({"frame": Frame(**frame)} if frame else {}))
 
     @model_validator(mode="after")
     def _check_source(self) -> Sourced:
@@ -167,7 +209,7 @@ class Course(Sourced):
 
 
 Vias = Annotated[tuple[Via, ...], entries("via points")]
-Wrap = Annotated[Text | None, WORD]
+Wrap = Annotated[Text | None, APART]
 
 
 class Ligament(Course):
@@ -233,13 +275,10 @@ class LigamentOfTwo(Ligament):
 class Line(Sourced):
     """A line of constant tension."""
 
+    makes = ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
     origin_mm: Annotated[Any, reads(rows, 3, RANGES["coefficient_mm"]), Mirrored(_points)]
-
-    def built(self, name: str) -> ConstantTensionLine:
-        """The line of this name."""
-        return ConstantTensionLine(self.tension_N, self.origin_mm, self.insertion_mm, name)
 
 
 class Muscle(Course):
@@ -248,7 +287,7 @@ class Muscle(Course):
     tension_N: Number
     origin_mm: Annotated[Point, Gives("femoral_attachment")]
     via_points: Vias = ()
-    insertion_bone: Annotated[str, one_of((PATELLA, TIBIA)), WORD]
+    insertion_bone: Annotated[str, one_of((PATELLA, TIBIA)), APART]
     insertion_mm: Annotated[Point, Gives("tibial_attachment")]
     wrap: Wrap = None
 
@@ -261,18 +300,12 @@ class Muscle(Course):
 class LoadOfFile(Sourced):
     """A force and a moment."""
 
+    makes = Load
     force_N: Annotated[Vector, numbers_within(3, "force_N"), Mirrored(_point)] | None = None
     moment_Nmm: Annotated[Vector, numbers_within(3, "moment_Nmm"), Mirrored(turned)] | None = None
     point_mm: Point | None = None
     axes: Annotated[str, one_of(AXES), WORD]
     point_in: Annotated[str, one_of(BONES), WORD] = TIBIA
-
-    def built(self, name: str) -> Load:
-        """The load of this name."""
-        still = (0.0, 0.0, 0.0)
-        vectors = (self.force_N or still, self.moment_Nmm or still, self.point_mm or still)
-        own = {"axes": self.axes, "point_in": self.point_in, "name": name}
-        return Load(*(np.array(one) for one in vectors), **own)
 
     @model_validator(mode="after")
     def _check_load(self) -> LoadOfFile:

@@ -13,14 +13,14 @@ import numpy as np
 from kneejax.files.knee._building import detour_counts, slack_length
 from kneejax.files.knee._document import mirror_document, with_own_patella
 from kneejax.files.knee._parts import (
-    WORD,
-    Gives,
     Ligament,
     Line,
     LoadOfFile,
     Muscle,
     Source,
+    attributes,
     marked,
+    quantity,
 )
 from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
 from kneejax.files.reading import Part
@@ -32,27 +32,8 @@ _OF_FIBRE = ("stiffness_N", "transition_strain", "transition_width", "failure_st
              "damping_N_s")  # fmt: skip
 #: Those of a fibre that runs straight between its ends.
 _STRAIGHT = ("femoral_attachment_mm", "tibial_attachment_mm", *_OF_FIBRE)
-#: Fields that no attribute of what is built stands for.
-_ELSEWHERE = ("source", "fit_rms_mm", "fit_max_mm", "via_points")
-_UNITS = ("_N_s", "_mm", "_deg", "_Nmm", "_N", "_MPa")
 #: Numbers that differ by less than so many of the last digit are one.
 _LAST_DIGITS = 500.0
-
-
-def attributes(model: type[Part]) -> dict[str, str]:
-    """Field -> attribute of what is built that has its number."""
-    gives, words = marked(model, Gives), marked(model, Source)
-    return {
-        name: gives[name].attribute if name in gives else _quantity(name)
-        for name in model.model_fields
-        if name not in _ELSEWHERE and words.get(name) != WORD
-    }
-
-
-def _quantity(field: str) -> str:
-    """`damping_N_s` -> `damping`."""
-    unit = next((unit for unit in _UNITS if field.endswith(unit)), "")
-    return field.removesuffix(unit)
 
 
 def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any]:
@@ -149,7 +130,7 @@ def reconstructed(
     for name in grafts:
         row = fibres.names.index(name)
         numbers = {"slack_length_mm": fibres.slack_length[row]}
-        numbers |= {field: getattr(fibres, _quantity(field))[row] for field in _STRAIGHT}
+        numbers |= {field: getattr(fibres, quantity(field))[row] for field in _STRAIGHT}
         entry = {field: np.asarray(value, float).tolist() for field, value in numbers.items()}
         right["ligaments"][name] = entry | {"source": source}
     known = tuple(right["ligaments"])
@@ -170,7 +151,7 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
     _, lengths = at_reference(fibres, knee.at_reference, detour_counts(models))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
-    numbers = {field: np.asarray(getattr(fibres, _quantity(field))) for field in _OF_FIBRE}
+    numbers = {field: np.asarray(getattr(fibres, quantity(field))) for field in _OF_FIBRE}
     usual = usual_failure_strain(tuple(parts))
     for row, (part, model) in enumerate(zip(parts.values(), models, strict=True)):
         found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
@@ -261,7 +242,7 @@ def _say(part: dict[str, Any], model: type[Part], changed: list[str], source: st
         part["source"] = f"{said}; {', '.join(changed)}: {source}"
         return
     if not isinstance(said, dict):
-        words = {"source", *(name for name, one in marked(model, Source).items() if one == WORD)}
+        words = {"source", *(name for name, one in marked(model, Source).items() if not one.number)}
         said = {field: said for field in part if field not in words}
     stated = {field: text for field, text in said.items() if field in part}
     part["source"] = stated | dict.fromkeys(changed, source)

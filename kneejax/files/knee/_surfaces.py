@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import abc
 from collections.abc import Mapping
 from typing import Annotated, Any
 
@@ -12,6 +11,7 @@ from pydantic import model_validator
 from kneejax import geometry
 from kneejax.files.knee._parts import (
     ALL_BONES,
+    APART,
     SPARED,
     WORD,
     Absent,
@@ -48,15 +48,6 @@ from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartila
 FACES = ("femoral_surface", "patellar_surface", "tibial_surface")
 _MOST_POINTS = 1000  # of a contact, along a side
 _MOST_CONTROL_VALUES = 200
-
-
-def floats(numbers: Any) -> np.ndarray:
-    """For these JAX compiles no conversion."""
-    return np.array(numbers, float)
-
-
-def _frame(origin: Any, turn: Any = None) -> geometry.Frame:
-    return geometry.Frame(origin, None if turn is None else np.deg2rad(turn))
 
 
 def build_surface(surface: dict[str, Any]) -> geometry.Surface:
@@ -131,14 +122,10 @@ SemiAxes = Annotated[Vector, numbers_within(3, "size_mm")]
 class Surface(Sourced):
     """A surface of a bone, and how well it was fitted."""
 
-    kind: Annotated[str, WORD]
+    kind: Annotated[str, APART]
     source: Text
     fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
     fit_max_mm: Annotated[float, within("fit_mm")] | None = None
-
-    @abc.abstractmethod
-    def built(self) -> geometry.Surface:
-        """The surface of a right knee."""
 
 
 def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
@@ -175,6 +162,7 @@ def _check_table(surface: Condyle | Plateau, what: str, least: Range, greatest: 
 class Condyle(Surface):
     """A radius over the angle about an axis, and along it."""
 
+    makes = geometry.Condyle
     axis_point_mm: Origin
     axis_rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
@@ -187,16 +175,11 @@ class Condyle(Surface):
         _check_table(self, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
         return self
 
-    def built(self) -> geometry.Condyle:
-        """The surface."""
-        table, width, angle = map(floats, (self.coefficients_mm, self.width_mm, self.angle_deg))
-        frame = _frame(self.axis_point_mm, self.axis_rotation_deg)
-        return geometry.Condyle(table, np.deg2rad(angle), width, frame, self.basis)
-
 
 class Plateau(Surface):
     """A height over a plane."""
 
+    makes = geometry.Plateau
     origin_mm: Origin
     rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
@@ -210,94 +193,63 @@ class Plateau(Surface):
         _check_table(self, "a height", RANGES["point_mm"], RANGES["point_mm"])
         return self
 
-    def built(self) -> geometry.Plateau:
-        """The surface."""
-        table, x, z = map(floats, (self.coefficients_mm, self.anterior_mm, self.lateral_mm))
-        frame = _frame(self.origin_mm, self.rotation_deg)
-        return geometry.Plateau(table, x, z, frame, self.basis, self.outline_mm)
-
 
 class PlaneSurface(Surface):
     """A rectangle."""
 
+    makes = geometry.Plane
     origin_mm: Origin
     rotation_deg: Rotation = None
     half_extent_mm: Annotated[tuple[float, float], numbers_within(2, "size_mm")]
-
-    def built(self) -> geometry.Plane:
-        """The surface."""
-        return geometry.Plane(_frame(self.origin_mm, self.rotation_deg), self.half_extent_mm)
 
 
 class SphereSurface(Surface):
     """A sphere."""
 
+    makes = geometry.Sphere
     center_mm: Origin
     radius_mm: Size
-
-    def built(self) -> geometry.Sphere:
-        """The surface."""
-        return geometry.Sphere(self.radius_mm, _frame(self.center_mm))
 
 
 class EllipsoidSurface(Surface):
     """An ellipsoid."""
 
+    makes = geometry.Ellipsoid
     center_mm: Origin
     rotation_deg: Rotation = None
     semi_axes_mm: SemiAxes
-
-    def built(self) -> geometry.Ellipsoid:
-        """The surface."""
-        frame = _frame(self.center_mm, self.rotation_deg)
-        return geometry.Ellipsoid(self.semi_axes_mm, frame)
 
 
 class Obstacle(Sourced):
     """What fibres go around."""
 
-    kind: Annotated[str, WORD]
-    bone: Annotated[str, one_of(ALL_BONES), WORD]
+    kind: Annotated[str, APART]
+    bone: Annotated[str, one_of(ALL_BONES), APART]
     center_mm: Origin
     rotation_deg: Rotation = None
-
-    @abc.abstractmethod
-    def built(self) -> geometry.Obstacle:
-        """What fibres of a right knee go around."""
 
 
 class SphereObstacle(Obstacle):
     """A sphere."""
 
+    makes = geometry.WrapSphere
     radius_mm: Size
-
-    def built(self) -> geometry.WrapSphere:
-        """The obstacle."""
-        return geometry.WrapSphere(self.radius_mm, _frame(self.center_mm, self.rotation_deg))
 
 
 class CylinderObstacle(Obstacle):
     """A cylinder, and the side on which fibres run if one is meant."""
 
+    makes = geometry.WrapCylinder
     radius_mm: Size
     length_mm: Size
     side: Annotated[str, one_of(SIDES), WORD] = ""
-
-    def built(self) -> geometry.WrapCylinder:
-        """The obstacle."""
-        frame = _frame(self.center_mm, self.rotation_deg)
-        return geometry.WrapCylinder(self.radius_mm, self.length_mm, frame, self.side)
 
 
 class EllipsoidObstacle(Obstacle):
     """An ellipsoid."""
 
+    makes = geometry.WrapEllipsoid
     semi_axes_mm: SemiAxes
-
-    def built(self) -> geometry.WrapEllipsoid:
-        """The obstacle."""
-        frame = _frame(self.center_mm, self.rotation_deg)
-        return geometry.WrapEllipsoid(self.semi_axes_mm, frame)
 
 
 #: Kind of a surface, or of an obstacle -> its model.
@@ -329,6 +281,7 @@ AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
 class ContactPart(Sourced):
     """A contact of two surfaces with cartilage."""
 
+    makes = Contact
     form: Annotated[str, one_of(FORMS), WORD]
     points: Annotated[tuple[int, int], reads(_counts), WORD] = (24, 24)
     law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
@@ -337,9 +290,9 @@ class ContactPart(Sourced):
     layer_thickness_mm: Number
     layer_variation_mm: Annotated[Table, SPARED] = None
     onset_width_mm: Annotated[Number, SPARED]
-    femoral_surface: Annotated[AnySurface, WORD]
-    patellar_surface: Annotated[AnySurface | None, WORD] = None
-    tibial_surface: Annotated[AnySurface | None, WORD] = None
+    femoral_surface: Annotated[AnySurface, APART]
+    patellar_surface: Annotated[AnySurface | None, APART] = None
+    tibial_surface: Annotated[AnySurface | None, APART] = None
 
     @property
     def faces(self) -> tuple[str, str]:
@@ -347,22 +300,12 @@ class ContactPart(Sourced):
         first, second = (face for face in FACES if getattr(self, face) is not None)
         return first, second
 
-    def built(self) -> Contact:
-        """The contact."""
+    def built(self, **more: Any) -> Contact:
+        """The contact in a right knee."""
         first, second = self.faces
-        return Contact(
-            getattr(self, first).built(),
-            getattr(self, second).built(),
-            self.youngs_modulus_MPa,
-            self.poisson_ratio,
-            self.layer_thickness_mm,
-            self.onset_width_mm,
-            law=self.law,
-            form=self.form,
-            points=self.points,
-            layer_variation=self.layer_variation_mm,
-            bodies=(FEMUR, PATELLA if second == "patellar_surface" else TIBIA),
-        )
+        bodies = FEMUR, PATELLA if second == "patellar_surface" else TIBIA
+        faces = {"femoral": getattr(self, first).built(), "tibial": getattr(self, second).built()}
+        return super().built(**faces, bodies=bodies, **more)
 
     @model_validator(mode="after")
     def _check_layer(self) -> ContactPart:
@@ -386,11 +329,11 @@ class TibialContact(ContactPart):
     """A contact of femur and tibia."""
 
     patellar_surface: Absent = None
-    tibial_surface: Annotated[AnySurface, WORD]  # pyright: ignore[reportGeneralTypeIssues]
+    tibial_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
 
 
 class PatellarContact(ContactPart):
     """A contact of femur and patella."""
 
-    patellar_surface: Annotated[AnySurface, WORD]  # pyright: ignore[reportGeneralTypeIssues]
+    patellar_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
     tibial_surface: Absent = None
