@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Field,
     PrivateAttr,
     ValidationError,
     ValidatorFunctionWrapHandler,
@@ -27,6 +26,7 @@ from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
 from kneejax.files import InputProblem, InputProblems
+from kneejax.files.reading import meaning
 
 if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
@@ -275,9 +275,9 @@ class Written(Command):
     folder: ClassVar[str]
     _results: Any = PrivateAttr(None)
     _imports_s: float = PrivateAttr(0.0)
-    out: Annotated[Path, Group("Results")] = Field(Path(), description="folder for the results")
-    verbose: Annotated[bool, Group("Results")] = Field(
-        False, description="say what was compiled, and how long it took"
+    out: Annotated[Path, Group("Results")] = meaning("folder for the results", Path())
+    verbose: Annotated[bool, Group("Results")] = meaning(
+        "say what was compiled, and how long it took", False
     )
 
     @classmethod
@@ -309,7 +309,7 @@ class Written(Command):
 class Drawn(Written):
     """A command that draws figures too."""
 
-    svg: Annotated[bool, Group("Results")] = Field(False, description="write figures as SVG too")
+    svg: Annotated[bool, Group("Results")] = meaning("write figures as SVG too", False)
 
 
 def marks(field: FieldInfo, kind: type) -> list[Any]:

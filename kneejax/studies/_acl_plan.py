@@ -169,9 +169,9 @@ class Map(Part):
 class Optimum(Part):
     """The search for the best choices."""
 
-    free: Annotated[
-        tuple[Annotated[str, one_of(FREE)], ...], entries("names"), Distinct
-    ] = meaning("what may change", tuple(FREE))
+    free: Annotated[tuple[Annotated[str, one_of(FREE)], ...], entries("names"), Distinct] = meaning(
+        "what may change", tuple(FREE)
+    )
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 

@@ -127,7 +127,9 @@ class StudyTest(Part):
     )
     coordinates: Annotated[
         tuple[Annotated[str, one_of(COORDINATES)], ...], entries("coordinates")
-    ] = meaning("that count; all that the table has if empty", ())
+    ] = meaning(
+        "that count; all that the table has if empty", ()
+    )
     counted_from: Annotated[CountedFrom, Choice()] | None = meaning(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )

@@ -132,7 +132,7 @@ class Sensitivity(Options):
     samples: Annotated[int, reads(whole, 0, 1_000_000)] | None = meaning(
         "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
         None,
-    )
+    )  # fmt: skip
     range: Intervals = meaning(
         "of a parameter, for global indices; as wide as its prior otherwise", dict
     )
