@@ -184,7 +184,7 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
     for name, document, place, folder, about in found:
         with mistakes.gathered():
             if not _NAME.fullmatch(name):
-                expected = "letters, digits, ., _, + or -: the name is that of its folder too"
+                expected = "a name of letters, digits, ., _, + or -, which its folder has too"
                 raise InputProblem(place, "name", name, expected)
             one = Member(name, study_of(document, place, folder), about, place)
             # Folders of results may not tell capitals from others.

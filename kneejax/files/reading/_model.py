@@ -191,7 +191,8 @@ def _raised(error: Any) -> ValueError:
 def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]) -> None:
     """Keep what is wrong with the fields of a model; models in it have spoken for theirs."""
     every = error.errors(include_url=False)
-    fields = model.model_fields
+    # A field that may only be absent is none that a person is told of.
+    fields = {k: x for k, x in model.model_fields.items() if x.annotation is not type(None)}
     missing = [one["loc"][-1] for one in every if one["type"] == "missing"]
     known = [field.alias or name for name, field in fields.items()]
     near: dict[Any, str | None] = {}
