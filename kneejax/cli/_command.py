@@ -74,13 +74,6 @@ class Only:
 
 
 @dataclasses.dataclass(frozen=True)
-class InRange:
-    """A number held against what such a quantity can be: a name of `kneejax.mechanics.RANGES`."""
-
-    quantity: str
-
-
-@dataclasses.dataclass(frozen=True)
 class Bundled:
     """A name of the package's data, or a file."""
 
@@ -172,8 +165,10 @@ class Command(BaseModel):
             nested = error.get("ctx", {}).get("error")
             name = str(error["loc"][0]) if error["loc"] else ""
             field, value = fields.get(name), error["input"]
-            if isinstance(nested, InputProblem):
+            if isinstance(nested, InputProblem) and nested.file:
                 yield from getattr(nested, "problems", (nested,))
+            elif isinstance(nested, InputProblem) and field is not None:  # of the value alone
+                yield InputProblem(cls.command, shown_name(field), _shown(value), nested.expected)
             elif field is None:
                 expected = f"no such option of kneejax {cls.command}"
                 yield InputProblem(cls.command, name, value, expected, known)
@@ -228,22 +223,6 @@ class Command(BaseModel):
                     problems.append(problem)
         if problems:
             raise problems[0] if len(problems) == 1 else InputProblems(problems)
-
-    def check_ranges(self) -> None:
-        """Refuse numbers that no such quantity has; imports the mechanics, and JAX with it.
-
-        Raises:
-            InputProblem: a number is out of its range.
-        """
-        from kneejax.mechanics import RANGES
-
-        for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            for mark in marks(field, InRange):
-                allowed = RANGES[mark.quantity]
-                if value is not None and not allowed.holds(value):
-                    expected = allowed.expected(value)
-                    raise InputProblem(self.command, shown_name(field), f"{value:g}", expected)
 
     def options(self) -> dict[str, Any]:
         """Options and their values, defaults among them, as a result's own settings hold them."""

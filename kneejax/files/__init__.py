@@ -5,8 +5,10 @@ from typing import TYPE_CHECKING
 from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
+    from kneejax.files._bundled import LaxityBand as LaxityBand
     from kneejax.files._bundled import Measurement as Measurement
     from kneejax.files._bundled import absent_measurement as absent_measurement
+    from kneejax.files._bundled import bundled_bands as bundled_bands
     from kneejax.files._bundled import bundled_examples as bundled_examples
     from kneejax.files._bundled import bundled_files as bundled_files
     from kneejax.files._bundled import bundled_knee_descriptions as bundled_knee_descriptions
@@ -21,13 +23,11 @@ if TYPE_CHECKING:
     from kneejax.files._flexion import parse_flexion as parse_flexion
     from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._knees import check_new as check_new
+    from kneejax.files._knees import knee_with as knee_with
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
+    from kneejax.files._knees import said_of as said_of
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
-    from kneejax.files._laxity_bands import LaxityBand as LaxityBand
-    from kneejax.files._laxity_bands import bundled_bands as bundled_bands
-    from kneejax.files._named_values import knee_with as knee_with
-    from kneejax.files._named_values import said_of as said_of
     from kneejax.files.joint import AxisPoints as AxisPoints
     from kneejax.files.joint import FemurLandmarks as FemurLandmarks
     from kneejax.files.joint import JointExport as JointExport

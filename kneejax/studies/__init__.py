@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import calibrate as calibrate
     from kneejax.studies._answers import check as check
     from kneejax.studies._answers import identify as identify
-    from kneejax.studies._answers import run as run
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
     from kneejax.studies._maps import about_maps as about_maps

@@ -45,7 +45,7 @@ from kneejax.inference.sensitivity import (
 from kneejax.numerics import adding_up, check_installed, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData, stated
 from kneejax.studies._fields import UNITS
-from kneejax.studies._maps import check_map, sensitivity_map
+from kneejax.studies._maps import check_map
 from kneejax.studies._options import Identify, Map, Sensitivity
 from kneejax.studies._study import Study
 
@@ -370,17 +370,3 @@ def _check_sensitivity(study: Study, options: Sensitivity) -> None:
             knee, selection, study.limits, options.range, options.prior,
             method=options.indices, samples=_samples(options),
         )  # fmt: skip
-
-
-def run(study: Study, options: Any = None, *, progress: Any = None, store: Any = None) -> Any:
-    """What a command answers, by the model of its options; a calibration without any."""
-    match options:
-        case None:
-            return calibrate(study, progress=progress)
-        case Identify():
-            return identify(study, options)
-        case Map():
-            return sensitivity_map(study, options, progress=progress, store=store)
-        case Sensitivity():
-            return sensitivity(study, options, progress=progress)
-    raise TypeError(f"{options!r} is no question: expected Identify, Map or Sensitivity")

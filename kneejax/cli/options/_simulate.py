@@ -3,10 +3,10 @@
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, get_args
 
-from kneejax.cli._command import Drawn, Form, Group, InRange, Only, Place, option_name
+from kneejax.cli._command import Drawn, Form, Group, Only, Place, option_name
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Table, Values
 from kneejax.files import InputProblem
-from kneejax.files.reading import meaning
+from kneejax.files.reading import Number, meaning, within
 
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
 Test = Literal[
@@ -80,10 +80,10 @@ class Simulate(Drawn):
     branches: Annotated[bool, PASSIVE, KNEE_OPTIONS] = meaning(
         "look for other stable balances at the same angles and load as well: branches.csv", False
     )
-    force_N: Annotated[float | None, BY_LOAD, InRange("anterior_N"), LOAD] = meaning(
+    force_N: Annotated[Annotated[float, within("anterior_N")] | None, BY_LOAD, LOAD] = meaning(
         "full force of a test (default: 100; compression 500, distraction 50)", None
     )
-    moment_Nm: Annotated[float | None, BY_LOAD, InRange("varus_Nm"), LOAD] = meaning(
+    moment_Nm: Annotated[Annotated[float, within("varus_Nm")] | None, BY_LOAD, LOAD] = meaning(
         "full moment of a test (default: 10; torsion 5); pivot adds half of it in internal torque, "
         "torsion in an envelope is half of it", None,
     )  # fmt: skip
@@ -121,16 +121,16 @@ class Simulate(Drawn):
         "rest, at the flexion that is held or in extension; as 0:-3:-0.5; its pull, and of "
         "leg-raise flexion, is a result", None,
     )  # fmt: skip
-    body_kg: Annotated[float | None, LEG, InRange("body_kg"), QUADRICEPS] = meaning(
+    body_kg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
         "of leg-raise: the person (default: 75); shank and foot are 6.1 % of it", None
     )
-    height_m: Annotated[float | None, LEG, InRange("height_m"), QUADRICEPS] = meaning(
+    height_m: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
         "of leg-raise (default: 1.75)", None
     )
-    ankle_kg: Annotated[float | None, LEG, InRange("ankle_kg"), QUADRICEPS] = meaning(
+    ankle_kg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
         "of leg-raise: a weight at the ankle in addition (default: 0)", None
     )
-    femur_deg: Annotated[float | None, LEG, InRange("femur_deg"), QUADRICEPS] = meaning(
+    femur_deg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
         "of leg-raise: of the thigh from the horizontal, knee above hip positive (default: 0)", None
     )
     dynamic: Annotated[bool, MOTION] = meaning(
@@ -153,16 +153,16 @@ class Simulate(Drawn):
     ramp_s: Annotated[float | None, TIME, BY_LOAD, NOT_RAISED, MOTION] = meaning(
         "in which the load of a test grows (default: 0.1)", None, ge=0, le=60
     )
-    critical: Annotated[float | None, TIME, InRange("critical"), MOTION] = meaning(
+    critical: Annotated[Number | None, TIME, MOTION] = meaning(
         "damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)", None
     )
     damping_N_s_per_mm: Annotated[
-        float | None, TIME, InRange("damping_N_s_per_mm"), MOTION
+        Number | None, TIME, MOTION
     ] = meaning(
         "of every coordinate, rotations at 30 mm (default: 0; settle 1)", None
     )
     dissipation_s_per_mm: Annotated[
-        float | None, TIME, InRange("dissipation_s_per_mm"), MOTION
+        Number | None, TIME, MOTION
     ] = meaning(
         "of every contact: its force grows by so much with each mm/s of its overlap (default: 0)",
         None,
@@ -183,7 +183,7 @@ class Simulate(Drawn):
         "how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; once "
         "for each (default of settle: anterior_mm=3)", {}, alias="from",
     )  # fmt: skip
-    error_mm: Annotated[float | None, TIME, InRange("error_mm"), MOTION] = meaning(
+    error_mm: Annotated[Number | None, TIME, MOTION] = meaning(
         "that the steps may leave in any pose (default: 0.01); they become as short as it takes",
         None,
     )  # fmt: skip
