@@ -9,19 +9,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from kneejax.files.reading import (
-    InputProblem,
-    Part,
-    Text,
-    checked,
-    load_yaml,
-    meaning,
-    nearest_name,
-    neighbour,
-    number,
-    one_of,
-    reads,
-)
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
 
 if TYPE_CHECKING:
     import numpy as np
@@ -205,7 +194,7 @@ def bundled_measurements() -> dict[str, Measurement]:
     for name, path in bundled_files("measurements").items():
         about = path.with_suffix(".yaml")
         document = load_yaml(about, "title and source of a table")
-        one = checked(AboutTable, document, os.fspath(about))
+        one = reading.checked(AboutTable, document, os.fspath(about))
         use = "nothing" if one.conditions is not None else "test" if one.test else "poses"
         test = {} if one.test is None else dict(one.test)
         answer[name] = Measurement(path, one.title, one.source, one.description, use, **test)
@@ -262,9 +251,9 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
         return path
     names = ", ".join(known) or "none are installed"
     expected = f"a bundled {one} ({names}) or a {one} file"
-    near = nearest_name(path.stem, known)
+    near = reading.nearest_name(path.stem, known)
     if path.suffix or len(path.parts) != 1:
-        near = neighbour(path) or near
+        near = reading.neighbour(path) or near
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
@@ -336,7 +325,7 @@ class AboutLaxity(Part):
     label: Text = meaning("for a figure's legend")
     source: Text = meaning("where it was published")
     load: Text = meaning("that acted")
-    size: Annotated[float, reads(number)] = meaning("of the load", math.nan)
+    size: Annotated[float, reads(reading.number)] = meaning("of the load", math.nan)
     notes: Any = meaning("anything else", None)
     counted_from: Annotated[str, one_of(["unloaded", "intact"])] = meaning(
         "what a cut knee's displacement is counted from", "unloaded"
@@ -369,7 +358,8 @@ def _read(path: Path) -> list[LaxityBand]:
 
     from kneejax.files.tables import Table
 
-    about = checked(AboutLaxity, load_yaml(path, "source of a laxity table"), os.fspath(path))
+    document = load_yaml(path, "source of a laxity table")
+    about = reading.checked(AboutLaxity, document, os.fspath(path))
     table = Table.read(path.with_suffix(".csv"), _COLUMNS)
     ends, cuts = table.cells("end"), table.cells("cut")
     for place, end in ends:

@@ -17,29 +17,9 @@ from kneejax.files import (
     named_document,
     parse_flexion,
     read_calibrated,
+    reading,
 )
-from kneejax.files.reading import (
-    Distinct,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    checked,
-    entries,
-    folder_of,
-    interval,
-    items,
-    meaning,
-    number,
-    numbers,
-    numbers_within,
-    one_of,
-    reads,
-    rows,
-    text,
-    whole,
-    wrong,
-)
+from kneejax.files.reading import Mistakes, Number, Part, Text, meaning, one_of, reads, whole, wrong
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Range, range_of_parameter
 from kneejax.parameters import fibre_rows
@@ -75,28 +55,30 @@ _STEPS = 1
 
 
 def _mesh(value: Any, info: ValidationInfo) -> Path:
-    path = folder_of(info) / text(value)
+    path = reading.folder_of(info) / reading.text(value)
     if not os.path.isfile(path):
         raise wrong(value, f"a mesh of the {info.field_name}; not at {path}")
     return path
 
 
 def _angles(value: Any) -> np.ndarray:
-    angles = parse_flexion(text(value), "", "")
+    angles = parse_flexion(reading.text(value), "", "")
     if len(angles) < 2:
         raise wrong(value, "at least two angles")
     return angles
 
 
-Half = Annotated[float, reads(number, _HALF)]
-Force = Annotated[float, reads(number, _FORCE)]
+def _tensions(value: Any) -> tuple[float, ...] | float:
+    several = isinstance(value, list)
+    return reading.numbers(value, None, _TENSION) if several else reading.number(value, _TENSION)
+
+
+Half = Annotated[float, reads(reading.number, _HALF)]
+Force = Annotated[float, reads(reading.number, _FORCE)]
 #: One number for all bundles, or one each.
-Tensions = Annotated[
-    tuple[float, ...] | float,
-    reads(lambda x: numbers(x, None, _TENSION) if isinstance(x, list) else number(x, _TENSION)),
-]
-Places = Annotated[Any, reads(rows, 2, _PLACE)]
-SemiAxes = Annotated[tuple[float, float], reads(numbers, 2, _HALF)]
+Tensions = Annotated[tuple[float, ...] | float, reads(_tensions)]
+Places = Annotated[Any, reads(reading.rows, 2, _PLACE)]
+SemiAxes = Annotated[tuple[float, float], reads(reading.numbers, 2, _HALF)]
 Mesh = Annotated[Path, BeforeValidator(_mesh)]
 #: True as usual, false not at all, or a mapping with what is not as usual.
 Switch = BeforeValidator(lambda value: {True: {}, False: None}[value] if value in (True, False)
@@ -142,7 +124,9 @@ class Bones(Part):
 class Lachman(Part):
     """Tests for laxity."""
 
-    flexion_deg: Annotated[tuple[float, ...], numbers_within(None, "flexion_deg")] = meaning(
+    flexion_deg: Annotated[
+        tuple[float, ...], reading.numbers_within(None, "flexion_deg")
+    ] = meaning(
         "at which", (20.0, 90.0)
     )
     force_N: Force = meaning("on the tibia, anterior", 100.0)
@@ -151,9 +135,13 @@ class Lachman(Part):
 class PlanLimits(Part):
     """What a good reconstruction keeps."""
 
-    graft_N: Annotated[float, reads(number, _GRAFT)] = meaning("the most in the graft", 400.0)
-    laxity_band_mm: Annotated[float, reads(number, _BAND)] = meaning("about the intact knee's", 2.0)
-    tension_N: Annotated[tuple[float, float], reads(interval, _TENSION)] = meaning(
+    graft_N: Annotated[float, reads(reading.number, _GRAFT)] = meaning(
+        "the most in the graft", 400.0
+    )
+    laxity_band_mm: Annotated[float, reads(reading.number, _BAND)] = meaning(
+        "about the intact knee's", 2.0
+    )
+    tension_N: Annotated[tuple[float, float], reads(reading.interval, _TENSION)] = meaning(
         "at fixation, least and most", (20.0, 150.0)
     )
 
@@ -169,7 +157,9 @@ class Map(Part):
 class Optimum(Part):
     """The search for the best choices."""
 
-    free: Annotated[tuple[Annotated[str, one_of(FREE)], ...], entries("names"), Distinct] = meaning(
+    free: Annotated[
+        tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
+    ] = meaning(
         "what may change", tuple(FREE)
     )
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", STARTS)
@@ -223,7 +213,7 @@ class PlanFields(Part):
         with mistakes.gathered("fixation.tension_N"):
             several = isinstance(tension, tuple)
             stated, fails = [*tension] if several else [tension], graft.failure_N / count
-            if max(items(stated, "numbers", count if several else 1)) >= fails:
+            if max(reading.items(stated, "numbers", count if several else 1)) >= fails:
                 expected = f"less than the {fails:g} N at which a bundle fails"
                 raise wrong(tension, expected)
         if self.limits.graft_N > graft.failure_N:
@@ -233,7 +223,7 @@ class PlanFields(Part):
             places = getattr(self.tunnels, f"{bone}_mm")
             with mistakes.gathered(f"tunnels.{bone}_mm"):
                 if places is not None:
-                    items([*map(list, places)], "tunnels, two numbers each", count)
+                    reading.items([*map(list, places)], "tunnels, two numbers each", count)
         if self.front is not None and self.optimum is None:
             mistakes.append(wrong(True, "an optimum that says what is free", at="front"))
         if self.draws and Path(self.knee).suffix.lower() != ".json":
@@ -269,7 +259,7 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     """
     document, where = named_document("plans", name_or_path)
     file, folder = os.fspath(where), where.parent
-    plan, mistakes = checked(PlanFields, document, file, folder=folder), Mistakes(file)
+    plan, mistakes = reading.checked(PlanFields, document, file, folder=folder), Mistakes(file)
     path = folder / plan.knee if os.path.isfile(folder / plan.knee) else Path(plan.knee)
     read = load_knee_file(path if os.path.isfile(path) else plan.knee)
     base = read.with_patella() if patella else read.knee

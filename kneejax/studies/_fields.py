@@ -9,21 +9,8 @@ from pydantic import GetCoreSchemaHandler, PlainValidator
 from pydantic_core import core_schema
 
 from kneejax._ranges import RANGES
-from kneejax.files.reading import (
-    Choice,
-    InputProblem,
-    Part,
-    by_parameter,
-    fill,
-    interval,
-    number,
-    numbers,
-    parameter_name,
-    plain,
-    reads,
-    together,
-    whole,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Choice, InputProblem, Part, by_parameter, interval, plain, reads
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -43,10 +30,10 @@ class Options(Part):
     def __init__(self, **fields: Any):
         """Check all fields."""
         try:
-            fill(self, plain(fields))
+            reading.fill(self, plain(fields))
         except ValueError as problem:
             every = getattr(problem, "problems", (problem,))
-            raise together([_of_option(one) for one in every]) from None
+            raise reading.together([_of_option(one) for one in every]) from None
 
 
 def _of_option(problem: ValueError) -> ValueError:
@@ -90,7 +77,7 @@ def angles(value: Any) -> ndarray:
 
     if isinstance(value, str):
         return parse_flexion(value, "", "")
-    return array(numbers(plain(value), None, RANGES["flexion_deg"]))
+    return array(reading.numbers(plain(value), None, RANGES["flexion_deg"]))
 
 
 #: Free coordinate -> its unit, in the order of `kneejax.geometry.FREE_COORDINATES`.
@@ -99,10 +86,10 @@ UNITS = {"adduction": "deg", "internal_rotation": "deg", "anterior": "mm", "supe
 #: Signs of a left knee in axes with Z to the person's right: adduction, internal rotation and
 #: lateral shift change.
 MIRROR = (1.0, -1.0, -1.0, 1.0, 1.0, -1.0)
-Seed = Annotated[int, reads(whole, 0)]
-Parameter = Annotated[str, reads(parameter_name)]
+Seed = Annotated[int, reads(reading.whole, 0)]
+Parameter = Annotated[str, reads(reading.parameter_name)]
 Angles = Annotated[ndarray, reads(angles)]
-Values = Annotated[dict[str, float], PlainValidator(by_parameter(number))]
+Values = Annotated[dict[str, float], PlainValidator(by_parameter(reading.number))]
 Interval = Annotated[tuple[float, float], reads(interval)]
 Intervals = Annotated[
     dict[str, tuple[float, float]], PlainValidator(by_parameter(interval))

@@ -10,26 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax._ranges import RANGES
-from kneejax.files.reading import (
-    Choice,
-    Flag,
-    InputProblem,
-    Number,
-    Part,
-    Text,
-    entries,
-    folder_of,
-    mapping_of,
-    meaning,
-    number,
-    numbers_within,
-    one_of,
-    reads,
-    text,
-    whole,
-    within,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Choice, Number, Part, Text, entries, meaning, reads, within, wrong
 from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
 
 if TYPE_CHECKING:
@@ -42,14 +24,16 @@ CountedFrom = Literal[
     "extension",
 ]  # fmt: skip
 Axes = Literal["femur", "tibia", "grood_suntay"]
-_loads = mapping_of(
-    lambda value, name: number(value, RANGES[name]),
+_loads = reading.mapping_of(
+    lambda value, name: reading.number(value, RANGES[name]),
     f"a mapping with the fields {', '.join(get_args(LoadName))}",
     get_args(LoadName),
 )
 
 
-_columns = mapping_of(lambda value, _: text(value), "a mapping from a name to a column of the file")
+_columns = reading.mapping_of(
+    lambda value, _: reading.text(value), "a mapping from a name to a column of the file"
+)
 
 
 class InTime(Part):
@@ -63,10 +47,10 @@ class InTime(Part):
     damping_N_s_per_mm: Number | None = meaning("of every coordinate, rotations at 30 mm", None)
     period_s: Number | None = meaning("of a motion that repeats itself", None)
     error_mm: Number | None = meaning("that steps through time may leave of any pose", None)
-    harmonics: Annotated[int, reads(whole, 1, 12)] | None = meaning(
+    harmonics: Annotated[int, reads(reading.whole, 1, 12)] | None = meaning(
         "with which flexion is led, of a motion that repeats itself", None
     )
-    cycles_before: Annotated[int, reads(whole, 0, 100)] | None = meaning(
+    cycles_before: Annotated[int, reads(reading.whole, 0, 100)] | None = meaning(
         "that the motion had gone through before the first row", None
     )
 
@@ -84,13 +68,13 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
     """The whole path of a table, or the name of a published test."""
     from kneejax.files import bundled_laxity_sources
 
-    path = folder_of(info) / text(value)
+    path = reading.folder_of(info) / reading.text(value)
     if os.path.isfile(path):
         return os.path.abspath(path)
     known = (*bundled_laxity_sources(), *published_motions())
-    if text(value) not in known:
+    if reading.text(value) not in known:
         raise wrong(value, f"a CSV table, or a published test ({', '.join(known)})", known)
-    return text(value)
+    return reading.text(value)
 
 
 def published_motions() -> dict[str, Measurement]:
@@ -120,13 +104,15 @@ class StudyTest(Part):
     )
     ignore: Annotated[tuple[Text, ...], entries("columns")] = meaning("columns left out", ())
     convention: Convention = meaning("what coordinates mean", "grood-suntay")
-    mirror: Flag = meaning("whether a left knee was measured in axes with Z to the right", False)
+    mirror: reading.Flag = meaning(
+        "whether a left knee was measured in axes with Z to the right", False
+    )
     flexion_deg: Angles | None = meaning("flexions that count", None)
     at_deg: Annotated[float, within("flexion_deg")] | None = meaning(
         "flexion of a table without a column of it", None
     )
     coordinates: Annotated[
-        tuple[Annotated[str, one_of(COORDINATES)], ...], entries("coordinates")
+        tuple[Annotated[str, reading.one_of(COORDINATES)], ...], entries("coordinates")
     ] = meaning(
         "that count; all that the table has if empty", ()
     )
@@ -137,7 +123,9 @@ class StudyTest(Part):
         "load -> size that acted throughout", dict
     )
     load: Any = meaning("load -> size of a published laxity whose load is not known", None)
-    point_mm: Annotated[tuple[float, float, float], numbers_within(3, "point_mm")] = meaning(
+    point_mm: Annotated[
+        tuple[float, float, float], reading.numbers_within(3, "point_mm")
+    ] = meaning(
         "where forces act", (0.0, 0.0, 0.0)
     )
     axes: Annotated[Axes, Choice()] = meaning("in which loads are given", "grood_suntay")
@@ -146,7 +134,7 @@ class StudyTest(Part):
     )
     sd_deg: Annotated[float, within("noise_deg")] | None = meaning("of rotations; likewise", None)
     sd_N: Annotated[float, within("tension_N")] | None = meaning("of forces that were read", None)
-    sd_strain: Annotated[float, reads(number, RANGES["strain"].spread)] | None = meaning(
+    sd_strain: Annotated[float, reads(reading.number, RANGES["strain"].spread)] | None = meaning(
         "of strains that were read", None
     )
     cut: Annotated[
@@ -164,7 +152,7 @@ class StudyTest(Part):
     def _named_as_today(cls, said: Any) -> Any:
         return older_name(said)
 
-    def wrong(self, field: str, expected: str, value: Any = None) -> InputProblem:
+    def wrong(self, field: str, expected: str, value: Any = None) -> reading.InputProblem:
         """A mistake in a field of this test."""
         value = getattr(self, field) if value is None else value
         value = os.path.basename(value) if field == "file" else value
@@ -234,8 +222,8 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
             expected = f"no such field, but one of {load}"
             raise test.wrong(f"load.{name}", expected, test.load[name])
     try:
-        size = number(test.load[load], RANGES[load])
-    except InputProblem as problem:
+        size = reading.number(test.load[load], RANGES[load])
+    except reading.InputProblem as problem:
         raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
     if not size > 0:
         raise test.wrong(f"load.{load}", "the size of the load, above 0", size)

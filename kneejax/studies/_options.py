@@ -12,21 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import PlainValidator, model_validator
 
 from kneejax._ranges import RANGES, Range
-from kneejax.files.reading import (
-    Choice,
-    Flag,
-    InputProblem,
-    Text,
-    by_parameter,
-    entries,
-    interval,
-    items,
-    meaning,
-    number,
-    reads,
-    whole,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Choice, Flag, InputProblem, Text, entries, meaning, reads, wrong
 from kneejax.studies._fields import Intervals, Options, Seed
 
 if TYPE_CHECKING:
@@ -37,23 +24,23 @@ else:
 
 def _noise(name: str):
     # Nothing is measured without noise.
-    return reads(number, dataclasses.replace(RANGES[name], or_zero=False))
+    return reads(reading.number, dataclasses.replace(RANGES[name], or_zero=False))
 
 
 def _spread(value: Any, allowed: Range | None) -> float:
-    return number(value, allowed and allowed.spread)
+    return reading.number(value, allowed and allowed.spread)
 
 
 def _normal(value: Any, allowed: Range | None) -> tuple[float, float]:
     """Mean and standard deviation, which may be infinite."""
-    mean, width = items(value, "numbers", 2)
-    number(mean, allowed)
+    mean, width = reading.items(value, "numbers", 2)
+    reading.number(mean, allowed)
     return mean, width if width == math.inf else _spread(width, allowed)
 
 
 def _points(value: Any) -> list[int]:
     try:
-        return [whole(one, 2, 2000) for one in items(value, "points", 2)]
+        return [reading.whole(one, 2, 2000) for one in reading.items(value, "points", 2)]
     except InputProblem as problem:
         raise wrong(problem.value, problem.expected, at="points") from None
 
@@ -64,7 +51,8 @@ def _line(value: Any, allowed: Range | None) -> tuple[float, ...] | None:
         return None
     if not isinstance(value, list) or len(value) not in (2, 3):
         raise wrong(value, "a first and a last value, and how many if not as many as usual")
-    return interval(value[:2], allowed) + tuple(whole(one, 2, 1000) for one in value[2:])
+    count = tuple(reading.whole(one, 2, 1000) for one in value[2:])
+    return reading.interval(value[:2], allowed) + count
 
 
 class Identify(Options):
@@ -77,18 +65,20 @@ class Identify(Options):
         "standard deviation of measured rotations; the study's otherwise", None
     )
     prior: Annotated[
-        dict[str, tuple[float, float]], PlainValidator(by_parameter(_normal))
+        dict[str, tuple[float, float]], PlainValidator(reading.by_parameter(_normal))
     ] = meaning(
         "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
         "wildcard, for the posterior", dict,
     )  # fmt: skip
     posterior: Flag = meaning("sample it (packages BlackJAX and ArviZ)", False)
-    chains: Annotated[int, reads(whole, 1, 1000)] = meaning("of the posterior's samples", 4)
-    draws: Annotated[int, reads(whole, 1, 1_000_000)] = meaning(
+    chains: Annotated[int, reads(reading.whole, 1, 1000)] = meaning("of the posterior's samples", 4)
+    draws: Annotated[int, reads(reading.whole, 1, 1_000_000)] = meaning(
         "of each chain, after warm-up", 1000
     )
     seed: Seed = meaning("of the random numbers", 0)
-    next_tests: Annotated[int, reads(whole, 1, 1000)] = meaning("how many tests to choose", 3)
+    next_tests: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
+        "how many tests to choose", 3
+    )
     criterion: Annotated[Literal["D", "A"], Choice()] = meaning(
         "what they make small: the volume of the confidence region (D), or the mean squared "
         "standard error (A)", "D",
@@ -115,7 +105,7 @@ class Sensitivity(Options):
     """Asks what each parameter does to the motion."""
 
     sweep: Annotated[
-        dict[str, tuple[float, ...] | None], PlainValidator(by_parameter(_line))
+        dict[str, tuple[float, ...] | None], PlainValidator(reading.by_parameter(_line))
     ] = meaning(
         "name or wildcard -> first and last value, and how many if not as many as usual; all of "
         "the study's parameters otherwise", dict,
@@ -123,13 +113,13 @@ class Sensitivity(Options):
     scale: Annotated[Literal["prior", "percent"], Choice()] = meaning(
         "local derivatives per standard deviation of a prior, or per per cent", "prior"
     )
-    prior: Annotated[dict[str, float], PlainValidator(by_parameter(_spread))] = meaning(
+    prior: Annotated[dict[str, float], PlainValidator(reading.by_parameter(_spread))] = meaning(
         "standard deviation of a parameter or wildcard; usual ones otherwise", dict
     )
     indices: Annotated[Literal["sobol", "morris"], Choice()] | None = meaning(
         "global indices of the motion too (package SALib)", None
     )
-    samples: Annotated[int, reads(whole, 0, 1_000_000)] | None = meaning(
+    samples: Annotated[int, reads(reading.whole, 0, 1_000_000)] | None = meaning(
         "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
         None,
     )  # fmt: skip

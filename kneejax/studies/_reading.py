@@ -12,18 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import PlainValidator
 
-from kneejax.files import InputProblem
-from kneejax.files.reading import (
-    Mistakes,
-    Part,
-    by_parameter,
-    checked,
-    choice,
-    deviation,
-    load_yaml,
-    meaning,
-    one_of,
-)
+from kneejax.files import InputProblem, reading
+from kneejax.files.reading import Mistakes, Part, by_parameter, checked, choice, meaning, one_of
 from kneejax.studies._fields import MIRROR, UNITS, Values
 from kneejax.studies._lab_tests import (
     COORDINATES,
@@ -53,7 +43,7 @@ class PriorFile(Part):
     """The prior.yaml of a cohort."""
 
     start: Values = meaning("parameter -> mean")
-    prior: Annotated[dict[str, float], PlainValidator(by_parameter(deviation))] = meaning(
+    prior: Annotated[dict[str, float], PlainValidator(by_parameter(reading.deviation))] = meaning(
         "parameter -> standard deviation"
     )
     stiffness_of: Annotated[str, one_of(["structure"])] | None = meaning(
@@ -182,7 +172,7 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
 
     path = str(study.prior)
     ((mark, words),) = MEANING.items()
-    file = checked(PriorFile, load_yaml(path, "the prior.yaml of a cohort"), path)
+    file = checked(PriorFile, reading.load_yaml(path, "the prior.yaml of a cohort"), path)
     means, deviations = file.start, file.prior
     free = select(knee, study.parameters).names
     for name, value in study.start.items():

@@ -8,27 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import PlainValidator, ValidationInfo
 
 from kneejax._ranges import RANGES
-from kneejax.files.reading import (
-    Choice,
-    Distinct,
-    Flag,
-    Number,
-    Part,
-    Text,
-    by_parameter,
-    choice,
-    deviation,
-    entries,
-    folder_of,
-    mapping_of,
-    meaning,
-    number,
-    numbers,
-    reads,
-    text,
-    whole,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Choice, Distinct, Flag, Part, Text, entries, meaning, reads, wrong
 from kneejax.studies._fields import (
     UNITS,
     Angles,
@@ -66,7 +47,7 @@ def _table(value: Any, info: ValidationInfo) -> str:
     """The path of a table of measured poses."""
     from kneejax.files import bundled_measurements
 
-    path = folder_of(info) / text(value)
+    path = reading.folder_of(info) / reading.text(value)
     if os.path.isfile(path):
         return os.fspath(path)
     every = bundled_measurements()
@@ -109,10 +90,10 @@ def _knee(value: Any, info: ValidationInfo) -> Any:
         raise wrong(value, "a text, or a knee, as kneejax.load_knee gives")
     if not isinstance(value, str):
         return value
-    name = text(value)
+    name = reading.text(value)
     if name in known:
         return name
-    path = folder_of(info) / name
+    path = reading.folder_of(info) / name
     if not os.path.isfile(path):
         expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
         raise wrong(value, expected, known)
@@ -123,7 +104,7 @@ def _weights(value: Any) -> dict[str, float]:
     """Of all five coordinates; one of a coordinate counts before one of its unit."""
     known = ("mm", "deg", *UNITS)
     kind = f"a mapping with the fields {', '.join(known)}"
-    given = mapping_of(lambda x, _: number(x, RANGES["weight"]), kind, known)(value)
+    given = reading.mapping_of(lambda x, _: reading.number(x, RANGES["weight"]), kind, known)(value)
     weights = {
         name: given.get(name, given.get(unit, _WEIGHTS[unit])) for name, unit in UNITS.items()
     }
@@ -135,8 +116,8 @@ def _weights(value: Any) -> dict[str, float]:
 def _prior(value: Any, info: ValidationInfo) -> Any:
     """Standard deviations by name; of a text the whole path of the file that has them."""
     if not isinstance(value, str):
-        return by_parameter(deviation)(value)
-    path = folder_of(info) / value.strip()
+        return reading.by_parameter(reading.deviation)(value)
+    path = reading.folder_of(info) / value.strip()
     if not os.path.isfile(path):
         expected = f"a mapping, or the prior.yaml of a cohort; not at {path}"
         raise wrong(value, expected)
@@ -144,7 +125,7 @@ def _prior(value: Any, info: ValidationInfo) -> Any:
 
 
 def _noise(value: Any, name: str) -> float | None:
-    noise = None if value is None else number(value, RANGES[name])
+    noise = None if value is None else reading.number(value, RANGES[name])
     if noise == 0:
         raise wrong(value, "a standard deviation above 0; leave it out to have it estimated")
     return noise
@@ -152,7 +133,8 @@ def _noise(value: Any, name: str) -> float | None:
 
 def _sizes(value: Any, name: str) -> list[float]:
     many = isinstance(value, list)
-    return [*numbers(value, None, RANGES[name])] if many else [number(value, RANGES[name])]
+    allowed = RANGES[name]
+    return [*reading.numbers(value, None, allowed)] if many else [reading.number(value, allowed)]
 
 
 def _load_name(value: Any) -> str:
@@ -181,13 +163,14 @@ def _offset(value: Any) -> str:
             f"one of {', '.join(UNITS)}; flexion is prescribed as it was measured, so it can have "
             "no offset: correct the measured column instead",
         )
-    return choice(value, UNITS)
+    return reading.choice(value, UNITS)
 
 
-_columns = mapping_of(
-    lambda value, _: text(value), f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS
+_columns = reading.mapping_of(
+    lambda value, _: reading.text(value),
+    f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS,
 )
-_loads = mapping_of(
+_loads = reading.mapping_of(
     _sizes, f"a mapping from one of {', '.join(get_args(LoadName))} to its sizes", _load_name
 )
 
@@ -211,8 +194,8 @@ class Synthetic(Part):
 
     parameters: Values = meaning("parameter -> value that makes the data")
     flexion_deg: Angles = meaning("prescribed angles, or a text such as 0:120:5")
-    noise_mm: Number = meaning("deviation of positions' noise", 0.0)
-    noise_deg: Number = meaning("deviation of rotations' noise", 0.0)
+    noise_mm: reading.Number = meaning("deviation of positions' noise", 0.0)
+    noise_deg: reading.Number = meaning("deviation of rotations' noise", 0.0)
     seed: Seed = meaning("of the noise", 0)
 
 
@@ -277,7 +260,7 @@ class StudyFields(Part):
     ] = meaning(
         "of procedure S, in turn", ()
     )
-    starts: Annotated[int, reads(whole, 1, 1000)] = meaning(
+    starts: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "of procedure III: the knee's own, then draws from the prior, or between the bounds where "
         "there is none", 1,
     )  # fmt: skip
@@ -298,7 +281,7 @@ class StudyFields(Part):
     method: Annotated[Literal["least_squares", "lbfgsb"], Choice()] = meaning(
         "of the search; `lbfgsb` needs jaxopt and takes long", "least_squares"
     )
-    cycles: Annotated[int, reads(whole, 1, 1000)] = meaning(
+    cycles: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "how often procedures I and II may go through their two steps", 1
     )
     failures: Annotated[

@@ -9,21 +9,8 @@ from typing import Annotated
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.files.reading import (
-    InputProblem,
-    Part,
-    Text,
-    checked,
-    entries,
-    format_yaml,
-    load_yaml,
-    meaning,
-    number,
-    numbers_within,
-    one_of,
-    reads,
-    write_text,
-)
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
 from kneejax.mechanics import Range
 
@@ -32,13 +19,13 @@ _POINTS = ("femoral_medial_mm", "femoral_lateral_mm", "tibial_medial_mm", "tibia
 _FLEXION = Range(-180.0, 180.0, "degrees")
 
 
-Point = Annotated[tuple[float, float, float], numbers_within(3, "point_mm")]
+Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "point_mm")]
 
 
 class Knot(Part):
     """The axis at one flexion: two points on each bone."""
 
-    flexion_deg: Annotated[float, reads(number, _FLEXION)] = meaning("at which")
+    flexion_deg: Annotated[float, reads(reading.number, _FLEXION)] = meaning("at which")
     femoral_medial_mm: Point = meaning("on the femur")
     femoral_lateral_mm: Point = meaning("on the femur")
     tibial_medial_mm: Point = meaning("on the tibia")
@@ -99,7 +86,7 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
         >>> read_joint(path).joint.femoral.tolist()
         [[[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]]
     """
-    document = load_yaml(path, "a joint file")
+    document = reading.load_yaml(path, "a joint file")
     kind = document.get("kneejax", "missing") if isinstance(document, dict) else _KIND
     if kind != _KIND:
         expected = f"{_KIND}: this is no file that kneejax joint fit wrote"
@@ -142,7 +129,7 @@ def format_joint(file: JointFile) -> str:
         for i in range(len(degrees))
     ]
     document |= {k: v for k, v in (("source", file.source), ("notes", file.notes)) if v}
-    return format_yaml(document)
+    return reading.format_yaml(document)
 
 
 def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
@@ -155,7 +142,7 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     Raises:
         InputProblem: it cannot be written.
     """
-    write_text(path, format_joint(file))
+    reading.write_text(path, format_joint(file))
 
 
 def _mirror(side: str) -> np.ndarray:

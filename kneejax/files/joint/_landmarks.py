@@ -10,17 +10,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import model_validator
 
-from kneejax.files.reading import (
-    InputProblem,
-    Mistakes,
-    Number,
-    Part,
-    checked,
-    load_yaml,
-    meaning,
-    numbers_within,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
 from kneejax.files.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
@@ -32,7 +23,7 @@ _COLUMNS = ("axis", "side", *_COORDINATES)
 _METRES_BELOW = 1.0
 
 
-Point = Annotated[tuple[float, float, float], numbers_within(3, "scan_mm")]
+Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm")]
 
 
 class Pair(Part):
@@ -177,7 +168,7 @@ def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
 
 
 def _from_yaml(file: str, side: str) -> dict[str, np.ndarray]:
-    axes = checked(Axes, load_yaml(file, "axis points"), file)
+    axes = checked(Axes, reading.load_yaml(file, "axis points"), file)
     return {name: pair.points(side) for name, pair in axes if pair is not None}
 
 
@@ -260,7 +251,7 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.
     """
-    whole = checked(Landmarks, load_yaml(path, "landmarks"), os.fspath(path))
+    whole = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path))
     mistakes = Mistakes(os.fspath(path))
     with mistakes.gathered():
         _check_one_of(whole, "hip_center_mm", "femoral_head")
@@ -299,7 +290,7 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
         >>> read_tibia_landmarks(path).ankle_within
         (10.0, None)
     """
-    tibia = checked(Landmarks, load_yaml(path, "landmarks"), os.fspath(path)).tibia
+    tibia = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path)).tibia
     if tibia is None:
         raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
     plateau, both = tibia.plateau.points(side), tibia.malleoli

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from pydantic import Field, create_model, model_validator
 
+from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
 from kneejax.files.knee._parts import (
     Ligament,
@@ -28,26 +29,7 @@ from kneejax.files.knee._surfaces import (
     PatellarContact,
     TibialContact,
 )
-from kneejax.files.reading import (
-    Chosen,
-    InputProblem,
-    Mistakes,
-    Name,
-    Part,
-    Text,
-    checked,
-    choice,
-    entries,
-    format_yaml,
-    load_yaml,
-    named,
-    number,
-    one_of,
-    plain,
-    reads,
-    whole,
-    wrong,
-)
+from kneejax.files.reading import Chosen, InputProblem, Mistakes, Name, Part, Text, reads, wrong
 from kneejax.geometry import BODIES, PATELLA, TIBIA
 from kneejax.mechanics import BONES, RANGES
 
@@ -60,7 +42,7 @@ def _pose(bone: str) -> type[Part]:
     fields: dict[str, Any] = {}
     for one in BODIES[bone].values():
         kind = "flexion_deg" if one.column == "flexion_deg" else f"{one.way}_{one.unit}"
-        fields[one.column] = (Annotated[float, reads(number, RANGES[kind])], ...)
+        fields[one.column] = (Annotated[float, reads(reading.number, RANGES[kind])], ...)
     return create_model(f"{bone}_pose", __base__=Part, **fields, source=(Text, ""))
 
 
@@ -68,7 +50,7 @@ TibiaPose, PatellaPose = _pose(TIBIA), _pose(PATELLA)
 
 
 def _version(value: Any) -> int:
-    if whole(value, 1) != VERSION:
+    if reading.whole(value, 1) != VERSION:
         raise wrong(value, f"{VERSION}, the version of the format")
     return value
 
@@ -90,20 +72,22 @@ class Origin(Part):
     side: Text
     femur: Text
     tibia: Text
-    ligaments: Annotated[dict[Name, Text], named("the model's name")] = {}
-    wraps: Annotated[dict[Name, Text], named("the model's name")] = {}
+    ligaments: Annotated[dict[Name, Text], reading.named("the model's name")] = {}
+    wraps: Annotated[dict[Name, Text], reading.named("the model's name")] = {}
 
 
-Obstacles = Annotated[dict[Name, AnyObstacle], named("an obstacle")]
+_PATTERNS = "names of ligaments, or patterns such as ACL*"
+Group = Annotated[tuple[Text, ...], reading.entries(_PATTERNS)]
+Obstacles = Annotated[dict[Name, AnyObstacle], reading.named("an obstacle")]
 
 
 class Patella(Part):
     """The patella: its pose, and all parts that join it, with the muscles."""
 
     reference_pose: PatellaPose  # pyright: ignore[reportInvalidTypeForm]
-    ligaments: Annotated[dict[Name, Ligament], named("a ligament")]
-    contacts: Annotated[dict[Name, PatellarContact], named("a contact", empty=True)]
-    muscles: Annotated[dict[Name, Muscle], named("a muscle")]
+    ligaments: Annotated[dict[Name, Ligament], reading.named("a ligament")]
+    contacts: Annotated[dict[Name, PatellarContact], reading.named("a contact", empty=True)]
+    muscles: Annotated[dict[Name, Muscle], reading.named("a muscle")]
     wraps: Obstacles = {}
 
     @model_validator(mode="after")
@@ -122,7 +106,7 @@ class Patella(Part):
 class SameAs(Part):
     """A patella that is that of a bundled knee in the same frames."""
 
-    same_as: Annotated[str, reads(lambda name: choice(name, bundled_files("knees")))]
+    same_as: Annotated[str, reads(lambda name: reading.choice(name, bundled_files("knees")))]
     source: Any = None
 
 
@@ -141,25 +125,19 @@ class KneeDocument(Part):
 
     kneejax: Annotated[int, reads(_version)]
     name: Text
-    side: Annotated[str, one_of(("right", "left"))]
+    side: Annotated[str, reading.one_of(("right", "left"))]
     description: Text
     reference_pose: TibiaPose  # pyright: ignore[reportInvalidTypeForm]
     # A model without meshes has no contacts yet, meshes alone have no ligaments.
-    ligaments: Annotated[dict[Name, LigamentOfTwo], named("a ligament", empty=True)]
-    contacts: Annotated[dict[Name, TibialContact], named("a contact", empty=True)]
+    ligaments: Annotated[dict[Name, LigamentOfTwo], reading.named("a ligament", empty=True)]
+    contacts: Annotated[dict[Name, TibialContact], reading.named("a contact", empty=True)]
     patella: Annotated[Patella | SameAs, Chosen(_patella)] | None = None
     surfaces: Surfaces = Surfaces()
     wraps: Obstacles = {}
-    groups: Annotated[
-        dict[
-            Name,
-            Annotated[tuple[Text, ...], entries("names of ligaments, or patterns such as ACL*")],
-        ],
-        named("a list of ligaments"),
-    ] = {}
-    lines: Annotated[dict[Name, Line], named("one of the lines")] = {}
-    loads: Annotated[dict[Name, LoadOfFile], named("one of the loads")] = {}
-    adaptations: Annotated[tuple[Adaptation, ...], entries("adaptations")] = ()
+    groups: Annotated[dict[Name, Group], reading.named("a list of ligaments")] = {}
+    lines: Annotated[dict[Name, Line], reading.named("one of the lines")] = {}
+    loads: Annotated[dict[Name, LoadOfFile], reading.named("one of the loads")] = {}
+    adaptations: Annotated[tuple[Adaptation, ...], reading.entries("adaptations")] = ()
     notes: Text = ""
     imported_from: Origin | None = None
 
@@ -172,7 +150,7 @@ class KneeDocument(Part):
         _check_wraps(self.ligaments, self.wraps, "ligaments", mistakes)
         for name, wrap in self.wraps.items():
             with mistakes.gathered(f"wraps.{name}.bone"):
-                choice(wrap.bone, BONES)
+                reading.choice(wrap.bone, BONES)
         for name, group in self.groups.items():
             if name in known:
                 expected = "a group's name that is not a ligament's"
@@ -196,7 +174,7 @@ def _check_wraps(
     for name, part in parts.items():
         with mistakes.gathered(f"{section}.{name}.wrap"):
             if part.wrap is not None:
-                choice(part.wrap, wraps or ("none: the file has no section wraps",))
+                reading.choice(part.wrap, wraps or ("none: the file has no section wraps",))
 
 
 def _sources(part: Part, at: str) -> Iterator[tuple[str, str]]:
@@ -239,7 +217,7 @@ def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument
             expected = "a name that no ligament between femur and tibia has"
             mistakes.keep(wrong(own[name], expected, at=f"patella.ligaments.{name}"))
     with mistakes.gathered():
-        read = checked(KneeDocument, document, file)
+        read = reading.checked(KneeDocument, document, file)
     mistakes.check()
     return read  # pyright: ignore[reportPossiblyUnboundVariable]
 
@@ -260,12 +238,12 @@ def format_knee(document: dict[str, Any]) -> str:
         name: small
         side: right
     """
-    return format_yaml(plain_document(document))
+    return reading.format_yaml(plain_document(document))
 
 
 def plain_document(document: dict[str, Any]) -> dict[str, Any]:
     """A knee document of Python's own numbers, texts and lists, in the order of the format."""
-    return _walked(KneeDocument, plain(document), lambda value, marks, part: value)
+    return _walked(KneeDocument, reading.plain(document), lambda value, marks, part: value)
 
 
 def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
@@ -301,7 +279,7 @@ def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:
     same_as = document["patella"].get("same_as")
     if same_as is None:
         return document
-    whole = load_yaml(bundled_path("knees", same_as), "a knee file")
+    whole = reading.load_yaml(bundled_path("knees", same_as), "a knee file")
     own = whole if whole["side"] == document["side"] else mirror_document(whole)
     return document | {"patella": own["patella"]}
 

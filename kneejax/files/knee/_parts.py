@@ -17,20 +17,8 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
-from kneejax.files.reading import (
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    choice,
-    entries,
-    numbers_within,
-    one_of,
-    reads,
-    rows,
-    text,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Mistakes, Number, Part, Text, entries, one_of, reads, text, wrong
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
 from kneejax.mechanics import AXES, BONES, RANGES, ConstantTensionLine, Load
 
@@ -140,7 +128,9 @@ def _source(value: Any) -> Any:
 
 
 Vector = tuple[float, float, float]
-Point = Annotated[Vector, numbers_within(3, "point_mm"), Mirrored(_point)]
+Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), Mirrored(_point)]
+Force = Annotated[Vector, reading.numbers_within(3, "force_N"), Mirrored(_point)]
+Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), Mirrored(turned)]
 
 
 class Sourced(Part):
@@ -204,7 +194,7 @@ class Course(Sourced):
         mistakes = Mistakes()
         for place, via in enumerate(getattr(self, "via_points", ())):
             with mistakes.gathered(f"via_points[{place}].bone"):
-                choice(via.bone, bones)
+                reading.choice(via.bone, bones)
         mistakes.check()
 
 
@@ -278,7 +268,7 @@ class Line(Sourced):
     makes = ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[Any, reads(rows, 3, RANGES["coefficient_mm"]), Mirrored(_points)]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(_points)]
 
 
 class Muscle(Course):
@@ -301,8 +291,8 @@ class LoadOfFile(Sourced):
     """A force and a moment."""
 
     makes = Load
-    force_N: Annotated[Vector, numbers_within(3, "force_N"), Mirrored(_point)] | None = None
-    moment_Nmm: Annotated[Vector, numbers_within(3, "moment_Nmm"), Mirrored(turned)] | None = None
+    force_N: Force | None = None
+    moment_Nmm: Moment | None = None
     point_mm: Point | None = None
     axes: Annotated[str, one_of(AXES), WORD]
     point_in: Annotated[str, one_of(BONES), WORD] = TIBIA

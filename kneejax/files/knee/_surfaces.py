@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import model_validator
 
 from kneejax import geometry
+from kneejax.files import reading
 from kneejax.files.knee._parts import (
     ALL_BONES,
     APART,
@@ -23,24 +24,7 @@ from kneejax.files.knee._parts import (
     negative,
     turned,
 )
-from kneejax.files.reading import (
-    Chosen,
-    InputProblem,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    choice,
-    interval,
-    items,
-    numbers_within,
-    one_of,
-    reads,
-    rows,
-    whole,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartilage_law
 
@@ -80,7 +64,7 @@ def _outlined(x: Any, _: Any) -> list[list[float]]:
 
 
 def _extent(value: Any) -> tuple[float, float]:
-    lower, upper = interval(value, RANGES["point_mm"])
+    lower, upper = reading.interval(value, RANGES["point_mm"])
     width = RANGES["size_mm"]
     if not width.holds(upper - lower):
         raise wrong(value, f"a width {width.expected(upper - lower)}")
@@ -88,14 +72,14 @@ def _extent(value: Any) -> tuple[float, float]:
 
 
 def _angles(value: Any) -> tuple[float, float]:
-    lower, upper = interval(value, RANGES["angle_deg"])
+    lower, upper = reading.interval(value, RANGES["angle_deg"])
     if upper - lower < 10:
         raise wrong(value, "a region at least 10 degrees wide; a narrower one suggests radians")
     return lower, upper
 
 
 def _outline(value: Any) -> list[tuple[float, ...]]:
-    corners = rows(value, 2, RANGES["point_mm"])
+    corners = reading.rows(value, 2, RANGES["point_mm"])
     if len(corners) < 3:
         raise wrong(value, "at least three corners [anterior, lateral]")
     return corners
@@ -103,20 +87,20 @@ def _outline(value: Any) -> list[tuple[float, ...]]:
 
 def _counts(value: Any) -> tuple[int, ...]:
     mistakes, found = Mistakes(), []
-    for place, one in enumerate(items(value, "numbers of points", 2)):
+    for place, one in enumerate(reading.items(value, "numbers of points", 2)):
         with mistakes.gathered(f"[{place}]"):
-            found.append(whole(one, 2, _MOST_POINTS))
+            found.append(reading.whole(one, 2, _MOST_POINTS))
     mistakes.check()
     return tuple(found)
 
 
 Origin = Annotated[Point, Gives("frame.origin")]
-Turn = Annotated[Vector, numbers_within(3, "rotation_deg"), Mirrored(turned)]
+Turn = Annotated[Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(turned)]
 Rotation = Annotated[Turn | None, Gives("frame.rotation")]
 Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
-Table = Annotated[Any, reads(rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
+Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
 Size = Annotated[float, within("size_mm")]
-SemiAxes = Annotated[Vector, numbers_within(3, "size_mm")]
+SemiAxes = Annotated[Vector, reading.numbers_within(3, "size_mm")]
 
 
 class Surface(Sourced):
@@ -200,7 +184,7 @@ class PlaneSurface(Surface):
     makes = geometry.Plane
     origin_mm: Origin
     rotation_deg: Rotation = None
-    half_extent_mm: Annotated[tuple[float, float], numbers_within(2, "size_mm")]
+    half_extent_mm: Annotated[tuple[float, float], reading.numbers_within(2, "size_mm")]
 
 
 class SphereSurface(Surface):
@@ -267,8 +251,8 @@ def _by_kind(models: Mapping[str, type[Part]]) -> Chosen:
         if not isinstance(value, dict) or "kind" not in value:
             raise wrong(value, f"a mapping with the field kind, one of {', '.join(models)}")
         try:
-            return models[choice(value["kind"], models)]
-        except InputProblem as problem:
+            return models[reading.choice(value["kind"], models)]
+        except reading.InputProblem as problem:
             raise wrong(value["kind"], problem.expected, problem.nearest, at="kind") from None
 
     return Chosen(model)

@@ -8,24 +8,8 @@ from typing import Annotated, Any
 
 from pydantic import ConfigDict, PlainValidator, model_validator
 
-from kneejax.files.reading import (
-    Flag,
-    InputProblem,
-    Mistakes,
-    Part,
-    Text,
-    checked,
-    entries,
-    items,
-    load_json,
-    mapping_of,
-    meaning,
-    number,
-    one_of,
-    reads,
-    rows,
-    wrong,
-)
+from kneejax.files import reading
+from kneejax.files.reading import Flag, InputProblem, Mistakes, Part, Text, meaning, reads, wrong
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Knee, range_of_parameter
 from kneejax.parameters import MEANING, fibres_summed
@@ -90,7 +74,7 @@ def _estimate(value: Any, name: str) -> Estimate:
     """What was found of a parameter, or of a constant between frames."""
     found, mistakes = Estimate.model_validate(value), Mistakes()
     with mistakes.gathered("value"):
-        number(found.value, range_of_parameter(name))
+        reading.number(found.value, range_of_parameter(name))
     mistakes.check()
     return found
 
@@ -112,13 +96,15 @@ class Estimate(Written):
     """What was found of a number."""
 
     value: Any = meaning("in its own unit")
-    standard_error: Annotated[float, reads(number)] | None = meaning("if known", None)
+    standard_error: Annotated[float, reads(reading.number)] | None = meaning("if known", None)
 
 
 #: Parameter -> value.
 Numbers = Annotated[
     dict[str, float],
-    PlainValidator(mapping_of(lambda x, name: number(x, range_of_parameter(name)), "a mapping")),
+    PlainValidator(
+        reading.mapping_of(lambda x, name: reading.number(x, range_of_parameter(name)), "a mapping")
+    ),
 ]
 
 
@@ -135,16 +121,18 @@ class StudySettings(Written):
 class Correlation(Written):
     """Of the estimates; nothing stands for zero."""
 
-    parameters: Annotated[tuple[Text, ...], entries("names", empty=True)] = meaning("names", ())
+    parameters: Annotated[tuple[Text, ...], reading.entries("names", empty=True)] = meaning(
+        "names", ()
+    )
     matrix: Any = meaning("rows")
 
     @model_validator(mode="after")
     def _check_square(self) -> Correlation:
         if self.matrix:
-            count = len(items([*self.parameters], "names"))
-            every = [[0.0 if x is None else x for x in items(row, "numbers", count)]
-                     for row in items(self.matrix, "rows", count)]  # fmt: skip
-            object.__setattr__(self, "matrix", tuple(rows(every, count)))
+            count = len(reading.items([*self.parameters], "names"))
+            every = [[0.0 if x is None else x for x in reading.items(row, "numbers", count)]
+                     for row in reading.items(self.matrix, "rows", count)]  # fmt: skip
+            object.__setattr__(self, "matrix", tuple(reading.rows(every, count)))
         return self
 
 
@@ -154,15 +142,17 @@ class ResultFile(Written):
     title: Any = meaning("of the study", None)
     knee: Text = meaning("name or file, in older files", "")
     parameters: Annotated[
-        dict[str, Estimate], PlainValidator(mapping_of(_estimate, "a mapping"))
+        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping"))
     ] | None = meaning("parameter -> estimate", None)
     settings: StudySettings | None = meaning("of the study", None)
-    noise: dict[str, Annotated[float, reads(number)] | None] | None = meaning("estimated", None)
+    noise: dict[str, Annotated[float, reads(reading.number)] | None] | None = meaning(
+        "estimated", None
+    )
     frame_offset: Annotated[
-        dict[str, Estimate], PlainValidator(mapping_of(_estimate, "a mapping", _coordinate))
+        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping", _coordinate))
     ] | None = meaning("free coordinate -> constant between frames", None)
     correlation: Correlation | None = meaning("of the estimates", None)
-    stiffness_of: Annotated[str, one_of(MEANING.values())] | None = meaning(
+    stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = meaning(
         "of what a structure's stiffness is", None
     )
 
@@ -187,10 +177,10 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         InputProblem: the file cannot be read or is no such result.
     """
     file, expected = os.fspath(path), "a result.json of kneejax calibrate"
-    document = load_json(path, expected)
+    document = reading.load_json(path, expected)
     if not isinstance(document, dict) or "parameters" not in document:
         raise InputProblem(file, "parameters", "missing", expected)
-    whole = checked(ResultFile, document, file, nulls=True)
+    whole = reading.checked(ResultFile, document, file, nulls=True)
     settings, found = whole.settings or StudySettings(), whole.parameters or {}
     words = [word if isinstance(word, str) else "" for word in (whole.title, settings.path)]
     named = whole.correlation

@@ -12,15 +12,8 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from kneejax.files.reading import (
-    InputProblem,
-    Mistakes,
-    counted,
-    nearest_name,
-    plain_number,
-    read_text,
-    write_text,
-)
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Mistakes, counted, nearest_name, plain_number
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 
@@ -260,12 +253,13 @@ def write_rows(
         if len(cells) != len(header):
             raise ValueError(f"a row of {len(cells)} cells under a header of {len(header)}")
         writer.writerow(cells)
-    write_text(path, stream.getvalue())
+    reading.write_text(path, stream.getvalue())
 
 
 def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header, which has the columns sought, and line number and cells of each row not blank."""
-    reader = csv.reader(io.StringIO(read_text(file, "a CSV table"), newline=""), strict=True)
+    text = reading.read_text(file, "a CSV table")
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     lines: list[tuple[int, list[str]]] = []
     try:
         for cells in reader:
