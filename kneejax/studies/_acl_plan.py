@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, model_validator
 
+from kneejax import planning
 from kneejax.files import (
     Calibrated,
     bone_surface,
@@ -23,26 +24,7 @@ from kneejax.files.reading import Mistakes, Number, Part, Text, meaning, one_of,
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Range, range_of_parameter
 from kneejax.parameters import fibre_rows
-from kneejax.planning import (
-    DIRECTIONS,
-    FARTHEST_MM,
-    FREE,
-    GENERATIONS,
-    GRAFTS,
-    MOST_EVALUATIONS,
-    POPULATION,
-    SEMI_AXES_MM,
-    STARTS,
-    WINDOW,
-    AclPlan,
-    Footprint,
-    Limits,
-    Protocol,
-    Reconstruction,
-    Surgery,
-    footprint_of,
-    reconstruction_of,
-)
+from kneejax.planning import DIRECTIONS, FREE, GRAFTS, AclPlan, Footprint, Reconstruction
 from kneejax.studies._fields import Values
 
 _TENSION = Range(1.0, 1000.0, "N", too_small="a graft that is not pulled has no zero-load length")
@@ -110,8 +92,8 @@ class Tunnels(Part):
 class Footprints(Part):
     """Semi-axes of the ellipses in which tunnels may lie."""
 
-    tibia_mm: SemiAxes = meaning("along, across", SEMI_AXES_MM[TIBIA])
-    femur_mm: SemiAxes = meaning("along, across", SEMI_AXES_MM[FEMUR])
+    tibia_mm: SemiAxes = meaning("along, across", planning.SEMI_AXES_MM[TIBIA])
+    femur_mm: SemiAxes = meaning("along, across", planning.SEMI_AXES_MM[FEMUR])
 
 
 class Bones(Part):
@@ -162,7 +144,7 @@ class Optimum(Part):
     ] = meaning(
         "what may change", tuple(FREE)
     )
-    starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", STARTS)
+    starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
     @model_validator(mode="after")
@@ -176,8 +158,8 @@ class Optimum(Part):
 class Front(Part):
     """The search for a front of several criteria."""
 
-    population: Annotated[int, reads(whole, 8, 1024)] = meaning("of each generation", POPULATION)
-    generations: Annotated[int, reads(whole, 1, 1000)] = meaning("of the search", GENERATIONS)
+    population: Annotated[int, reads(whole, 8, 1024)] = meaning("of each", planning.POPULATION)
+    generations: Annotated[int, reads(whole, 1, 1000)] = meaning("in all", planning.GENERATIONS)
 
 
 class PlanFields(Part):
@@ -196,7 +178,7 @@ class PlanFields(Part):
         "through which the knee is extended", lambda: _angles("80:0:-2.5")
     )
     lachman: Lachman = meaning("flexions and force", Lachman)
-    window: Annotated[int, reads(whole, 0, 1000)] = meaning("of dynamic time warping", WINDOW)
+    window: Annotated[int, reads(whole, 0, 1000)] = meaning("of time warping", planning.WINDOW)
     limits: PlanLimits = meaning("of graft force, laxity and tension", PlanLimits)
     octagon_apothem_mm: Half = meaning("of the octagon on the tibia", 10.0)
     map: Annotated[Map | None, Switch] = meaning("maps; false for none", Map)
@@ -272,9 +254,11 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     mistakes.check()
     graft, count = GRAFTS[plan.graft.type], plan.graft.bundles
     stiffness = plan.graft.stiffness_N or graft.stiffness_N
-    reconstruction = reconstruction_of(knee, plan.ligament, count, stiffness, graft.failure_N)
+    reconstruction = planning.reconstruction_of(
+        knee, plan.ligament, count, stiffness, graft.failure_N
+    )
     tibia, femur = (
-        footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
+        planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
                      mesh and bone_surface(mesh))
         for bone, mesh in ((TIBIA, plan.bones.tibia), (FEMUR, plan.bones.femur))
     )  # fmt: skip
@@ -285,14 +269,14 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     mistakes.check()
     tension = plan.fixation.tension_N
     tensions = tension if isinstance(tension, tuple) else (tension,) * count
-    optimum, maps = plan.optimum or Optimum(), plan.map or Map()
+    optimum, maps, tests = plan.optimum or Optimum(), plan.map or Map(), plan.lachman
     return AclPlan(
         title=plan.title,
-        surgery=Surgery(
+        surgery=planning.Surgery(
             reconstruction, tibia, femur, _replaced(reconstruction), plan.fixation.flexion_deg,
-            Protocol(plan.flexion_deg, plan.lachman.flexion_deg, plan.lachman.force_N, _STEPS),
+            planning.Protocol(plan.flexion_deg, tests.flexion_deg, tests.force_N, _STEPS),
             plan.window,
-            Limits(*(x for _, x in plan.limits)),
+            planning.Limits(*(x for _, x in plan.limits)),
         ),
         own=knee,
         ligament=plan.ligament,
@@ -303,9 +287,9 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
         map_half_mm={TIBIA: maps.tibia_half_mm, FEMUR: maps.femur_half_mm},
         free=optimum.free if plan.optimum else (),
         starts=optimum.starts,
-        evaluations=optimum.evaluations or max(MOST_EVALUATIONS, optimum.starts + 1),
+        evaluations=optimum.evaluations or max(planning.MOST_EVALUATIONS, optimum.starts + 1),
         population=plan.front.population if plan.front else 0,
-        generations=plan.front.generations if plan.front else GENERATIONS,
+        generations=plan.front.generations if plan.front else planning.GENERATIONS,
         drawn=drawn,
         held=held,
         said=document,
@@ -322,9 +306,9 @@ def _tunnels(stated: Any, footprint: Footprint, bundles: int) -> np.ndarray:
     bone = footprint.bone
     if footprint.surface is not None:
         off = float(footprint.off_bone(tunnels).max())
-        if off > FARTHEST_MM:
-            expected = f"within {FARTHEST_MM:g} mm of the {bone}'s mesh; this is {off:.1f} mm off"
-            raise wrong(shown, expected)
+        if off > planning.FARTHEST_MM:
+            most = f"{planning.FARTHEST_MM:g} mm"
+            raise wrong(shown, f"within {most} of the {bone}'s mesh; this is {off:.1f} mm off")
     elif stated is not None and footprint.outside(tunnels).max() > 1.0:
         names = " and ".join(name for name, _ in DIRECTIONS[bone])
         along, across = footprint.semi_axes_mm

@@ -10,18 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.knee import _parts as parts
 from kneejax.files.knee._building import detour_counts, slack_length
 from kneejax.files.knee._document import mirror_document, with_own_patella
-from kneejax.files.knee._parts import (
-    Ligament,
-    Line,
-    LoadOfFile,
-    Muscle,
-    Source,
-    attributes,
-    marked,
-    quantity,
-)
 from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
@@ -69,26 +60,26 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
         own = with_own_patella(right)["patella"]
         sections.append(copy.deepcopy(own))
     _fibres({k: x for one in sections for k, x in one["ligaments"].items()}, knee, source)
-    _courses(sections, Ligament, knee.ligaments, source)
+    _courses(sections, parts.Ligament, knee.ligaments, source)
     contacts = [part for section in sections for part in section["contacts"].values()]
     for part, contact in zip(contacts, knee.contacts, strict=True):
         _state(part, contact, ContactPart, source)
         faces = [face for face in FACES if face in part]
         for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
             _state(part[field], surface, SURFACES[part[field]["kind"]], source)
-    still = dict.fromkeys(attributes(LoadOfFile), (0.0, 0.0, 0.0))
+    still = dict.fromkeys(parts.attributes(parts.LoadOfFile), (0.0, 0.0, 0.0))
     for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
-        _state(part, load, LoadOfFile, source, still)
+        _state(part, load, parts.LoadOfFile, source, still)
     if not own:
         for part, line in zip(right.get("lines", {}).values(), knee.lines, strict=True):
-            _state(part, line, Line, source)
+            _state(part, line, parts.Line, source)
     elif knee.muscles is not None:
-        fields, muscles = attributes(Muscle), knee.muscles
+        fields, muscles = parts.attributes(parts.Muscle), knee.muscles
         for row, name in enumerate(muscles.names):  # others of the section do not pull
             part = sections[1]["muscles"][name]
             found = {field: np.asarray(getattr(muscles, x))[row] for field, x in fields.items()}
-            _say(part, Muscle, _put(part, found), source)
-        _courses(sections[1:], Muscle, muscles, source)
+            _say(part, parts.Muscle, _put(part, found), source)
+        _courses(sections[1:], parts.Muscle, muscles, source)
     if own and sections[1] != own:
         right["patella"] = sections[1]
     return mirror_document(right) if left else right
@@ -130,7 +121,7 @@ def reconstructed(
     for name in grafts:
         row = fibres.names.index(name)
         numbers = {"slack_length_mm": fibres.slack_length[row]}
-        numbers |= {field: getattr(fibres, quantity(field))[row] for field in _STRAIGHT}
+        numbers |= {field: getattr(fibres, parts.quantity(field))[row] for field in _STRAIGHT}
         entry = {field: np.asarray(value, float).tolist() for field, value in numbers.items()}
         right["ligaments"][name] = entry | {"source": source}
     known = tuple(right["ligaments"])
@@ -146,19 +137,20 @@ def reconstructed(
     return mirror_document(right) if left else right
 
 
-def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
-    fibres, models = knee.ligaments, [Ligament.model_construct(**x) for x in parts.values()]
+def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
+    fibres = knee.ligaments
+    models = [parts.Ligament.model_construct(**one) for one in ligaments.values()]
     _, lengths = at_reference(fibres, knee.at_reference, detour_counts(models))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
-    numbers = {field: np.asarray(getattr(fibres, quantity(field))) for field in _OF_FIBRE}
-    usual = usual_failure_strain(tuple(parts))
-    for row, (part, model) in enumerate(zip(parts.values(), models, strict=True)):
+    numbers = {field: np.asarray(getattr(fibres, parts.quantity(field))) for field in _OF_FIBRE}
+    usual = usual_failure_strain(tuple(ligaments))
+    for row, (part, model) in enumerate(zip(ligaments.values(), models, strict=True)):
         found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
         found |= {field: values[row] for field, values in numbers.items()}
         changed = _put(part, found, {"failure_strain": usual[row], "damping_N_s": 0.0})
         # The slack length as the part gives it now.
-        model = Ligament.model_construct(**part)
+        model = parts.Ligament.model_construct(**part)
         if not _same(slack[row], slack_length(model, lengths[row])):
             given = model.slack_field
             del part[given]
@@ -169,14 +161,14 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
                 given = "slack_length_mm"
                 part[given] = float(slack[row])
             changed.append(given)
-        _say(part, Ligament, changed, source)
+        _say(part, parts.Ligament, changed, source)
 
 
 def _courses(
-    sections: list[dict[str, Any]], model: type[Ligament | Muscle], among: Fibres, source: str
+    sections: list[dict[str, Any]], model: type[parts.Course], among: Fibres, source: str
 ) -> None:
     """Via points, and what fibres go around, each in its own section."""
-    kind = "ligaments" if model is Ligament else "muscles"
+    kind = "ligaments" if model is parts.Ligament else "muscles"
     home = {name: place for place, one in enumerate(sections) for name in one[kind]}
     before = [copy.deepcopy(section.get("wraps", {})) for section in sections]
     stated: set[tuple[int, str]] = set()
@@ -206,7 +198,7 @@ def _state(
 ) -> None:
     """Put the numbers of an object into its part of the document, and say whose they are."""
     found = {}
-    for field, name in attributes(model).items():
+    for field, name in parts.attributes(model).items():
         value = operator.attrgetter(name)(of)
         if value is not None:
             found[field] = np.rad2deg(value) if field.endswith("_deg") else value
@@ -242,7 +234,8 @@ def _say(part: dict[str, Any], model: type[Part], changed: list[str], source: st
         part["source"] = f"{said}; {', '.join(changed)}: {source}"
         return
     if not isinstance(said, dict):
-        words = {"source", *(name for name, one in marked(model, Source).items() if not one.number)}
-        said = {field: said for field in part if field not in words}
+        marks = parts.marked(model, parts.Source)
+        numbers = [x for x in part if x != "source" and marks.get(x, parts.SPARED).number]
+        said = dict.fromkeys(numbers, said)
     stated = {field: text for field, text in said.items() if field in part}
     part["source"] = stated | dict.fromkeys(changed, source)

@@ -10,20 +10,8 @@ from pydantic import model_validator
 
 from kneejax import geometry
 from kneejax.files import reading
-from kneejax.files.knee._parts import (
-    ALL_BONES,
-    APART,
-    SPARED,
-    WORD,
-    Absent,
-    Gives,
-    Mirrored,
-    Point,
-    Sourced,
-    Vector,
-    negative,
-    turned,
-)
+from kneejax.files.knee import _parts as parts
+from kneejax.files.knee._parts import APART, WORD, Gives, Mirrored, Point, Sourced
 from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartilage_law
@@ -52,15 +40,15 @@ def _odd(table: Any, part: Mapping[str, Any]) -> Any:
     """Coefficients of odd powers of the width or z; control values of a spline over it."""
     if part.get("basis") == CUBIC_SPLINE:
         return [list(row[::-1]) for row in table]
-    return [[negative(c) if j % 2 else c for j, c in enumerate(row)] for row in table]
+    return [[parts.negative(c) if j % 2 else c for j, c in enumerate(row)] for row in table]
 
 
 def _swapped(x: Any, _: Any) -> list[float]:
-    return [negative(x[1]), negative(x[0])]
+    return [parts.negative(x[1]), parts.negative(x[0])]
 
 
 def _outlined(x: Any, _: Any) -> list[list[float]]:
-    return [[a, negative(b)] for a, b in x]
+    return [[a, parts.negative(b)] for a, b in x]
 
 
 def _extent(value: Any) -> tuple[float, float]:
@@ -95,12 +83,12 @@ def _counts(value: Any) -> tuple[int, ...]:
 
 
 Origin = Annotated[Point, Gives("frame.origin")]
-Turn = Annotated[Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(turned)]
+Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(parts.turned)]
 Rotation = Annotated[Turn | None, Gives("frame.rotation")]
 Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
 Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
 Size = Annotated[float, within("size_mm")]
-SemiAxes = Annotated[Vector, reading.numbers_within(3, "size_mm")]
+SemiAxes = Annotated[parts.Vector, reading.numbers_within(3, "size_mm")]
 
 
 class Surface(Sourced):
@@ -208,7 +196,7 @@ class Obstacle(Sourced):
     """What fibres go around."""
 
     kind: Annotated[str, APART]
-    bone: Annotated[str, one_of(ALL_BONES), APART]
+    bone: Annotated[str, one_of(parts.ALL_BONES), APART]
     center_mm: Origin
     rotation_deg: Rotation = None
 
@@ -272,8 +260,8 @@ class ContactPart(Sourced):
     youngs_modulus_MPa: Number
     poisson_ratio: Number
     layer_thickness_mm: Number
-    layer_variation_mm: Annotated[Table, SPARED] = None
-    onset_width_mm: Annotated[Number, SPARED]
+    layer_variation_mm: Annotated[Table, parts.SPARED] = None
+    onset_width_mm: Annotated[Number, parts.SPARED]
     femoral_surface: Annotated[AnySurface, APART]
     patellar_surface: Annotated[AnySurface | None, APART] = None
     tibial_surface: Annotated[AnySurface | None, APART] = None
@@ -312,7 +300,7 @@ class ContactPart(Sourced):
 class TibialContact(ContactPart):
     """A contact of femur and tibia."""
 
-    patellar_surface: Absent = None
+    patellar_surface: parts.Absent = None
     tibial_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
 
 
@@ -320,4 +308,4 @@ class PatellarContact(ContactPart):
     """A contact of femur and patella."""
 
     patellar_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
-    tibial_surface: Absent = None
+    tibial_surface: parts.Absent = None
