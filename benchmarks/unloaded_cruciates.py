@@ -85,7 +85,7 @@ def fitted(study, unloaded: bool, starts: int):
     knee, selection = study.knee_at_start, study.selection
     noise_mm, noise_deg = study.noise
     spread = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
-    weights = np.where(study.weight_vector > 0, spread**-2.0, 0.0)
+    weights = np.where(study.scatter.counted, spread**-2.0, 0.0)
     problem = Problem.of(
         knee, selection, study.measured, weights, study.frame_offset, study.acting, study.tests,
         spread,

@@ -6,6 +6,7 @@ for help, or misspells an option, does not wait for them.
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
 from collections.abc import Callable, Mapping
@@ -43,3 +44,21 @@ def lazy_names(
         return sorted({*vars(sys.modules[package]), *modules})
 
     return __getattr__, __dir__
+
+
+def lazy_imports(face: dict[str, Any]) -> None:
+    """Import what a package offers when it is first asked for, as its own source says.
+
+    The source has these imports under `if TYPE_CHECKING:`, where editors and type checkers read
+    them, so that no name stands twice.
+
+    Args:
+        face: `globals()` of the package's `__init__`.
+    """
+    with open(face["__file__"], encoding="utf-8") as source:
+        tree = ast.parse(source.read())
+    (block,) = (node for node in tree.body if isinstance(node, ast.If))
+    stated = (node for node in block.body if isinstance(node, ast.ImportFrom))
+    modules = {name.name: node.module or "" for node in stated for name in node.names}
+    asked, listed = lazy_names(face["__name__"], modules)
+    face |= {"_MODULES": modules, "__all__": [*modules], "__getattr__": asked, "__dir__": listed}

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 from pydantic import (
     BaseModel,
     ConfigDict,
-    Field,
     PrivateAttr,
     ValidationError,
     ValidatorFunctionWrapHandler,
@@ -27,6 +26,7 @@ from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
 from kneejax.files import InputProblem, InputProblems
+from kneejax.files.reading import meaning
 
 if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
@@ -71,13 +71,6 @@ class Only:
     where: Callable[[Any], bool]
     expected: str
     shown: str = ""
-
-
-@dataclasses.dataclass(frozen=True)
-class InRange:
-    """A number held against what such a quantity can be: a name of `kneejax.mechanics.RANGES`."""
-
-    quantity: str
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,8 +165,10 @@ class Command(BaseModel):
             nested = error.get("ctx", {}).get("error")
             name = str(error["loc"][0]) if error["loc"] else ""
             field, value = fields.get(name), error["input"]
-            if isinstance(nested, InputProblem):
+            if isinstance(nested, InputProblem) and nested.file:
                 yield from getattr(nested, "problems", (nested,))
+            elif isinstance(nested, InputProblem) and field is not None:  # of the value alone
+                yield InputProblem(cls.command, shown_name(field), _shown(value), nested.expected)
             elif field is None:
                 expected = f"no such option of kneejax {cls.command}"
                 yield InputProblem(cls.command, name, value, expected, known)
@@ -229,22 +224,6 @@ class Command(BaseModel):
         if problems:
             raise problems[0] if len(problems) == 1 else InputProblems(problems)
 
-    def check_ranges(self) -> None:
-        """Refuse numbers that no such quantity has; imports the mechanics, and JAX with it.
-
-        Raises:
-            InputProblem: a number is out of its range.
-        """
-        from kneejax.mechanics import RANGES
-
-        for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            for mark in marks(field, InRange):
-                allowed = RANGES[mark.quantity]
-                if value is not None and not allowed.holds(value):
-                    expected = allowed.expected(value)
-                    raise InputProblem(self.command, shown_name(field), f"{value:g}", expected)
-
     def options(self) -> dict[str, Any]:
         """Options and their values, defaults among them, as a result's own settings hold them."""
         values = self.model_dump(exclude={"out", "verbose"})
@@ -275,9 +254,9 @@ class Written(Command):
     folder: ClassVar[str]
     _results: Any = PrivateAttr(None)
     _imports_s: float = PrivateAttr(0.0)
-    out: Annotated[Path, Group("Results")] = Field(Path(), description="folder for the results")
-    verbose: Annotated[bool, Group("Results")] = Field(
-        False, description="say what was compiled, and how long it took"
+    out: Annotated[Path, Group("Results")] = meaning("folder for the results", Path())
+    verbose: Annotated[bool, Group("Results")] = meaning(
+        "say what was compiled, and how long it took", False
     )
 
     @classmethod
@@ -309,7 +288,7 @@ class Written(Command):
 class Drawn(Written):
     """A command that draws figures too."""
 
-    svg: Annotated[bool, Group("Results")] = Field(False, description="write figures as SVG too")
+    svg: Annotated[bool, Group("Results")] = meaning("write figures as SVG too", False)
 
 
 def marks(field: FieldInfo, kind: type) -> list[Any]:

@@ -89,7 +89,6 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         with _starting(not isinstance(asked, _WITHOUT_JAX)) as computes:
             if computes:
                 prepare_jax()
-                asked.check_ranges()
             asked.import_body()
     with _doubts_in_words():
         if not isinstance(asked, Written):

@@ -22,7 +22,7 @@ from kneejax.files import (
     write_rows,
     write_text,
 )
-from kneejax.files.reading import Field, load_json
+from kneejax.files.reading import load_json
 from kneejax.files.results import CLAIM
 from kneejax.inference import Candidate, versions
 from kneejax.mechanics import Knee, load_words
@@ -74,10 +74,11 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
         return studies.read_study(name_or_path), "start"
     file = path / "result.json" if path.is_dir() else path
     found = read_calibrated(file)
-    path = Field(str(file), "", load_json(file, "a result"))["settings"]["path"]
-    if path.value not in bundled_studies() and not Path(path.text()).is_file():
-        raise path.problem("the file of its study, which must be there still")
-    study = studies.read_study(path.text())
+    path = load_json(file, "a result")["settings"]["path"]
+    if path not in bundled_studies() and not Path(path).is_file():
+        expected = "the file of its study, which must be there still"
+        raise InputProblem(file, "settings.path", path, expected)
+    study = studies.read_study(path)
     fitted = found.of_structures(study.knee).found
     return study.replace(start=fitted), "fit"
 

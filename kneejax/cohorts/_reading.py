@@ -12,24 +12,23 @@ import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from pydantic import PlainValidator, ValidationInfo
 
 from kneejax.files import (
     InputProblem,
     bundled_knees,
     bundled_measurements,
     bundled_studies,
+    reading,
     study_path,
 )
-from kneejax.files.reading import Field, load_yaml, plain_number
+from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
 from kneejax.files.tables import read_rows
-from kneejax.mechanics import Implausible
-from kneejax.numerics import MissingPackage
-from kneejax.parameters import UnknownParameter, UnsuitableData
 from kneejax.studies import STUDY_FIELDS, Study, study_of
 
 _COHORT_FILE, _STUDY_FILE = "cohort.yaml", "study.yaml"
-_MISTAKES = (InputProblem, UnknownParameter, UnsuitableData, Implausible, MissingPackage)
 _NAME = re.compile(r"[A-Za-z0-9][\w.+-]*")
 #: Fields of a study in which a column names an entry, dots and all: `set.ACL.stiffness`.
 _WITH_ENTRIES = ("start", "bounds", "prior", "set", "weights", "loads", "measured", "synthetic")
@@ -37,6 +36,50 @@ _COLUMNS = (
     "name, side, about's, or a field of the study: knee, measured.file, TEST.file, noise_mm, "
     "set.ACL.stiffness, ..."
 )
+
+
+def _template(value: Any, info: ValidationInfo) -> Any:
+    """The fields of a study as they are, or the file that has them."""
+    if isinstance(value, dict):
+        return value
+    known, name = bundled_studies(), text(value)
+    path = study_path(name) if name in known else reading.folder_of(info) / name
+    if not os.path.isfile(path):
+        expected = f"a study file, its fields, or a bundled study; not at {path}"
+        raise wrong(value, expected, known)
+    return path
+
+
+def _knees(value: Any, info: ValidationInfo) -> Any:
+    """Rows as they are, or the table that has them."""
+    if isinstance(value, list):
+        mistakes = Mistakes()
+        for number, row in enumerate(reading.items(value, "knees")):
+            if not isinstance(row, dict):
+                expected = "a mapping with the field name, and what differs"
+                mistakes.append(wrong(row, expected, at=f"[{number}]"))
+        mistakes.check()
+        return value
+    path = reading.folder_of(info) / text(value)
+    if not os.path.isfile(path):
+        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
+        raise wrong(value, expected)
+    return path
+
+
+class CohortFile(Part):
+    """All that a cohort file may say."""
+
+    title: Text = meaning("for reports")
+    study: Annotated[Any, PlainValidator(_template)] = meaning(
+        "the template: a study file, a bundled study, or its fields"
+    )
+    knees: Annotated[Any, PlainValidator(_knees)] = meaning(
+        "CSV table with one row a knee, or a list"
+    )
+    about: Annotated[tuple[Text, ...], entries("columns")] = meaning(
+        "columns that are carried along", ()
+    )
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -74,9 +117,9 @@ class Cohort:
 class CohortProblems(ValueError):
     """Everything that is wrong with a cohort, a sentence each in `problems`, row by row."""
 
-    def __init__(self, problems: Sequence[str]):
+    def __init__(self, problems: Sequence[object]):
         """Keep the sentences."""
-        self.problems = tuple(problems)
+        self.problems = tuple(map(str, problems))
         super().__init__(self.problems)
 
     def __str__(self) -> str:
@@ -117,31 +160,35 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         CohortProblems: every mistake of every row, with its file and row.
         InputProblem: there is no cohort at all.
     """
-    path, members, problems = Path(name_or_path), [], []
+    path, mistakes, seen = Path(name_or_path), Mistakes(), dict[str, Member]()
     own = path / _COHORT_FILE if os.path.isdir(path) else path
-    title = path.name
+    title, file, found = path.name, os.fspath(name_or_path), _from_studies(path, mistakes)
     if os.path.isfile(own):
-        whole = Field(os.fspath(own), "", load_yaml(own, "a cohort file"))
-        whole.mapping(("title", "study", "knees"), ("about",))
-        found, title = _from_rows(whole, own.parent), whole["title"].text()
-    else:
-        found = _from_studies(path)
-    for one in found:
-        members += [one] if isinstance(one, Member) else []
-        problems += [] if isinstance(one, Member) else [one]
-    seen: dict[str, Member] = {}
-    for one in members:
-        # Folders of results may not tell capitals from others.
-        if (before := seen.setdefault(one.name.lower(), one)) is not one:
-            expected = f"every knee by a name of its own; {before.place} has it too"
-            problems.append(str(InputProblem(one.place, "name", one.name, expected)))
-    if problems:
-        raise CohortProblems(problems)
-    return Cohort(title, tuple(members), os.fspath(own if os.path.isfile(own) else name_or_path))
+        document = load_yaml(own, "a cohort file")
+        whole = reading.checked(CohortFile, document, os.fspath(own), folder=own.parent)
+        title, file, found = whole.title, os.fspath(own), _from_rows(whole, own, mistakes)
+    twice = []
+    for name, document, place, folder, about in found:
+        with mistakes.gathered():
+            if not _NAME.fullmatch(name):
+                expected = "a name of letters, digits, ., _, + or -, which its folder has too"
+                raise InputProblem(place, "name", name, expected)
+            one = Member(name, study_of(document, place, folder), about, place)
+            # Folders of results may not tell capitals from others.
+            if (before := seen.setdefault(name.lower(), one)) is not one:
+                expected = f"every knee by a name of its own; {before.place} has it too"
+                twice.append(InputProblem(place, "name", name, expected))
+    if mistakes or twice:
+        raise CohortProblems([*mistakes, *twice])
+    return Cohort(title, tuple(seen.values()), file)
 
 
-def _from_studies(pattern: Path) -> Iterator[Member | str]:
-    """A member, or what is wrong with it, for every study that a folder or a pattern names."""
+#: Name of a knee, what is asked of it, where that stands, its folder, what else is known of it.
+_Row = tuple[str, Any, str, Path, dict[str, float | str]]
+
+
+def _from_studies(pattern: Path, mistakes: Mistakes) -> Iterator[_Row]:
+    """Every study that a folder or a pattern names."""
     if pattern.is_dir():
         names = ("*.yaml", "*.yml", f"*/{_STUDY_FILE}")
         files = [file for name in names for file in pattern.glob(name)]
@@ -151,64 +198,42 @@ def _from_studies(pattern: Path) -> Iterator[Member | str]:
         expected = "a pattern of at least one study file"
     count = 0
     for file in sorted(files):
-        try:
-            document = load_yaml(file, "a study file")
-        except InputProblem as problem:
-            count += 1
-            yield str(problem)
-            continue
-        if isinstance(document, dict) and "kneejax" in document:
-            continue  # a knee may lie beside the study that begins with it
         count += 1
-        name = file.parent.name if file.name == _STUDY_FILE else file.stem
-        yield from _member(name, Field(os.fspath(file), "", document), file.parent)
+        with mistakes.gathered():
+            document = load_yaml(file, "a study file")
+            if isinstance(document, dict) and "kneejax" in document:
+                count -= 1
+                continue  # a knee may lie beside the study that begins with it
+            name = file.parent.name if file.name == _STUDY_FILE else file.stem
+            yield name, document, os.fspath(file), file.parent, {}
     if not count:
         raise InputProblem("cohort", "folder", os.fspath(pattern), expected)
 
 
-def _from_rows(whole: Field, beside: Path) -> Iterator[Member | str]:
-    """A member, or what is wrong with it, for every row of a cohort file's knees."""
-    shared, folder = whole["study"], beside
-    if isinstance(shared.value, dict):
-        template = shared.value
-    else:
-        known, name = bundled_studies(), shared.text()
-        path = study_path(name) if name in known else beside / name
-        if not os.path.isfile(path):
-            expected = f"a study file, its fields, or a bundled study; not at {path}"
-            raise shared.problem(expected, known)
-        template, folder = load_yaml(path, "a study file"), path.parent
+def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Row]:
+    """Every row of a cohort file's knees."""
+    template, folder = whole.study, own.parent
+    if isinstance(template, Path):
+        path, folder = template, template.parent
+        template = load_yaml(path, "a study file")
         if not isinstance(template, dict):
             raise InputProblem(path, "file", template, "a study file")
-    about = [one.text() for one in whole["about"].items("columns")] if "about" in whole else []
-    for place, cells in _rows(whole["knees"], beside):
-        try:
-            name, known, document = _overlaid(place, cells, template, folder, beside, about)
-        except InputProblem as problem:
-            yield str(problem)
-            continue
-        yield from _member(name, Field(place, "", document), folder, known)
-
-
-def _rows(field: Field, folder: Path) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Place of each row for errors, and its cells by column, without empty ones."""
-    if isinstance(field.value, list):
-        for item in field.items("knees"):
-            if not isinstance(item.value, dict):
-                raise item.problem("a mapping with the field name, and what differs")
-            name = item.value.get("name", "")
-            yield f"{item.file}: {item.path}" + f" ({name})" * bool(name), item.value
-        return
-    path = folder / field.text()
-    if not os.path.isfile(path):
-        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
-        raise field.problem(expected)
-    header, rows = read_rows(os.fspath(path), ["name"])
-    for number, (_, texts) in enumerate(rows, 1):
-        cells = {column: _value(x) for column, x in zip(header, texts, strict=True) if x.strip()}
+    if isinstance(whole.knees, list):
+        places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
+        rows = whole.knees
+    else:
+        header, lines = read_rows(os.fspath(whole.knees), ["name"])
+        places = [f"{whole.knees}: row {number}" for number in range(1, len(lines) + 1)]
+        cells = [dict(zip(header, texts, strict=True)) for _, texts in lines]
         # A name may be a number, or the word no.
-        cells["name"] = name = texts[header.index("name")].strip()
-        yield f"{path}: row {number}" + f" ({name})" * bool(name), cells
+        rows = [{k: x.strip() if k == "name" else _value(x) for k, x in one.items() if x.strip()}
+                for one in cells]  # fmt: skip
+    for place, row in zip(places, rows, strict=True):
+        name = row.get("name", "")
+        place = f"{place} ({name})" if name else place
+        with mistakes.gathered():
+            known, document = _overlaid(place, row, template, folder, own.parent, whole.about)
+            yield str(name), document, place, folder, known
 
 
 def _value(cell: str) -> Any:
@@ -216,7 +241,7 @@ def _value(cell: str) -> Any:
     text = cell.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
-    number = plain_number(text)
+    number = reading.plain_number(text)
     if number is None:
         return text
     return int(text) if text.lstrip("+-").isdigit() else number
@@ -225,8 +250,8 @@ def _value(cell: str) -> Any:
 def _overlaid(
     place: str, cells: Mapping[str, Any], template: Mapping[str, Any], folder: Path, beside: Path,
     about: Sequence[str],
-) -> tuple[str, dict[str, float | str], dict[str, Any]]:  # fmt: skip
-    """Name of a row's knee, what else is known of it, and the fields of its study.
+) -> tuple[dict[str, float | str], dict[str, Any]]:  # fmt: skip
+    """What else is known of a row's knee, and the fields of its study.
 
     Files of the row are relative to the folder `beside`, those of the template to `folder`, and so
     are those of the study.
@@ -264,44 +289,12 @@ def _overlaid(
             near = [*STUDY_FIELDS, "measured.file", *(f"{name}.file" for name in named)]
             raise InputProblem(place, "column", column, f"no such column, but {_COLUMNS}", near)
     if "side" in cells:
-        side = Field(place, "side", cells["side"]).choice(("right", "left", "r", "l"))
+        mistakes, side = Mistakes(place), ""
+        with mistakes.gathered("side"):
+            side = reading.choice(cells["side"], ("right", "left", "r", "l"))
+        mistakes.check()
         for one in (document.get("measured"), *tests):
             # A left knee's tables are mirrored; what comes with the package is of right knees.
             if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
                 one["mirror"] = side.startswith("l")
-    return str(cells["name"]), known, document
-
-
-def _member(
-    name: str, document: Field, folder: Path, about: Mapping[str, float | str] | None = None
-) -> Iterator[Member | str]:
-    if not _NAME.fullmatch(name):
-        expected = "a name of letters, digits, ., _, + or -, which is that of its folder too"
-        yield str(InputProblem(document.file, "name", name, expected))
-        return
-    if missing := [*_missing_files(document, folder)]:
-        yield from map(str, missing)
-        return
-    try:
-        yield Member(name, study_of(document, folder), dict(about or {}), document.file)
-    except _MISTAKES as problem:
-        for one in getattr(problem, "problems", (problem,)):
-            named = str(one).startswith(f"{document.file}: ")
-            yield str(one) if named else f"{document.file}: {one}"
-
-
-def _missing_files(document: Field, folder: Path) -> Iterator[InputProblem]:
-    """Every file that a study names and that is not there, at once."""
-    if not isinstance(document.value, dict):
-        return
-    places = [(document, "knee", bundled_knees())]
-    tests = document.value.get("tests")
-    listed = [*enumerate(tests)] if isinstance(tests, list) else []
-    named = [Field(document.file, f"tests[{number}]", test) for number, test in listed]
-    if "measured" in document:
-        named.insert(0, document["measured"])
-    places += [(one, "file", bundled_measurements()) for one in named]
-    for field, name, known in places:
-        value = field.value.get(name) if isinstance(field.value, dict) else None
-        if isinstance(value, str) and value not in known and not os.path.isfile(folder / value):
-            yield field[name].problem(f"a file; not at {folder / value}", known)
+    return known, document

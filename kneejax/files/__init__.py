@@ -2,105 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module: what is bundled, and what a mistake is called, is said without JAX.
-_MODULES = {
-    "LaxityBand": "kneejax.files._laxity_bands",
-    "bundled_bands": "kneejax.files._laxity_bands",
-    "Measurement": "kneejax.files._bundled",
-    "absent_measurement": "kneejax.files._bundled",
-    "bundled_examples": "kneejax.files._bundled",
-    "bundled_files": "kneejax.files._bundled",
-    "bundled_knee_descriptions": "kneejax.files._bundled",
-    "bundled_knees": "kneejax.files._bundled",
-    "bundled_laxity_sources": "kneejax.files._bundled",
-    "bundled_measurements": "kneejax.files._bundled",
-    "bundled_path": "kneejax.files._bundled",
-    "bundled_studies": "kneejax.files._bundled",
-    "named_document": "kneejax.files._bundled",
-    "named_path": "kneejax.files._bundled",
-    "study_path": "kneejax.files._bundled",
-    "parse_flexion": "kneejax.files._flexion",
-    "parse_range": "kneejax.files._flexion",
-    "check_new": "kneejax.files._knees",
-    "load_knee": "kneejax.files._knees",
-    "load_knee_file": "kneejax.files._knees",
-    "write_calibrated_knee": "kneejax.files._knees",
-    "knee_with": "kneejax.files._named_values",
-    "said_of": "kneejax.files._named_values",
-    "AxisPoints": "kneejax.files.joint",
-    "FemurLandmarks": "kneejax.files.joint",
-    "JointExport": "kneejax.files.joint",
-    "JointFile": "kneejax.files.joint",
-    "TibiaLandmarks": "kneejax.files.joint",
-    "export_joint": "kneejax.files.joint",
-    "format_joint": "kneejax.files.joint",
-    "read_axis_points": "kneejax.files.joint",
-    "read_femur_landmarks": "kneejax.files.joint",
-    "read_joint": "kneejax.files.joint",
-    "read_tibia_landmarks": "kneejax.files.joint",
-    "write_axis_points": "kneejax.files.joint",
-    "write_joint": "kneejax.files.joint",
-    "KneeFile": "kneejax.files.knee",
-    "format_knee": "kneejax.files.knee",
-    "mirror_document": "kneejax.files.knee",
-    "read_knee": "kneejax.files.knee",
-    "reconstructed": "kneejax.files.knee",
-    "restated": "kneejax.files.knee",
-    "write_knee": "kneejax.files.knee",
-    "MESH_UNITS": "kneejax.files.meshes",
-    "THICKNESSES": "kneejax.files.meshes",
-    "MeshImport": "kneejax.files.meshes",
-    "MeshPoints": "kneejax.files.meshes",
-    "SheetFit": "kneejax.files.meshes",
-    "bone_surface": "kneejax.files.meshes",
-    "import_meshes": "kneejax.files.meshes",
-    "read_mesh_points": "kneejax.files.meshes",
-    "SMALLEST_MODEL": "kneejax.files.opensim",
-    "CoupledMotion": "kneejax.files.opensim",
-    "Registration": "kneejax.files.opensim",
-    "registered": "kneejax.files.opensim",
-    "couple_model": "kneejax.files.opensim",
-    "WholeBody": "kneejax.files.opensim",
-    "WholeBodyForces": "kneejax.files.opensim",
-    "whole_body": "kneejax.files.opensim",
-    "ask_opensim": "kneejax.files.opensim",
-    "OsimExport": "kneejax.files.opensim",
-    "OsimGeometry": "kneejax.files.opensim",
-    "OsimImport": "kneejax.files.opensim",
-    "add_osim_contacts": "kneejax.files.opensim",
-    "coupled_motion": "kneejax.files.opensim",
-    "export_osim": "kneejax.files.opensim",
-    "format_import_report": "kneejax.files.opensim",
-    "import_osim": "kneejax.files.opensim",
-    "read_activity": "kneejax.files.opensim",
-    "InputProblem": "kneejax.files.reading",
-    "InputProblems": "kneejax.files.reading",
-    "counted": "kneejax.files.reading",
-    "nearest_name": "kneejax.files.reading",
-    "write_bytes": "kneejax.files.reading",
-    "write_text": "kneejax.files.reading",
-    "Calibrated": "kneejax.files.results",
-    "Checkpoints": "kneejax.files.results",
-    "read_calibrated": "kneejax.files.results",
-    "write_netcdf": "kneejax.files.results",
-    "CandidateRow": "kneejax.files.tables",
-    "read_candidates": "kneejax.files.tables",
-    "LabTable": "kneejax.files.tables",
-    "read_lab_table": "kneejax.files.tables",
-    "read_storage": "kneejax.files.tables",
-    "read_loads": "kneejax.files.tables",
-    "read_loads_over_time": "kneejax.files.tables",
-    "read_patella_poses": "kneejax.files.tables",
-    "read_poses": "kneejax.files.tables",
-    "write_poses": "kneejax.files.tables",
-    "write_rows": "kneejax.files.tables",
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
+    from kneejax.files._bundled import LaxityBand as LaxityBand
     from kneejax.files._bundled import Measurement as Measurement
     from kneejax.files._bundled import absent_measurement as absent_measurement
+    from kneejax.files._bundled import bundled_bands as bundled_bands
     from kneejax.files._bundled import bundled_examples as bundled_examples
     from kneejax.files._bundled import bundled_files as bundled_files
     from kneejax.files._bundled import bundled_knee_descriptions as bundled_knee_descriptions
@@ -115,13 +23,11 @@ if TYPE_CHECKING:
     from kneejax.files._flexion import parse_flexion as parse_flexion
     from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._knees import check_new as check_new
+    from kneejax.files._knees import knee_with as knee_with
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
+    from kneejax.files._knees import said_of as said_of
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
-    from kneejax.files._laxity_bands import LaxityBand as LaxityBand
-    from kneejax.files._laxity_bands import bundled_bands as bundled_bands
-    from kneejax.files._named_values import knee_with as knee_with
-    from kneejax.files._named_values import said_of as said_of
     from kneejax.files.joint import AxisPoints as AxisPoints
     from kneejax.files.joint import FemurLandmarks as FemurLandmarks
     from kneejax.files.joint import JointExport as JointExport
@@ -190,5 +96,4 @@ if TYPE_CHECKING:
     from kneejax.files.tables import write_poses as write_poses
     from kneejax.files.tables import write_rows as write_rows
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

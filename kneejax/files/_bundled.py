@@ -1,14 +1,19 @@
-"""Knees, measurements and studies that come with the package."""
+"""Knees, measurements, laxities and studies that come with the package."""
 
 from __future__ import annotations
 
 import dataclasses
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from kneejax.files.reading import Field, InputProblem, load_yaml, nearest_name, neighbour
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _ENDINGS = {
     "knees": ".yaml",
@@ -18,6 +23,10 @@ _ENDINGS = {
     "studies": ".yaml",
     "templates": ".yaml",
 }
+_COLUMNS = ["flexion_deg", "end", "mean", "sd", "cut"]
+#: What a published number is of: the first three as `kneejax.Laxity` has them, the last what the
+#: range grows by when the ligaments are cut, a difference of two knees.
+ENDS = ("positive", "negative", "range", "range_increase")
 _ONE = {"knees": "knee", "plans": "plan", "studies": "study"}
 
 
@@ -43,6 +52,23 @@ class Measurement:
     use: str = "poses"
     counted_from: str = ""
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
+
+
+class AboutTest(Part):
+    """How a table is one of a test."""
+
+    counted_from: Text = meaning("what its numbers are counted from")
+    columns: dict[str, str] = meaning("column of a pose -> column of the table", dict)
+
+
+class AboutTable(Part):
+    """The YAML file beside a bundled table."""
+
+    title: Text = meaning("what was measured")
+    source: Text = meaning("where it was published")
+    description: Text = meaning("how it was measured", "")
+    test: AboutTest | None = meaning("of a test", None)
+    conditions: Any = meaning("of a table of conditions", None)
 
 
 def bundled_path(kind: str, name: str) -> Path:
@@ -86,11 +112,8 @@ def bundled_knees() -> dict[str, Path]:
 
 def bundled_knee_descriptions() -> dict[str, str]:
     """Name -> description of each knee that comes with the package; none is built for that."""
-    answer = {}
-    for name, path in bundled_files("knees").items():
-        document = Field(os.fspath(path), "", load_yaml(path, "a knee file"))
-        answer[name] = document["description"].text()
-    return answer
+    files = bundled_files("knees").items()
+    return {name: load_yaml(path, "a knee file")["description"].strip() for name, path in files}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,11 +150,8 @@ def bundled_studies() -> dict[str, str]:
         >>> "paper1" in bundled_studies()
         True
     """
-    answer = {}
-    for name, path in bundled_files("studies").items():
-        document = load_yaml(path, "a study")
-        answer[name] = Field(os.fspath(path), "", document)["title"].text()
-    return answer
+    files = bundled_files("studies").items()
+    return {name: load_yaml(path, "a study")["title"].strip() for name, path in files}
 
 
 def absent_measurement(study: str) -> Path | None:
@@ -173,22 +193,12 @@ def bundled_measurements() -> dict[str, Measurement]:
     answer = {}
     for name, path in bundled_files("measurements").items():
         about = path.with_suffix(".yaml")
-        field = Field(os.fspath(about), "", load_yaml(about, "title and source of a table"))
-        field.mapping(("title", "source"), ("description", "test", "conditions"))
-        said = [field[k].text() if k in field else "" for k in ("title", "source", "description")]
-        answer[name] = Measurement(path, *said, **_use(field))
+        document = load_yaml(about, "title and source of a table")
+        one = reading.checked(AboutTable, document, os.fspath(about))
+        use = "nothing" if one.conditions is not None else "test" if one.test else "poses"
+        test = {} if one.test is None else dict(one.test)
+        answer[name] = Measurement(path, one.title, one.source, one.description, use, **test)
     return answer
-
-
-def _use(field: Field) -> dict[str, Any]:
-    """What a study takes a measurement for."""
-    if "conditions" in field:
-        return {"use": "nothing"}
-    if "test" not in field:
-        return {}
-    test = field["test"].mapping(("counted_from",), ("columns",))
-    columns = test["columns"].value if "columns" in test else {}
-    return {"use": "test", "counted_from": test["counted_from"].text(), "columns": columns}
 
 
 def bundled_laxity_sources() -> dict[str, str]:
@@ -200,9 +210,8 @@ def bundled_laxity_sources() -> dict[str, str]:
     """
     answer = {}
     for name, path in bundled_files("laxity").items():
-        field = Field(os.fspath(path), "", load_yaml(path, "source of a laxity table"))
-        unknown = "" if "size" in field else "; load not known"
-        answer[name] = field["source"].text() + unknown
+        about = load_yaml(path, "source of a laxity table")
+        answer[name] = about["source"].strip() + "; load not known" * ("size" not in about)
     return answer
 
 
@@ -242,13 +251,13 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
         return path
     names = ", ".join(known) or "none are installed"
     expected = f"a bundled {one} ({names}) or a {one} file"
-    near = nearest_name(path.stem, known)
+    near = reading.nearest_name(path.stem, known)
     if path.suffix or len(path.parts) != 1:
-        near = neighbour(path) or near
+        near = reading.neighbour(path) or near
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)
 
 
-def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Field, Path]:
+def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Any, Path]:
     """What a bundled file of this name says, or else the file itself.
 
     Args:
@@ -256,13 +265,13 @@ def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Fie
         name_or_path: name of a bundled file, or any file.
 
     Returns:
-        The document, and the folder to which paths in it are relative.
+        The document, and its file, to whose folder paths in it are relative.
 
     Raises:
         InputProblem: there is neither, or it is no YAML.
     """
     path = named_path(kind, name_or_path)
-    return Field(os.fspath(path), "", load_yaml(path, f"a {_ONE[kind]} file")), path.parent
+    return load_yaml(path, f"a {_ONE[kind]} file"), path
 
 
 def bundled_files(kind: str) -> dict[str, Path]:
@@ -276,3 +285,98 @@ def _data_folder() -> Path:
     package = Path(__file__).resolve().parents[1]
     installed = package / "data"
     return installed if installed.is_dir() else package.parent / "data"
+
+
+@dataclasses.dataclass(frozen=True)
+class LaxityBand:
+    """A published laxity: rows of one table that are of one end and one state of the knee.
+
+    Attributes:
+        name: of its file.
+        label: for a figure's legend.
+        source: where it was published, and on whom it was measured.
+        load: that acted, a name of `kneejax.mechanics.NAMED_LOADS`.
+        size: of the load, in the unit of its name; NaN where it is not known.
+        end: one of `ENDS`.
+        cut: ligaments that were cut.
+        flexion_deg: `(n,)`.
+        mean: displacement under the load, `(n,)`, mm or degrees; negative at the negative end.
+        sd: its standard deviation over knees, `(n,)`; NaN where none was published.
+        counted_from: what a cut knee's displacement is counted from, `unloaded` (where it rests
+            itself) or `intact`.
+    """
+
+    name: str
+    label: str
+    source: str
+    load: str
+    size: float
+    end: str
+    cut: tuple[str, ...]
+    flexion_deg: np.ndarray
+    mean: np.ndarray
+    sd: np.ndarray
+    counted_from: str = "unloaded"
+
+
+class AboutLaxity(Part):
+    """The YAML file beside a table of laxities."""
+
+    label: Text = meaning("for a figure's legend")
+    source: Text = meaning("where it was published")
+    load: Text = meaning("that acted")
+    size: Annotated[float, reads(reading.number)] = meaning("of the load", math.nan)
+    notes: Any = meaning("anything else", None)
+    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = meaning(
+        "what a cut knee's displacement is counted from", "unloaded"
+    )
+
+
+def bundled_bands(
+    cut: Collection[str] | None = None, name: str | None = None
+) -> list[LaxityBand]:
+    """The laxities that come with the package.
+
+    Args:
+        cut: only those of knees with exactly these ligaments cut; all by default.
+        name: only those of this table.
+
+    Example:
+        >>> [band.cut for band in bundled_bands(name="robot_anterior_90N")]
+        [(), ('ACL',)]
+        >>> [(band.end, band.mean.tolist()) for band in bundled_bands(name="komzak2013_torsion")]
+        [('positive', [12.1]), ('negative', [-10.1])]
+    """
+    files = bundled_files("laxity")
+    every = [band for path in files.values() for band in _read(path)]
+    of_name = [band for band in every if name in (None, band.name)]
+    return [band for band in of_name if cut is None or set(band.cut) == set(cut)]
+
+
+def _read(path: Path) -> list[LaxityBand]:
+    import numpy as np
+
+    from kneejax.files.tables import Table
+
+    document = load_yaml(path, "source of a laxity table")
+    about = reading.checked(AboutLaxity, document, os.fspath(path))
+    table = Table.read(path.with_suffix(".csv"), _COLUMNS)
+    ends, cuts = table.cells("end"), table.cells("cut")
+    for place, end in ends:
+        if end not in ENDS:
+            expected = f"one of {', '.join(ENDS)}"
+            table.mistakes.append(InputProblem(table.file, place, end, expected, ENDS))
+    numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
+                        table.column("sd", empty=True)], axis=1)  # fmt: skip
+    table.mistakes.check()
+    kinds: dict[tuple[str, str], list[Any]] = {}
+    for (_, end), (_, cut), own in zip(ends, cuts, numbers, strict=True):
+        kinds.setdefault((end, cut), []).append(own)
+    return [
+        LaxityBand(
+            path.stem, about.label, about.source, about.load, about.size, end,
+            tuple(cut.split()), *np.array(own).T,
+            counted_from=about.counted_from if cut else "unloaded",
+        )
+        for (end, cut), own in kinds.items()
+    ]  # fmt: skip

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kneejax.files.reading import Field, plain_number
+from kneejax.files.reading import InputProblem, plain_number
 from kneejax.quantities import RANGES, Range
 
 _MOST_VALUES = 10_000
@@ -54,23 +54,25 @@ def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np
         >>> parse_range("0:-4:-2", "--quadriceps-mm", "lengths", lengths, "length").tolist()
         [0.0, -2.0, -4.0]
     """
-    place = Field(file, field, text)
+    def refused(expected: str) -> InputProblem:
+        return InputProblem(file, field, text, expected)
+
     expected = f"FROM:TO:STEP or a comma separated list, {allowed}"
     is_range = ":" in text
     stated = [plain_number(part) for part in text.split(":" if is_range else ",")]
     numbers = [x for x in stated if x is not None]
     if len(numbers) < len(stated):
-        raise place.problem(expected)
+        raise refused(expected)
     if is_range and (len(numbers) != 3 or not np.isfinite(numbers).all()):
-        raise place.problem(expected)
+        raise refused(expected)
     if not all(allowed.holds(x) for x in (numbers[:2] if is_range else numbers)):
-        raise place.problem(f"{of}s {allowed}")
+        raise refused(f"{of}s {allowed}")
     if not is_range:
         return np.array(numbers, float)
     first, last, step = numbers
     if step == 0 or (last - first) / step < 0:
-        raise place.problem(f"a step that leads from the first {of} to the last")
+        raise refused(f"a step that leads from the first {of} to the last")
     count = np.floor((last - first) / step + 1e-9) + 1
     if count > _MOST_VALUES:
-        raise place.problem(f"at most {_MOST_VALUES} {of}s")
+        raise refused(f"at most {_MOST_VALUES} {of}s")
     return first + step * np.arange(int(count))

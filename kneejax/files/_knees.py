@@ -1,21 +1,28 @@
-"""A knee by its name, from its file, or as a calibration found it."""
+"""A knee by its name, from its file, as a calibration found it, or with numbers set by name."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import warnings
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import jax.numpy as jnp
 
 from kneejax.files._bundled import named_path
-from kneejax.files._named_values import knee_with, said_of
 from kneejax.files.knee import KneeFile, build_knee, read_knee, restated, write_knee
 from kneejax.files.meshes import MESH_ENDINGS
 from kneejax.files.reading import InputProblem
 from kneejax.files.results import Calibrated, read_calibrated
-from kneejax.mechanics import Knee
-from kneejax.parameters import DoubtfulValue, select
+from kneejax.mechanics import Implausible, Knee
+from kneejax.parameters import (
+    DoubtfulValue,
+    UnknownParameter,
+    UnsuitableData,
+    select,
+    with_values,
+)
 
 _NAME = " calibrated"
 _COMMENT = """The knee that a calibration found: {study}
@@ -165,3 +172,39 @@ def _calibrated(read: Calibrated, path: Path, above: tuple[Path, ...]) -> KneeFi
         about = f"{base.description}; calibrated: {study}"
         document = document | {"name": name, "description": about}
     return build_knee(document, path)
+
+
+def knee_with(
+    knee: Knee, values: Mapping[str, float], given_in: str | os.PathLike[str]
+) -> Knee:
+    """The knee with some parameters set by name.
+
+    Args:
+        knee: any knee.
+        values: parameter -> value, in its own unit.
+        given_in: the file or the option that says so.
+
+    Raises:
+        InputProblem: a value that no knee has, or one that leads to such a knee.
+        UnknownParameter: the knee has no parameter of this name.
+
+    Example:
+        >>> knee = knee_with(load_knee("four_ligament"), {"ACL.stiffness": 300.0}, "--set")
+        >>> float(knee.ligaments.stiffness[0])
+        300.0
+    """
+    try:
+        with said_of(given_in):
+            return with_values(knee, dict(values))
+    except Implausible as problem:
+        field = f"{problem.fibre}.{problem.quantity}"
+        raise InputProblem(given_in, field, problem.value, problem.expected) from None
+
+
+@contextlib.contextmanager
+def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
+    """Let an unknown name, or data that suit nothing, say where it stands: the file or option."""
+    try:
+        yield
+    except (UnknownParameter, UnsuitableData) as problem:
+        raise type(problem)(f"{os.fspath(place)}: {problem}") from None

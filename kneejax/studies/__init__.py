@@ -2,25 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Module -> its public names: what may be asked, with its defaults, is known without JAX.
-_NAMES = {
-    "_acl_plan": ("drawn_parameters", "plan_of", "read_plan"),
-    "_answers": (
-        "Identified", "Sensitivities", "bootstrapped", "calibrate", "check", "identify", "run",
-        "run_side_by_side", "sensitivity",
-    ),
-    "_maps": ("about_maps", "fingerprint", "sensitivity_map"),
-    "_options": ("Identify", "Map", "Sensitivity"),
-    "_schema": ("FAULTS", "STUDY_FIELDS", "Measured", "Synthetic"),
-    "_study": ("Study", "read_study", "study_of"),
-}  # fmt: skip
-_MODULES = {name: f"{__name__}.{module}" for module, names in _NAMES.items() for name in names}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.studies._acl_plan import drawn_parameters as drawn_parameters
-    from kneejax.studies._acl_plan import plan_of as plan_of
     from kneejax.studies._acl_plan import read_plan as read_plan
     from kneejax.studies._answers import Identified as Identified
     from kneejax.studies._answers import Sensitivities as Sensitivities
@@ -28,7 +13,6 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import calibrate as calibrate
     from kneejax.studies._answers import check as check
     from kneejax.studies._answers import identify as identify
-    from kneejax.studies._answers import run as run
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
     from kneejax.studies._maps import about_maps as about_maps
@@ -45,5 +29,4 @@ if TYPE_CHECKING:
     from kneejax.studies._study import read_study as read_study
     from kneejax.studies._study import study_of as study_of
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -4,70 +4,216 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator, ValidationInfo, model_validator
 
+from kneejax import planning
 from kneejax.files import (
     Calibrated,
-    KneeFile,
     bone_surface,
     knee_with,
     load_knee_file,
     named_document,
     parse_flexion,
     read_calibrated,
+    reading,
 )
-from kneejax.files.reading import Field
+from kneejax.files.reading import Mistakes, Number, Part, Text, meaning, one_of, reads, whole, wrong
 from kneejax.geometry import FEMUR, TIBIA
-from kneejax.mechanics import RANGES, Knee, Range, range_of_parameter
-from kneejax.parameters import UnknownParameter, fibre_rows
-from kneejax.planning import (
-    DIRECTIONS,
-    FARTHEST_MM,
-    FREE,
-    GENERATIONS,
-    GRAFTS,
-    MOST_EVALUATIONS,
-    POPULATION,
-    SEMI_AXES_MM,
-    STARTS,
-    WINDOW,
-    AclPlan,
-    Footprint,
-    GraftType,
-    Limits,
-    Protocol,
-    Reconstruction,
-    Surgery,
-    footprint_of,
-    reconstruction_of,
-)
-from kneejax.studies._checked import Mistakes, by_parameter
+from kneejax.mechanics import Range, range_of_parameter
+from kneejax.parameters import fibre_rows
+from kneejax.planning import DIRECTIONS, FREE, GRAFTS, AclPlan, Footprint, Reconstruction
+from kneejax.studies._fields import Values
 
-_REQUIRED = ("title", "knee", "graft")
-_OPTIONAL = (
-    "set", "ligament", "fixation", "tunnels", "footprints", "bones", "flexion_deg", "lachman",
-    "window", "limits", "octagon_apothem_mm", "map", "optimum", "front", "draws",
-)  # fmt: skip
-_BONES = (TIBIA, FEMUR)
 _TENSION = Range(1.0, 1000.0, "N", too_small="a graft that is not pulled has no zero-load length")
 _PLACE, _HALF, _BAND = Range(-30.0, 30.0, "mm"), Range(1.0, 30.0, "mm"), Range(0.05, 20.0, "mm")
 _FORCE, _GRAFT = Range(10.0, 300.0, "N"), Range(10.0, 5000.0, "N")
-_USUAL: dict[str, Any] = {
-    "flexion_deg": "80:0:-2.5",
-    "fixation_deg": 20.0,
-    "tension_N": 80.0,
-    "lachman_deg": (20.0, 90.0),
-    "force_N": 100.0,
-    "graft_N": 400.0,
-    "laxity_band_mm": 2.0,
-    "tension_range_N": (20.0, 150.0),
-}
 #: Tries for each draw before the nearest possible value is taken.
 _TRIES = 100
 #: Steps in which the force of a Lachman test grows; a path divides those that are too long.
 _STEPS = 1
+
+
+def _mesh(value: Any, info: ValidationInfo) -> Path:
+    path = reading.folder_of(info) / reading.text(value)
+    if not os.path.isfile(path):
+        raise wrong(value, f"a mesh of the {info.field_name}; not at {path}")
+    return path
+
+
+def _angles(value: Any) -> np.ndarray:
+    angles = parse_flexion(reading.text(value), "", "")
+    if len(angles) < 2:
+        raise wrong(value, "at least two angles")
+    return angles
+
+
+def _tensions(value: Any) -> tuple[float, ...] | float:
+    several = isinstance(value, list)
+    return reading.numbers(value, None, _TENSION) if several else reading.number(value, _TENSION)
+
+
+Half = Annotated[float, reads(reading.number, _HALF)]
+Force = Annotated[float, reads(reading.number, _FORCE)]
+#: One number for all bundles, or one each.
+Tensions = Annotated[tuple[float, ...] | float, reads(_tensions)]
+Places = Annotated[Any, reads(reading.rows, 2, _PLACE)]
+SemiAxes = Annotated[tuple[float, float], reads(reading.numbers, 2, _HALF)]
+Mesh = Annotated[Path, BeforeValidator(_mesh)]
+#: True as usual, false not at all, or a mapping with what is not as usual.
+Switch = BeforeValidator(lambda value: {True: {}, False: None}[value] if value in (True, False)
+                         else value)  # fmt: skip
+
+
+class Graft(Part):
+    """What stands for the torn ligament."""
+
+    type: Annotated[str, one_of(GRAFTS)] = meaning("a name of `kneejax.planning.GRAFTS`")
+    bundles: Annotated[int, reads(whole, 1, 2)] = meaning("one or two", 1)
+    stiffness_N: Number | None = meaning("as its type", None)
+
+
+class Fixation(Part):
+    """How the graft is fixed."""
+
+    flexion_deg: Number = meaning("of the knee meanwhile", 20.0)
+    tension_N: Tensions = meaning("of each bundle", 80.0)
+
+
+class Tunnels(Part):
+    """Where each bundle leaves the bones; the middle of what it replaces otherwise."""
+
+    tibia_mm: Places | None = meaning("two numbers a bundle", None)
+    femur_mm: Places | None = meaning("likewise", None)
+
+
+class Footprints(Part):
+    """Semi-axes of the ellipses in which tunnels may lie."""
+
+    tibia_mm: SemiAxes = meaning("along, across", planning.SEMI_AXES_MM[TIBIA])
+    femur_mm: SemiAxes = meaning("along, across", planning.SEMI_AXES_MM[FEMUR])
+
+
+class Bones(Part):
+    """Meshes on which tunnels lie."""
+
+    tibia: Mesh | None = meaning("relative to the plan's folder", None)
+    femur: Mesh | None = meaning("likewise", None)
+
+
+class Lachman(Part):
+    """Tests for laxity."""
+
+    flexion_deg: Annotated[
+        tuple[float, ...], reading.numbers_within(None, "flexion_deg")
+    ] = meaning(
+        "at which", (20.0, 90.0)
+    )
+    force_N: Force = meaning("on the tibia, anterior", 100.0)
+
+
+class PlanLimits(Part):
+    """What a good reconstruction keeps."""
+
+    graft_N: Annotated[float, reads(reading.number, _GRAFT)] = meaning(
+        "the most in the graft", 400.0
+    )
+    laxity_band_mm: Annotated[float, reads(reading.number, _BAND)] = meaning(
+        "about the intact knee's", 2.0
+    )
+    tension_N: Annotated[tuple[float, float], reads(reading.interval, _TENSION)] = meaning(
+        "at fixation, least and most", (20.0, 150.0)
+    )
+
+
+class Map(Part):
+    """Maps of both footprints."""
+
+    points: Annotated[int, reads(whole, 3, 401)] = meaning("along each axis", 41)
+    tibia_half_mm: Half = meaning("how far the map reaches", 11.0)
+    femur_half_mm: Half = meaning("likewise", 8.0)
+
+
+class Optimum(Part):
+    """The search for the best choices."""
+
+    free: Annotated[
+        tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
+    ] = meaning(
+        "what may change", tuple(FREE)
+    )
+    starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
+    evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Optimum:
+        if self.evaluations is not None and self.evaluations <= self.starts:
+            expected = f"a whole number from {self.starts + 1} to 10000"
+            raise wrong(self.evaluations, expected, at="evaluations")
+        return self
+
+
+class Front(Part):
+    """The search for a front of several criteria."""
+
+    population: Annotated[int, reads(whole, 8, 1024)] = meaning("of each", planning.POPULATION)
+    generations: Annotated[int, reads(whole, 1, 1000)] = meaning("in all", planning.GENERATIONS)
+
+
+class PlanFields(Part):
+    """All that a plan file may say."""
+
+    title: Text = meaning("of the report")
+    knee: Text = meaning("a bundled knee, a knee file, or the result.json of a calibration")
+    graft: Graft = meaning("its type, and what is not as usual")
+    set: Values = meaning("parameter -> value of the knee", dict)
+    ligament: Text = meaning("that is torn", "ACL")
+    fixation: Fixation = meaning("flexion and tension", Fixation)
+    tunnels: Tunnels = meaning("on both bones, mm", Tunnels)
+    footprints: Footprints = meaning("on both bones, mm", Footprints)
+    bones: Bones = meaning("meshes", Bones)
+    flexion_deg: Annotated[Any, reads(_angles)] = meaning(
+        "through which the knee is extended", lambda: _angles("80:0:-2.5")
+    )
+    lachman: Lachman = meaning("flexions and force", Lachman)
+    window: Annotated[int, reads(whole, 0, 1000)] = meaning("of time warping", planning.WINDOW)
+    limits: PlanLimits = meaning("of graft force, laxity and tension", PlanLimits)
+    octagon_apothem_mm: Half = meaning("of the octagon on the tibia", 10.0)
+    map: Annotated[Map | None, Switch] = meaning("maps; false for none", Map)
+    optimum: Annotated[Optimum | None, Switch] = meaning("the search; false for none", Optimum)
+    front: Annotated[Front | None, Switch] = meaning("true for one", None)
+    draws: Annotated[int, reads(whole, 2, 4096)] | None = meaning(
+        "of the calibration that the knee comes from", None
+    )
+
+    @model_validator(mode="after")
+    def _check_together(self) -> PlanFields:
+        graft, mistakes = GRAFTS[self.graft.type], Mistakes()
+        count, tension = self.graft.bundles, self.fixation.tension_N
+        with mistakes.gathered("fixation.tension_N"):
+            several = isinstance(tension, tuple)
+            stated, fails = [*tension] if several else [tension], graft.failure_N / count
+            if max(reading.items(stated, "numbers", count if several else 1)) >= fails:
+                expected = f"less than the {fails:g} N at which a bundle fails"
+                raise wrong(tension, expected)
+        if self.limits.graft_N > graft.failure_N:
+            expected = f"at most the {graft.failure_N:g} N at which it fails"
+            mistakes.append(wrong(self.limits.graft_N, expected, at="limits.graft_N"))
+        for bone in (TIBIA, FEMUR):
+            places = getattr(self.tunnels, f"{bone}_mm")
+            with mistakes.gathered(f"tunnels.{bone}_mm"):
+                if places is not None:
+                    reading.items([*map(list, places)], "tunnels, two numbers each", count)
+        if self.front is not None and self.optimum is None:
+            mistakes.append(wrong(True, "an optimum that says what is free", at="front"))
+        if self.draws and Path(self.knee).suffix.lower() != ".json":
+            expected = (f"no draws of {self.knee}: a knee that is the result.json of a calibration "
+                        "has them")  # fmt: skip
+            mistakes.append(wrong(self.draws, expected, at="draws"))
+        mistakes.check()
+        return self
 
 
 def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> AclPlan:
@@ -84,7 +230,8 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
 
     Raises:
         InputProblem: the file or one that it names cannot be read, or a field is missing,
-            unknown or out of range; or the knee's file has no patella and one is asked for.
+            unknown or out of range; or the knee's file has no patella and one is asked for;
+            `InputProblems` where several are.
         UnknownParameter: a parameter that the knee does not have.
 
     Example:
@@ -92,158 +239,80 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
         >>> plan.graft.name, plan.surgery.plan.torn
         ('hamstring', ('aACL', 'pACL'))
     """
-    return plan_of(*named_document("plans", name_or_path), patella=patella)
-
-
-def plan_of(plan: Field, folder: Path = Path(), *, patella: bool = False) -> AclPlan:
-    """Make a plan of what a file says.
-
-    Args:
-        plan: everything that the file says.
-        folder: to which paths in it are relative.
-        patella: as in `read_plan`.
-    """
-    plan.mapping(_REQUIRED, _OPTIONAL)
-    read, path = _read_knee(plan, folder)
-    knee, drawn, held = _knee(plan, read.with_patella() if patella else read.knee, path)
-    ligament = _ligament(plan, knee)
-    graft, stiffness, bundles = _graft(plan["graft"])
-    reconstruction = reconstruction_of(knee, ligament, bundles, stiffness, graft.failure_N)
-    fixation_deg, tension = _fixation(plan, bundles, graft)
-    tibia, femur = (_footprint(plan, knee, ligament, bone, folder) for bone in _BONES)
-    surgery = Surgery(
-        reconstruction, tibia, femur, _replaced(reconstruction), fixation_deg, _protocol(plan),
-        plan["window"].integer(0, 1000) if "window" in plan else WINDOW, _limits(plan, graft),
+    document, where = named_document("plans", name_or_path)
+    file, folder = os.fspath(where), where.parent
+    plan, mistakes = reading.checked(PlanFields, document, file, folder=folder), Mistakes(file)
+    path = folder / plan.knee if os.path.isfile(folder / plan.knee) else Path(plan.knee)
+    read = load_knee_file(path if os.path.isfile(path) else plan.knee)
+    base = read.with_patella() if patella else read.knee
+    knee, drawn, held = knee_with(base, plan.set, file), (), ()
+    if plan.draws:
+        values, held = drawn_parameters(read_calibrated(path).of_structures(base), plan.draws)
+        drawn = tuple(knee_with(base, one | plan.set, file) for one in values)
+    with mistakes.gathered("ligament"):
+        fibre_rows(knee, plan.ligament)
+    mistakes.check()
+    graft, count = GRAFTS[plan.graft.type], plan.graft.bundles
+    stiffness = plan.graft.stiffness_N or graft.stiffness_N
+    reconstruction = planning.reconstruction_of(
+        knee, plan.ligament, count, stiffness, graft.failure_N
+    )
+    tibia, femur = (
+        planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
+                     mesh and bone_surface(mesh))
+        for bone, mesh in ((TIBIA, plan.bones.tibia), (FEMUR, plan.bones.femur))
     )  # fmt: skip
-    base = np.hstack([_tunnels(plan, tibia, bundles), _tunnels(plan, femur, bundles),
-                      np.array(tension)[:, None]]).ravel()  # fmt: skip
-    free, starts, most = _optimum(plan)
-    population, generations = _front(plan, free)
-    points, halves = _map(plan)
+    on_bones = []
+    for place, stated in ((tibia, plan.tunnels.tibia_mm), (femur, plan.tunnels.femur_mm)):
+        with mistakes.gathered(f"tunnels.{place.bone}_mm"):
+            on_bones.append(_tunnels(stated, place, count))
+    mistakes.check()
+    tension = plan.fixation.tension_N
+    tensions = tension if isinstance(tension, tuple) else (tension,) * count
+    optimum, maps, tests = plan.optimum or Optimum(), plan.map or Map(), plan.lachman
     return AclPlan(
-        title=plan["title"].text(),
-        surgery=surgery,
+        title=plan.title,
+        surgery=planning.Surgery(
+            reconstruction, tibia, femur, _replaced(reconstruction), plan.fixation.flexion_deg,
+            planning.Protocol(plan.flexion_deg, tests.flexion_deg, tests.force_N, _STEPS),
+            plan.window,
+            planning.Limits(*(x for _, x in plan.limits)),
+        ),
         own=knee,
-        ligament=ligament,
+        ligament=plan.ligament,
         graft=graft,
-        base=base,
-        octagon_mm=_octagon(plan),
-        map_points=points,
-        map_half_mm=halves,
-        free=free,
-        starts=starts,
-        evaluations=most,
-        population=population,
-        generations=generations,
+        base=np.hstack([*on_bones, np.array(tensions)[:, None]]).ravel(),
+        octagon_mm=plan.octagon_apothem_mm,
+        map_points=plan.map.points if plan.map else 0,
+        map_half_mm={TIBIA: maps.tibia_half_mm, FEMUR: maps.femur_half_mm},
+        free=optimum.free if plan.optimum else (),
+        starts=optimum.starts,
+        evaluations=optimum.evaluations or max(planning.MOST_EVALUATIONS, optimum.starts + 1),
+        population=plan.front.population if plan.front else 0,
+        generations=plan.front.generations if plan.front else planning.GENERATIONS,
         drawn=drawn,
         held=held,
-        said=plan.value,
+        said=document,
         document=read.document,
-        file=plan.file,
-    )
+        file=file,
+    )  # fmt: skip
 
 
-def _read_knee(plan: Field, folder: Path) -> tuple[KneeFile, Path]:
-    """The knee as its file has it, and where that is."""
-    name = plan["knee"].text()
-    path = folder / name if os.path.isfile(folder / name) else Path(name)
-    return load_knee_file(path if os.path.isfile(path) else name), path
-
-
-def _knee(plan: Field, read: Knee, path: Path) -> tuple[Knee, tuple[Knee, ...], tuple[str, ...]]:
-    """The knee; those drawn from its calibration; parameters that no draw changes."""
-    own, mistakes = {}, Mistakes(plan.file)
-    with mistakes.gathered("set"):
-        own = by_parameter(Field.number)(plan["set"].value) if "set" in plan else {}
-    mistakes.check()
-    knee = knee_with(read, own, plan.file)
-    if "draws" not in plan:
-        return knee, (), ()
-    count = plan["draws"].integer(2, 4096)
-    if path.suffix.lower() != ".json":
-        name = plan["knee"].text()
-        expected = f"no draws of {name}: a knee that is the result.json of a calibration has them"
-        raise plan["draws"].problem(expected)
-    values, held = drawn_parameters(read_calibrated(path).of_structures(read), count)
-    knees = tuple(knee_with(knee, one | own, plan.file) for one in values)
-    return knee, knees, held
-
-
-def _ligament(plan: Field, knee: Knee) -> str:
-    name = plan["ligament"].text() if "ligament" in plan else "ACL"
-    try:
-        fibre_rows(knee, name)
-    except UnknownParameter as problem:
-        raise UnknownParameter(f"{plan.file}: ligament: {problem}") from None
-    return name
-
-
-def _graft(field: Field) -> tuple[GraftType, float, int]:
-    field.mapping(("type",), ("bundles", "stiffness_N"))
-    graft = GRAFTS[field["type"].choice(GRAFTS)]
-    stiffness = graft.stiffness_N
-    if "stiffness_N" in field:
-        stiffness = field["stiffness_N"].number(RANGES["stiffness_N"])
-    return graft, stiffness, field["bundles"].integer(1, 2) if "bundles" in field else 1
-
-
-def _fixation(plan: Field, bundles: int, graft: GraftType) -> tuple[float, list[float]]:
-    flexion, tension = _USUAL["fixation_deg"], [_USUAL["tension_N"]] * bundles
-    if "fixation" in plan:
-        field = plan["fixation"].mapping((), ("flexion_deg", "tension_N"))
-        if "flexion_deg" in field:
-            flexion = field["flexion_deg"].number(RANGES["flexion_deg"])
-        if "tension_N" in field:
-            own = field["tension_N"]
-            several = isinstance(own.value, list)
-            one = [] if several else [own.number(_TENSION)]
-            tension = list(own.numbers(bundles, _TENSION)) if several else one * bundles
-            fails = graft.failure_N / bundles
-            if max(tension) >= fails:
-                raise own.problem(f"less than the {fails:g} N at which a bundle fails")
-    return flexion, tension
-
-
-def _footprint(plan: Field, knee: Knee, ligament: str, bone: str, folder: Path) -> Footprint:
-    semi, surface = SEMI_AXES_MM[bone], None
-    if "footprints" in plan:
-        field = plan["footprints"].mapping((), [f"{one}_mm" for one in _BONES])
-        if f"{bone}_mm" in field:
-            first, second = field[f"{bone}_mm"].numbers(2, _HALF)
-            semi = first, second
-    if "bones" in plan:
-        field = plan["bones"].mapping((), _BONES)
-        if bone in field:
-            path = folder / field[bone].text()
-            if not os.path.isfile(path):
-                raise field[bone].problem(f"a mesh of the {bone}; not at {path}")
-            surface = bone_surface(path)
-    return footprint_of(knee, ligament, bone, semi, surface)
-
-
-def _tunnels(plan: Field, footprint: Footprint, bundles: int) -> np.ndarray:
+def _tunnels(stated: Any, footprint: Footprint, bundles: int) -> np.ndarray:
     """Where the plan puts the tunnels on a bone, `(bundles, 2)`, mm."""
-    place, bone = f"{footprint.bone}_mm", footprint.bone
     halves = np.array_split(footprint.fibres, bundles)
-    tunnels = np.array([half.mean(axis=0) for half in halves])
-    own = None
-    if "tunnels" in plan:
-        field = plan["tunnels"].mapping((), [f"{one}_mm" for one in _BONES])
-        if place in field:
-            own = field[place]
-            each = own.items("tunnels, two numbers each", bundles)
-            tunnels = np.array([item.numbers(2, _PLACE) for item in each])
-    said = own or Field(plan.file, f"tunnels.{place}", tunnels.round(1).tolist())
-    names = " and ".join(name for name, _ in DIRECTIONS[bone])
+    tunnels = np.array([half.mean(axis=0) for half in halves] if stated is None else stated)
+    shown = tunnels.round(1).tolist() if stated is None else [*map(list, stated)]
+    bone = footprint.bone
     if footprint.surface is not None:
         off = float(footprint.off_bone(tunnels).max())
-        if off > FARTHEST_MM:
-            expected = f"within {FARTHEST_MM:g} mm of the {bone}'s mesh; this is {off:.1f} mm off"
-            raise said.problem(expected)
-    elif own is not None and footprint.outside(tunnels).max() > 1.0:
+        if off > planning.FARTHEST_MM:
+            most = f"{planning.FARTHEST_MM:g} mm"
+            raise wrong(shown, f"within {most} of the {bone}'s mesh; this is {off:.1f} mm off")
+    elif stated is not None and footprint.outside(tunnels).max() > 1.0:
+        names = " and ".join(name for name, _ in DIRECTIONS[bone])
         along, across = footprint.semi_axes_mm
-        expected = f"on the bone: {names} within an ellipse of {along:g} by {across:g} mm"
-        raise said.problem(expected)
+        raise wrong(shown, f"on the bone: {names} within an ellipse of {along:g} by {across:g} mm")
     return tunnels
 
 
@@ -253,86 +322,6 @@ def _replaced(plan: Reconstruction) -> tuple[tuple[str, ...], ...]:
     if any(not len(half) for half in halves):
         return (plan.torn,) * len(plan.bundles)
     return tuple(tuple(plan.torn[k] for k in half) for half in halves)
-
-
-def _protocol(plan: Field) -> Protocol:
-    angles, tests = parse_flexion(_USUAL["flexion_deg"]), _USUAL["lachman_deg"]
-    force = _USUAL["force_N"]
-    if "flexion_deg" in plan:
-        angles = parse_flexion(plan["flexion_deg"].text(), plan.file, "flexion_deg")
-    if len(angles) < 2:
-        raise plan["flexion_deg"].problem("at least two angles")
-    if "lachman" in plan:
-        field = plan["lachman"].mapping((), ("flexion_deg", "force_N"))
-        if "flexion_deg" in field:
-            tests = field["flexion_deg"].numbers(None, RANGES["flexion_deg"])
-        if "force_N" in field:
-            force = field["force_N"].number(_FORCE)
-    return Protocol(angles, tests, force, _STEPS)
-
-
-def _limits(plan: Field, graft: GraftType) -> Limits:
-    limits = [_USUAL["graft_N"], _USUAL["laxity_band_mm"], _USUAL["tension_range_N"]]
-    if "limits" in plan:
-        field = plan["limits"].mapping((), ("graft_N", "laxity_band_mm", "tension_N"))
-        if "graft_N" in field:
-            limits[0] = field["graft_N"].number(_GRAFT)
-            if limits[0] > graft.failure_N:
-                fails = f"at most the {graft.failure_N:g} N at which it fails"
-                raise field["graft_N"].problem(fails)
-        if "laxity_band_mm" in field:
-            limits[1] = field["laxity_band_mm"].number(_BAND)
-        if "tension_N" in field:
-            limits[2] = field["tension_N"].interval(_TENSION)
-    return Limits(*limits)
-
-
-def _octagon(plan: Field) -> float:
-    name = "octagon_apothem_mm"
-    return plan[name].number(_HALF) if name in plan else 10.0
-
-
-def _optimum(plan: Field) -> tuple[tuple[str, ...], int, int]:
-    if "optimum" not in plan:
-        return tuple(FREE), STARTS, MOST_EVALUATIONS
-    if plan["optimum"].value is False:
-        return (), STARTS, MOST_EVALUATIONS
-    field = plan["optimum"].mapping((), ("free", "starts", "evaluations"))
-    free = tuple(FREE)
-    if "free" in field:
-        free = tuple(item.choice(FREE) for item in field["free"].items("names"))
-    starts = field["starts"].integer(1, 64) if "starts" in field else STARTS
-    most = field["evaluations"].integer(starts + 1, 10_000) if "evaluations" in field else None
-    return free, starts, most or max(MOST_EVALUATIONS, starts + 1)
-
-
-def _front(plan: Field, free: tuple[str, ...]) -> tuple[int, int]:
-    if "front" not in plan or plan["front"].value is False:
-        return 0, GENERATIONS
-    if not free:
-        raise plan["front"].problem("an optimum that says what is free")
-    if plan["front"].value is True:
-        return POPULATION, GENERATIONS
-    field = plan["front"].mapping((), ("population", "generations"))
-    return (
-        field["population"].integer(8, 1024) if "population" in field else POPULATION,
-        field["generations"].integer(1, 1000) if "generations" in field else GENERATIONS,
-    )
-
-
-def _map(plan: Field) -> tuple[int, dict[str, float]]:
-    points, halves = 41, {TIBIA: 11.0, FEMUR: 8.0}
-    if "map" not in plan:
-        return points, halves
-    if plan["map"].value is False:
-        return 0, halves
-    field = plan["map"].mapping((), ("points", *(f"{bone}_half_mm" for bone in _BONES)))
-    if "points" in field:
-        points = field["points"].integer(3, 401)
-    for bone in _BONES:
-        if f"{bone}_half_mm" in field:
-            halves[bone] = field[f"{bone}_half_mm"].number(_HALF)
-    return points, halves
 
 
 def drawn_parameters(
@@ -360,7 +349,14 @@ def drawn_parameters(
     held = tuple(name for name in calibrated.found if name not in names)
     middle = np.array([calibrated.found[name] for name in names])
     error = np.array([calibrated.standard_error[name] for name in names])
-    root = _root(_correlation(calibrated, names)) * error[:, None] if names else np.zeros((0, 0))
+    correlation, (known, matrix) = np.eye(len(names)), calibrated.correlation
+    if known and all(name in known for name in names):
+        places = [known.index(name) for name in names]
+        correlation = np.array(matrix)[np.ix_(places, places)]
+        np.fill_diagonal(correlation, 1.0)
+    # The smallest eigenvalues of a correlation may have been rounded below zero.
+    spread, axes = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    root = axes * np.sqrt(np.maximum(spread, 0.0)) * error[:, None]
     ranges = [range_of_parameter(name) for name in names]
     draw, answer = np.random.default_rng(seed), []
     for _ in range(count):
@@ -376,19 +372,3 @@ def drawn_parameters(
             ])  # fmt: skip
         answer.append(dict(zip(names, values.tolist(), strict=True)))
     return answer, held
-
-
-def _correlation(calibrated: Calibrated, names: list[str]) -> np.ndarray:
-    known, matrix = calibrated.correlation
-    if not known or any(name not in known for name in names):
-        return np.eye(len(names))
-    rows = [known.index(name) for name in names]
-    found = np.array(matrix)[np.ix_(rows, rows)]
-    np.fill_diagonal(found, 1.0)
-    return 0.5 * (found + found.T)
-
-
-def _root(matrix: np.ndarray) -> np.ndarray:
-    """A root of a correlation, whose smallest values may have been rounded below zero."""
-    values, vectors = np.linalg.eigh(matrix)
-    return vectors * np.sqrt(np.maximum(values, 0.0))

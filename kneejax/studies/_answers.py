@@ -10,25 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from kneejax import inference
 from kneejax.files import Calibrated, InputProblem
-from kneejax.inference import (
-    Calibration,
-    Design,
-    Identification,
-    LocalSensitivity,
-    MotionIndices,
-    Posterior,
-    Sweeps,
-    calibrate_side_by_side,
-    design_tests,
-    local_sensitivity,
-    motion_indices,
-    posterior,
-    sweep,
-    usual_candidates,
-)
-from kneejax.inference import calibrate as solve
-from kneejax.inference import identify as fit_and_inform
+from kneejax.inference import Calibration, Design, Identification, LocalSensitivity, MotionIndices
 from kneejax.inference.bayesian import check_counts, parameter_priors
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.calibration import CalibrationProblem
@@ -44,8 +28,8 @@ from kneejax.inference.sensitivity import (
 )
 from kneejax.numerics import adding_up, check_installed, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData, stated
-from kneejax.studies._checked import UNITS
-from kneejax.studies._maps import check_map, sensitivity_map
+from kneejax.studies._fields import UNITS
+from kneejax.studies._maps import check_map
 from kneejax.studies._options import Identify, Map, Sensitivity
 from kneejax.studies._study import Study
 
@@ -66,7 +50,7 @@ class Identified:
     study: Study
     question: Identify
     found: Identification
-    posterior: Posterior | None
+    posterior: inference.Posterior | None
     design: Design
     seconds: float
 
@@ -89,7 +73,7 @@ class Sensitivities:
     question: Sensitivity
     measured: np.ndarray
     local: LocalSensitivity
-    sweeps: Sweeps
+    sweeps: inference.Sweeps
     indices: MotionIndices | None
     seconds: dict[str, float]
 
@@ -115,7 +99,7 @@ def calibrate(study: Study, *, progress: Progress | None = None) -> Calibration:
     with stopwatch() as watch:
         problem = _a_study(study).problem()
         lap("data")
-        result = solve(problem, progress=progress)
+        result = inference.calibrate(problem, progress=progress)
     return dataclasses.replace(result, seconds=adding_up(watch.parts))
 
 
@@ -136,7 +120,7 @@ def run_side_by_side(studies: Sequence[Study]) -> list[Calibration | Exception]:
         except (UnsuitableData, UnknownParameter) as problem:
             problems.append(problem)
     solved = [one for one in problems if isinstance(one, CalibrationProblem)]
-    found = iter(calibrate_side_by_side(solved))
+    found = iter(inference.calibrate_side_by_side(solved))
     answers = [one if isinstance(one, Exception) else next(found) for one in problems]
     return [
         dataclasses.replace(one, knee=study.knee.name) if isinstance(one, Calibration) else one
@@ -186,10 +170,10 @@ def identify(study: Study, options: Identify | None = None, **fields: Any) -> Id
     begun = time.perf_counter()
     noise_mm, noise_deg = _noise(study, options)
     asked = study.replace(noise_mm=noise_mm, noise_deg=noise_deg)
-    found = fit_and_inform(asked.problem())
+    found = inference.identify(asked.problem())
     sampled = None
     if options.posterior:
-        sampled = posterior(
+        sampled = inference.posterior(
             found.problem,
             found.vector,
             float(found.noise[2]),
@@ -201,7 +185,7 @@ def identify(study: Study, options: Identify | None = None, **fields: Any) -> Id
             seed=options.seed,
             truth=study.truth,
         )
-    design = design_tests(
+    design = inference.design_tests(
         found.selection,
         study.knee_at_start,
         found.information,
@@ -238,12 +222,12 @@ def sensitivity(
     measured = study.poses()
     knee, parameters = study.knee_at_start, study.parameters
     flexion, seconds, begun = np.unique(measured[:, 0]), {}, time.perf_counter()
-    local = local_sensitivity(
+    local = inference.local_sensitivity(
         knee, parameters, flexion, scale=options.scale, given=options.prior
     )
     seconds["local"] = time.perf_counter() - begun
     begun = time.perf_counter()
-    sweeps = sweep(
+    sweeps = inference.sweep(
         knee,
         _swept(study, options),
         flexion,
@@ -254,7 +238,7 @@ def sensitivity(
     indices = None
     if options.indices is not None:
         options, begun = options.replace(samples=_samples(options)), time.perf_counter()
-        indices = motion_indices(
+        indices = inference.motion_indices(
             knee,
             parameters,
             measured,
@@ -311,7 +295,7 @@ def _noise(study: Study, options: Identify) -> tuple[float | None, float | None]
 
 
 def _check_identify(study: Study, options: Identify) -> None:
-    candidates = usual_candidates() if options.candidates is None else options.candidates
+    candidates = inference.usual_candidates() if options.candidates is None else options.candidates
     check_tests(candidates, options.next_tests, options.criterion)
     parameter_priors(study.knee_at_start, study.selection, options.prior, study.limits)
     if options.posterior:
@@ -360,17 +344,3 @@ def _check_sensitivity(study: Study, options: Sensitivity) -> None:
             knee, selection, study.limits, options.range, options.prior,
             method=options.indices, samples=_samples(options),
         )  # fmt: skip
-
-
-def run(study: Study, options: Any = None, *, progress: Any = None, store: Any = None) -> Any:
-    """What a command answers, by the model of its options; a calibration without any."""
-    match options:
-        case None:
-            return calibrate(study, progress=progress)
-        case Identify():
-            return identify(study, options)
-        case Map():
-            return sensitivity_map(study, options, progress=progress, store=store)
-        case Sensitivity():
-            return sensitivity(study, options, progress=progress)
-    raise TypeError(f"{options!r} is no question: expected Identify, Map or Sensitivity")

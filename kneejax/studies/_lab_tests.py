@@ -9,25 +9,10 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
-from kneejax.files.reading import Field, InputProblem
+from kneejax.files import reading
+from kneejax.files.reading import Choice, Number, Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import RANGES
-from kneejax.studies._checked import (
-    UNITS,
-    Angles,
-    Choice,
-    Convention,
-    Flag,
-    LoadName,
-    Part,
-    Text,
-    entries,
-    folder_of,
-    mapping_of,
-    reads,
-    said,
-    whole,
-    within,
-)
+from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
 
 if TYPE_CHECKING:
     from kneejax.files import LabTable, LaxityBand, Measurement
@@ -39,41 +24,33 @@ CountedFrom = Literal[
     "extension",
 ]  # fmt: skip
 Axes = Literal["femur", "tibia", "grood_suntay"]
-_loads = mapping_of(
-    lambda field, name: field.number(RANGES[name]),
+_loads = reading.mapping_of(
+    lambda value, name: reading.number(value, RANGES[name]),
     f"a mapping with the fields {', '.join(get_args(LoadName))}",
     get_args(LoadName),
 )
 
 
-_columns = mapping_of(lambda f, _: f.text(), "a mapping from a name to a column of the file")
+_columns = reading.mapping_of(
+    lambda value, _: reading.text(value), "a mapping from a name to a column of the file"
+)
 
 
 class InTime(Part):
     """What makes rows of a test the frames of a knee in motion."""
 
-    body_kg: Annotated[float, within("body_kg")] = said("of the person", 75.0)
-    height_m: Annotated[float, within("height_m")] = said("of the person", 1.75)
-    ankle_kg: Annotated[float, within("ankle_kg")] = said("a weight there", 0.0)
-    femur_deg: Annotated[float, within("femur_deg")] | None = said(
-        "of the femur to the horizontal; no gravity otherwise", None
-    )
-    critical: Annotated[float, within("critical")] | None = said(
-        "damping of each fibre as part of the critical one", None
-    )
-    damping_N_s_per_mm: Annotated[float, within("damping_N_s_per_mm")] | None = said(
-        "of every coordinate, rotations at 30 mm", None
-    )
-    period_s: Annotated[float, within("period_s")] | None = said(
-        "of a motion that repeats itself", None
-    )
-    error_mm: Annotated[float, within("error_mm")] | None = said(
-        "that steps through time may leave of any pose", None
-    )
-    harmonics: Annotated[int, whole(1, 12)] | None = said(
+    body_kg: Number = meaning("of the person", 75.0)
+    height_m: Number = meaning("of the person", 1.75)
+    ankle_kg: Number = meaning("a weight there", 0.0)
+    femur_deg: Number | None = meaning("of the femur to the horizontal; no gravity otherwise", None)
+    critical: Number | None = meaning("damping of each fibre as part of the critical one", None)
+    damping_N_s_per_mm: Number | None = meaning("of every coordinate, rotations at 30 mm", None)
+    period_s: Number | None = meaning("of a motion that repeats itself", None)
+    error_mm: Number | None = meaning("that steps through time may leave of any pose", None)
+    harmonics: Annotated[int, reads(reading.whole, 1, 12)] | None = meaning(
         "with which flexion is led, of a motion that repeats itself", None
     )
-    cycles_before: Annotated[int, whole(0, 100)] | None = said(
+    cycles_before: Annotated[int, reads(reading.whole, 0, 100)] | None = meaning(
         "that the motion had gone through before the first row", None
     )
 
@@ -83,7 +60,7 @@ class InTime(Part):
             value = getattr(self, name)
             if value is not None and self.period_s is None:
                 expected = "period_s too, of a motion that repeats itself"
-                raise InputProblem("", name, value, expected)
+                raise wrong(value, expected, at=name)
         return self
 
 
@@ -91,14 +68,13 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
     """The whole path of a table, or the name of a published test."""
     from kneejax.files import bundled_laxity_sources
 
-    field = Field("", "", value)
-    path = folder_of(info) / field.text()
+    path = reading.folder_of(info) / reading.text(value)
     if os.path.isfile(path):
         return os.path.abspath(path)
     known = (*bundled_laxity_sources(), *published_motions())
-    if field.text() not in known:
-        raise field.problem(f"a CSV table, or a published test ({', '.join(known)})", known)
-    return field.text()
+    if reading.text(value) not in known:
+        raise wrong(value, f"a CSV table, or a published test ({', '.join(known)})", known)
+    return reading.text(value)
 
 
 def published_motions() -> dict[str, Measurement]:
@@ -118,63 +94,69 @@ def older_name(said: Any) -> Any:
 class StudyTest(Part):
     """A test under load, as a study names it."""
 
-    name: Text = said("what tables and figures call it")
-    file: Annotated[str, PlainValidator(_test_table)] = said(
+    name: Text = meaning("what tables and figures call it")
+    file: Annotated[str, PlainValidator(_test_table)] = meaning(
         "CSV table, relative to the study's folder, or a published test"
     )
-    source: Any = said("who measured it", None)
-    columns: Annotated[dict[str, str], PlainValidator(_columns)] = said(
+    source: Any = meaning("who measured it", None)
+    columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
         "name -> column, perhaps scaled", dict
     )
-    ignore: Annotated[tuple[Text, ...], entries("columns")] = said("columns left out", ())
-    convention: Convention = said("what coordinates mean", "grood-suntay")
-    mirror: Flag = said("whether a left knee was measured in axes with Z to the right", False)
-    flexion_deg: Angles | None = said("flexions that count", None)
-    at_deg: Annotated[float, within("flexion_deg")] | None = said(
+    ignore: Annotated[tuple[Text, ...], entries("columns")] = meaning("columns left out", ())
+    convention: Convention = meaning("what coordinates mean", "grood-suntay")
+    mirror: reading.Flag = meaning(
+        "whether a left knee was measured in axes with Z to the right", False
+    )
+    flexion_deg: Angles | None = meaning("flexions that count", None)
+    at_deg: Annotated[float, within("flexion_deg")] | None = meaning(
         "flexion of a table without a column of it", None
     )
     coordinates: Annotated[
-        tuple[Annotated[str, reads(lambda f: f.choice(COORDINATES))], ...], entries("coordinates")
-    ] = said("that count; all that the table has if empty", ())
-    counted_from: Annotated[CountedFrom, Choice()] | None = said(
+        tuple[Annotated[str, reading.one_of(COORDINATES)], ...], entries("coordinates")
+    ] = meaning(
+        "that count; all that the table has if empty", ()
+    )
+    counted_from: Annotated[CountedFrom, Choice()] | None = meaning(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )
-    loads: Annotated[dict[str, float], PlainValidator(_loads)] = said(
+    loads: Annotated[dict[str, float], PlainValidator(_loads)] = meaning(
         "load -> size that acted throughout", dict
     )
-    load: Any = said("load -> size of a published laxity whose load is not known", None)
+    load: Any = meaning("load -> size of a published laxity whose load is not known", None)
     point_mm: Annotated[
-        tuple[float, float, float], reads(lambda f: f.numbers(3, RANGES["point_mm"]))
-    ] = said("where forces act", (0.0, 0.0, 0.0))
-    axes: Annotated[Axes, Choice()] = said("in which loads are given", "grood_suntay")
-    sd_mm: Annotated[float, within("noise_mm")] | None = said(
+        tuple[float, float, float], reading.numbers_within(3, "point_mm")
+    ] = meaning(
+        "where forces act", (0.0, 0.0, 0.0)
+    )
+    axes: Annotated[Axes, Choice()] = meaning("in which loads are given", "grood_suntay")
+    sd_mm: Annotated[float, within("noise_mm")] | None = meaning(
         "standard deviation of displacements; as the poses' if not stated", None
     )
-    sd_deg: Annotated[float, within("noise_deg")] | None = said("of rotations; likewise", None)
-    sd_N: Annotated[float, within("tension_N")] | None = said("of forces that were read", None)
-    sd_strain: Annotated[float, reads(lambda f: f.number(RANGES["strain"].spread))] | None = said(
+    sd_deg: Annotated[float, within("noise_deg")] | None = meaning("of rotations; likewise", None)
+    sd_N: Annotated[float, within("tension_N")] | None = meaning("of forces that were read", None)
+    sd_strain: Annotated[float, reads(reading.number, RANGES["strain"].spread)] | None = meaning(
         "of strains that were read", None
     )
     cut: Annotated[
         tuple[Text, ...],
         entries("ligaments"),
         BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
-    ] = said("ligaments or groups that had been cut", ())
-    weight: Annotated[Literal["by_load"], Choice()] | None = said(
+    ] = meaning("ligaments or groups that had been cut", ())
+    weight: Annotated[Literal["by_load"], Choice()] | None = meaning(
         "`by_load` weighs rows in proportion to their load", None
     )
-    in_time: InTime | None = said("of rows that are frames of a motion", None)
+    in_time: InTime | None = meaning("of rows that are frames of a motion", None)
 
     @model_validator(mode="before")
     @classmethod
     def _named_as_today(cls, said: Any) -> Any:
         return older_name(said)
 
-    def wrong(self, field: str, expected: str, value: Any = None) -> InputProblem:
+    def wrong(self, field: str, expected: str, value: Any = None) -> reading.InputProblem:
         """A mistake in a field of this test."""
         value = getattr(self, field) if value is None else value
         value = os.path.basename(value) if field == "file" else value
-        return InputProblem("", f".{field}", value, expected)
+        return wrong(value, expected, at=field)
 
 
 def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
@@ -233,8 +215,16 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
     if not unknown:
         expected = f"this field left out: {band.name} was measured under {load} {band.size:g}"
         raise test.wrong("load", expected)
-    given = Field("", "load", test.load).mapping((load,))[load]
-    size = given.number(RANGES[load])
+    if not isinstance(test.load, dict) or not test.load:
+        raise test.wrong("load", f"a mapping from {load} to its size")
+    for name in test.load:
+        if name != load:
+            expected = f"no such field, but one of {load}"
+            raise test.wrong(f"load.{name}", expected, test.load[name])
+    try:
+        size = reading.number(test.load[load], RANGES[load])
+    except reading.InputProblem as problem:
+        raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
     if not size > 0:
-        raise given.problem("the size of the load, above 0")
+        raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
     return size

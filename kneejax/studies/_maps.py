@@ -12,10 +12,10 @@ import jax
 import numpy as np
 
 from kneejax.files import InputProblem
+from kneejax.files.reading import plain
 from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.parameters import MEANING
-from kneejax.studies._checked import plain
 from kneejax.studies._options import Map
 from kneejax.studies._study import Study
 

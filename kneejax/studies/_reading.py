@@ -7,13 +7,14 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
+from pydantic import PlainValidator
 
-from kneejax.files import InputProblem
-from kneejax.files.reading import Field, load_yaml
-from kneejax.studies._checked import MIRROR, UNITS, Mistakes, by_parameter, deviation
+from kneejax.files import InputProblem, reading
+from kneejax.files.reading import Mistakes, Part, by_parameter, checked, choice, meaning, one_of
+from kneejax.studies._fields import MIRROR, UNITS, Values
 from kneejax.studies._lab_tests import (
     COORDINATES,
     PATELLA,
@@ -36,6 +37,18 @@ _OTHER_SENSE = re.compile(
 )
 #: Fields of a test that say what stands in a table of one's own.
 _OF_OWN_TABLES = ("columns", "ignore", "convention", "mirror", "at_deg")
+
+
+class PriorFile(Part):
+    """The prior.yaml of a cohort."""
+
+    start: Values = meaning("parameter -> mean")
+    prior: Annotated[dict[str, float], PlainValidator(by_parameter(reading.deviation))] = meaning(
+        "parameter -> standard deviation"
+    )
+    stiffness_of: Annotated[str, one_of(["structure"])] | None = meaning(
+        "of what a structure's stiffness is; its fibres' mean in older files", None
+    )
 
 
 def usual_procedures(study: StudyFields) -> tuple[str, ...]:
@@ -66,7 +79,7 @@ def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
     for number, stage in enumerate(study.stages):
         for i, name in enumerate(stage.data):
             with mistakes.gathered(f"stages[{number}].data[{i}]"):
-                Field("", "", name).choice(known)
+                choice(name, known)
 
 
 def objects_of(
@@ -158,17 +171,9 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
     from kneejax.parameters import MEANING, fibres_summed, select
 
     path = str(study.prior)
-    file = Field(path, "", load_yaml(path, "the prior.yaml of a cohort"))
-    ((mark, meaning),) = MEANING.items()
-    file.mapping(("start", "prior"), (mark,))
-    if mark in file:
-        file[mark].choice((meaning,))
-    said = Mistakes(path)
-    with said.gathered("start"):
-        means = by_parameter(Field.number)(file["start"].value)
-    with said.gathered("prior"):
-        deviations = by_parameter(deviation)(file["prior"].value)
-    said.check()
+    ((mark, words),) = MEANING.items()
+    file = checked(PriorFile, reading.load_yaml(path, "the prior.yaml of a cohort"), path)
+    means, deviations = file.start, file.prior
     free = select(knee, study.parameters).names
     for name, value in study.start.items():
         if name in deviations:
@@ -177,12 +182,13 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
     means = {name: means[name] for name in free if name in means}
     chosen = {name: deviations[name] for name in free if name in deviations}
     for name in means | chosen:
-        if mark not in file and (count := fibres_summed(knee, name)) > 1:
-            section = file["start" if name in means else "prior"]
-            raise section[name].problem(
+        if file.stiffness_of is None and (count := fibres_summed(knee, name)) > 1:
+            section = "start" if name in means else "prior"
+            raise InputProblem(
+                path, f"{section}.{name}", getattr(file, section)[name],
                 f"the sum over the structure's {count} fibres; this file is older and has their "
                 "mean: run its cohort again, or multiply values and deviations of structures by "
-                f"their numbers of fibres and add {mark}: {meaning}"
+                f"their numbers of fibres and add {mark}: {words}"
             )
     return {"start": {**study.start, **means}, "prior": chosen}
 

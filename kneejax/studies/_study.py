@@ -13,9 +13,9 @@ import numpy as np
 from pydantic import PrivateAttr
 
 from kneejax.files import InputProblem, named_document
-from kneejax.files.reading import Field
+from kneejax.files.reading import Mistakes, fill, plain, wrong
 from kneejax.quantities import FIBRE_QUANTITIES
-from kneejax.studies._checked import UNITS, Mistakes, found_in, plain
+from kneejax.studies._fields import UNITS
 from kneejax.studies._reading import check_fields, objects_of
 from kneejax.studies._schema import STUDY_FIELDS, StudyFields
 
@@ -69,15 +69,15 @@ class Study(StudyFields):
     ) -> None:
         """Check fields by themselves, then read what they name, then check them with the knee."""
         fields, context = plain(fields), {"folder": folder}
-        for problem in found_in(self, fields, context):
-            mistakes.keep(problem)
+        with mistakes.gathered():
+            fill(self, fields, context)
         if not mistakes:
             check_fields(self, mistakes)
         mistakes.check()
         said, objects = objects_of(self, fields, mistakes)
         mistakes.check()
-        for problem in found_in(self, self.given() | objects, context):
-            mistakes.keep(problem)
+        with mistakes.gathered():
+            fill(self, self.given() | objects, context)
         mistakes.check()
         self._origin, self._file = {**(origin or {}), **said}, mistakes.file
         _check_with_knee(self, mistakes)
@@ -334,29 +334,28 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
         >>> study.knee.name, study.parameters
         ('four_ligament', ('*.stiffness', '*.reference_strain'))
     """
-    return study_of(*named_document("studies", name_or_path))
+    document, path = named_document("studies", name_or_path)
+    return study_of(document, os.fspath(path), path.parent)
 
 
-def study_of(document: Field, folder: Path) -> Study:
+def study_of(document: Any, file: str, folder: Path) -> Study:
     """Make a study of what a file says.
 
     Args:
         document: everything that the file says.
+        file: where, for errors.
         folder: to which paths in it are relative.
 
     Returns:
         The study, checked whole; it raises as `read_study` does.
     """
-    mistakes, fields = Mistakes(document.file), document.value
+    mistakes, fields = Mistakes(file), document
     if isinstance(fields, dict):
-        fields = dict(fields)
         for name in [name for name, value in fields.items() if value is None or value == []]:
-            if name in STUDY_FIELDS:
-                problem = document[name].problem("a value, or this field left out")
-                needed = Study.model_fields.get(name)
-                if not (needed and needed.is_required()):
-                    mistakes.keep(problem)
-                    del fields[name]
+            needed = Study.model_fields.get(name)
+            if name in STUDY_FIELDS and not (needed and needed.is_required()):
+                mistakes.keep(wrong(fields[name], "a value, or this field left out", at=name))
+                fields = {key: value for key, value in fields.items() if key != name}
     study = Study.__new__(Study)
     study._fill(fields, mistakes, folder)
     return study

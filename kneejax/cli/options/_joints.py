@@ -9,6 +9,7 @@ from pydantic import Field
 from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
 from kneejax.cli.options._types import KNEE, Convention, Knee, Mesh, Table
 from kneejax.files import InputProblem
+from kneejax.files.reading import meaning
 
 Side = Literal["right", "left"]
 Angle = Annotated[float, Field(allow_inf_nan=False)]
@@ -41,57 +42,56 @@ class JointFit(Drawn):
     body: ClassVar = "kneejax.cli.joint._fit"
     folder: ClassVar = "kneejax-joint"
 
-    poses: Annotated[Table | None, Place("POSES")] = Field(
-        None, description="CSV of two or more measured poses; or --knee"
+    poses: Annotated[Table | None, Place("POSES")] = meaning(
+        "CSV of two or more measured poses; or --knee", None
     )
-    convention: Annotated[Convention | None, _needs("poses", "a CSV of poses")] = Field(
-        None, description="of the poses (default: femoral)"
+    convention: Annotated[Convention | None, _needs("poses", "a CSV of poses")] = meaning(
+        "of the poses (default: femoral)", None
     )
-    column: Annotated[Columns, _needs("poses", "a CSV of poses")] = Field({}, description=COLUMN)
-    knee: Knee | None = Field(
-        None,
-        description=f"passive flexion of a contact knee instead of poses: {KNEE}; without --femur "
-        "and --axes its condyles give the axes",
+    column: Annotated[Columns, _needs("poses", "a CSV of poses")] = meaning(COLUMN, {})
+    knee: Knee | None = meaning(
+        f"passive flexion of a contact knee instead of poses: {KNEE}; without --femur "
+        "and --axes its condyles give the axes", None,
+    )  # fmt: skip
+    at: Annotated[list[Angle], Several(), Form("DEGREES")] = meaning(
+        "calibrate on the poses nearest to these flexions; on the first and last otherwise, of a "
+        "knee at both ends of --flexion", [],
+    )  # fmt: skip
+    femur: Annotated[Mesh | None, Form("MESH"), ANATOMY] = meaning("bone or cartilage", None)
+    axes: Annotated[Path | None, File("axis points"), Form("FILE"), ANATOMY] = meaning(
+        "YAML or CSV of axis points", None
     )
-    at: Annotated[list[Angle], Several(), Form("DEGREES")] = Field(
-        [],
-        description="calibrate on the poses nearest to these flexions; on the first and last "
-        "otherwise, of a knee at both ends of --flexion",
-    )
-    femur: Annotated[Mesh | None, Form("MESH"), ANATOMY] = Field(
-        None, description="bone or cartilage"
-    )
-    axes: Annotated[Path | None, File("axis points"), Form("FILE"), ANATOMY] = Field(
-        None, description="YAML or CSV of axis points"
-    )
-    tibia: Annotated[Mesh | None, Form("MESH"), _needs("femur", "--femur"), ANATOMY] = Field(
-        None,
-        description="facets are where the femur meets it, at the first and at the last "
-        "calibration pose",
+    tibia: Annotated[Mesh | None, Form("MESH"), _needs("femur", "--femur"), ANATOMY] = meaning(
+        "facets are where the femur meets it, at the first and at the last calibration pose", None
     )
     touching_within: Annotated[
         float | None, Form("MM"), _needs("tibia", "--tibia"), ANATOMY
-    ] = Field(None, description="how near that is (default: 4)", gt=0, allow_inf_nan=False)
+    ] = meaning(
+        "how near that is (default: 4)", None, gt=0, allow_inf_nan=False
+    )
     unit: Annotated[
         Literal["auto", "m", "mm", "cm"] | None, _needs("femur", "--femur"), ANATOMY
-    ] = Field(None, description="of the meshes (default: auto)")
-    side: Annotated[Side | None, ANATOMY] = Field(
-        None, description="of the knee (default: right, or that of --knee)"
+    ] = meaning(
+        "of the meshes (default: auto)", None
+    )
+    side: Annotated[Side | None, ANATOMY] = meaning(
+        "of the knee (default: right, or that of --knee)", None
     )
     landmarks: Annotated[
         Path | None, File("landmarks"), Form("FILE"), _needs("femur", "--femur"), ANATOMY
-    ] = Field(None, description="YAML: axes of femur and tibia, in the frames of their meshes")
-    extension_facet: Facet = Field(
-        None,
-        description="from anterior through distal, about the transverse axis (default: 65 110)",
+    ] = meaning(
+        "YAML: axes of femur and tibia, in the frames of their meshes", None
     )
-    flexion_facet: Facet = Field(None, description="likewise (default: 110 190)")
-    medial_epicondyle: Point = Field(None, description="mm, for the hinge")
-    lateral_epicondyle: Point = Field(None, description="likewise")
-    interpolation: Literal["linear", "monotone"] | None = Field(
-        None, description="between the poses (default: monotone from three poses on)"
+    extension_facet: Facet = meaning(
+        "from anterior through distal, about the transverse axis (default: 65 110)", None
     )
-    flexion: str = Field("0:120:5", description="of the tables: first:last:step or a,b,c")
+    flexion_facet: Facet = meaning("likewise (default: 110 190)", None)
+    medial_epicondyle: Point = meaning("mm, for the hinge", None)
+    lateral_epicondyle: Point = meaning("likewise", None)
+    interpolation: Literal["linear", "monotone"] | None = meaning(
+        "between the poses (default: monotone from three poses on)", None
+    )
+    flexion: str = meaning("of the tables: first:last:step or a,b,c", "0:120:5")
 
     def problems(self) -> Iterator[InputProblem]:
         """Poses of one origin, and axes of at most one."""
@@ -122,50 +122,41 @@ class JointCompare(Drawn):
     body: ClassVar = "kneejax.cli.joint._compare"
     folder: ClassVar = "kneejax-joint-compare"
 
-    measured: Annotated[list[Path], File("a CSV table"), Place("MEASURED")] = Field(
-        description="CSV of measured poses, one file a subject"
+    measured: Annotated[list[Path], File("a CSV table"), Place("MEASURED")] = meaning(
+        "CSV of measured poses, one file a subject"
     )
-    convention: Convention = Field("femoral", description="of the poses")
-    column: Columns = Field({}, description=COLUMN)
-    joint: Annotated[list[str], Form("[NAME=]FILE[,FILE...]")] = Field(
-        [],
-        description="joint file for all subjects, or one for each, in their order; may be repeated",
+    convention: Convention = meaning("of the poses", "femoral")
+    column: Columns = meaning(COLUMN, {})
+    joint: Annotated[list[str], Form("[NAME=]FILE[,FILE...]")] = meaning(
+        "joint file for all subjects, or one for each, in their order; may be repeated", []
     )
-    knee: Annotated[list[Knee], Bundled("knees"), Form("KNEE")] = Field(
-        [], description=f"contact knee in passive flexion: {KNEE}; may be repeated"
+    knee: Annotated[list[Knee], Bundled("knees"), Form("KNEE")] = meaning(
+        f"contact knee in passive flexion: {KNEE}; may be repeated", []
     )
-    calibrate_at: Annotated[list[Angle], Several(), Form("DEGREES")] = Field(
-        [],
-        description="fit moving axis and hinge here, each subject's on its own poses at these "
-        "flexions with the points of --axes; and leave those poses out of the comparison",
+    calibrate_at: Annotated[list[Angle], Several(), Form("DEGREES")] = meaning(
+        "fit moving axis and hinge here, each subject's on its own poses at these flexions with "
+        "the points of --axes; and leave those poses out of the comparison", [],
+    )  # fmt: skip
+    average_within: Annotated[float, Form("DEGREES"), FITTED_HERE] = meaning(
+        "poses as near as this to a flexion of calibration are averaged for it",
+        0.5, ge=0, allow_inf_nan=False,
+    )  # fmt: skip
+    axes: Annotated[list[str], Form("FILE[,FILE...]")] = meaning(
+        "axis points, as for kneejax joint fit: one file for all subjects, or one for each, in "
+        "their order", [],
+    )  # fmt: skip
+    side: Annotated[Side, FITTED_HERE] = meaning(
+        "of the knees whose points --axes gives, with Z to the person's right; poses go by "
+        "clinical meaning on either side", "right",
+    )  # fmt: skip
+    spread: Annotated[float, Form("DEGREES")] = meaning(
+        "by how much subjects may be flexed differently at one condition",
+        1.0, ge=0, allow_inf_nan=False,
+    )  # fmt: skip
+    anova: bool | None = meaning(
+        "test differences, by package pingouin (default: from three subjects on)", None
     )
-    average_within: Annotated[float, Form("DEGREES"), FITTED_HERE] = Field(
-        0.5,
-        description="poses as near as this to a flexion of calibration are averaged for it",
-        ge=0,
-        allow_inf_nan=False,
-    )
-    axes: Annotated[list[str], Form("FILE[,FILE...]")] = Field(
-        [],
-        description="axis points, as for kneejax joint fit: one file for all subjects, or one for "
-        "each, in their order",
-    )
-    side: Annotated[Side, FITTED_HERE] = Field(
-        "right",
-        description="of the knees whose points --axes gives, with Z to the person's right; poses "
-        "go by clinical meaning on either side",
-    )
-    spread: Annotated[float, Form("DEGREES")] = Field(
-        1.0,
-        description="by how much subjects may be flexed differently at one condition",
-        ge=0,
-        allow_inf_nan=False,
-    )
-    anova: bool | None = Field(
-        None,
-        description="test differences, by package pingouin (default: from three subjects on)",
-    )
-    alpha: float = Field(0.01, description="level of these tests", gt=0, lt=1)
+    alpha: float = meaning("level of these tests", 0.01, gt=0, lt=1)
 
     def problems(self) -> Iterator[InputProblem]:
         """Subjects once each; calibration with axes."""
@@ -188,4 +179,4 @@ class JointExport(Written):
     body: ClassVar = "kneejax.cli.joint._fit:export"
     folder: ClassVar = "kneejax-joint-export"
 
-    joint: Annotated[Path, File("a joint file"), Place("JOINT")] = Field(description="joint file")
+    joint: Annotated[Path, File("a joint file"), Place("JOINT")] = meaning("joint file")

@@ -4,8 +4,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
-from pydantic import Field
-
 from kneejax.cli._command import (
     Bundled,
     Command,
@@ -19,6 +17,7 @@ from kneejax.cli._command import (
 from kneejax.cli._words import Split
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
 from kneejax.files import InputProblem
+from kneejax.files.reading import meaning
 
 Side = Literal["r", "l"]
 ALL_DATA = "kneejax.cli._knees"
@@ -40,8 +39,8 @@ class Knees(Command):
     example: ClassVar = "kneejax knees"
     body: ClassVar = ALL_DATA
 
-    copy_of: Annotated[str | None, Form("NAME")] = Field(
-        None, alias="copy", description="copy something bundled into this folder, by its name"
+    copy_of: Annotated[str | None, Form("NAME")] = meaning(
+        "copy something bundled into this folder, by its name", None, alias="copy"
     )
 
 
@@ -52,11 +51,11 @@ class Init(Command):
     example: ClassVar = "kneejax init study"
     body: ClassVar = "kneejax.cli._knees:begin"
 
-    kind: Annotated[Literal["study", "knee", "cohort", "plan"], Place("KIND")] = Field(
-        description="study, knee, cohort or plan"
+    kind: Annotated[Literal["study", "knee", "cohort", "plan"], Place("KIND")] = meaning(
+        "study, knee, cohort or plan"
     )
-    out: Annotated[Path | None, Form("FILE")] = Field(
-        None, description="the new file (default: KIND.yaml in this folder)"
+    out: Annotated[Path | None, Form("FILE")] = meaning(
+        "the new file (default: KIND.yaml in this folder)", None
     )
 
 
@@ -67,15 +66,12 @@ class Describe(Command):
     example: ClassVar = "kneejax describe four_ligament"
     body: ClassVar = "kneejax.cli._look:describe_knee"
 
-    knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
-    fibres: bool = Field(
-        False, description="a row for each fibre, with its strain at the reference pose"
-    )
-    parameters: bool = Field(
-        False,
-        description="names of all parameters, as a study and --set take them, with value, unit "
-        "and the range of a value",
-    )
+    knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
+    fibres: bool = meaning("a row for each fibre, with its strain at the reference pose", False)
+    parameters: bool = meaning(
+        "names of all parameters, as a study and --set take them, with value, unit and the range "
+        "of a value", False,
+    )  # fmt: skip
 
 
 class Evaluate(Drawn):
@@ -89,9 +85,9 @@ class Evaluate(Drawn):
     body: ClassVar = "kneejax.cli._look:evaluate_poses"
     folder: ClassVar = "kneejax-evaluate"
 
-    knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
-    poses: Annotated[Table, Place("POSES")] = Field(description="CSV of poses")
-    convention: Convention = Field("femoral", description="of the poses")
+    knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
+    poses: Annotated[Table, Place("POSES")] = meaning("CSV of poses")
+    convention: Convention = meaning("of the poses", "femoral")
 
 
 class View(Drawn):
@@ -105,25 +101,23 @@ class View(Drawn):
     body: ClassVar = "kneejax.cli._look:view_knee"
     folder: ClassVar = "kneejax-view"
 
-    knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
-    poses: Annotated[Table | None, Place("POSES")] = Field(
-        None, description="CSV of poses; the reference pose otherwise"
+    knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
+    poses: Annotated[Table | None, Place("POSES")] = meaning(
+        "CSV of poses; the reference pose otherwise", None
     )
-    patella: bool = Field(
-        False,
-        description="with the patella and the quadriceps, as where a table has the patella's "
-        "columns",
+    patella: bool = meaning(
+        "with the patella and the quadriceps, as where a table has the patella's columns", False
     )
-    femur_bone: Annotated[Mesh | None, Form("FILE")] = Field(
-        None, description="mesh of the femur to show, in its frame, m or mm"
+    femur_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the femur to show, in its frame, m or mm", None
     )
-    tibia_bone: Annotated[Mesh | None, Form("FILE")] = Field(
-        None, description="mesh of the tibia to show, in its frame, m or mm"
+    tibia_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the tibia to show, in its frame, m or mm", None
     )
-    patella_bone: Annotated[Mesh | None, Form("FILE")] = Field(
-        None, description="mesh of the patella to show, in its frame, m or mm"
+    patella_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the patella to show, in its frame, m or mm", None
     )
-    convention: Convention = Field("femoral", description="of the poses")
+    convention: Convention = meaning("of the poses", "femoral")
 
 
 class ImportOsim(Drawn):
@@ -134,33 +128,27 @@ class ImportOsim(Drawn):
     body: ClassVar = "kneejax.cli._exchange:import_model"
     folder: ClassVar = "kneejax-import"
 
-    file: Annotated[Model, Place("FILE")] = Field(description="the model")
-    side: Side = Field(description="right or left knee")
-    geometry: Annotated[Path | None, File("a folder of meshes")] = Field(
-        None, description="folder of the model's cartilage meshes"
+    file: Annotated[Model, Place("FILE")] = meaning("the model")
+    side: Side = meaning("right or left knee")
+    geometry: Annotated[Path | None, File("a folder of meshes")] = meaning(
+        "folder of the model's cartilage meshes", None
     )
-    femur: Annotated[str | None, Form("BODY")] = Field(
-        None, description="found from the joints if not given"
+    femur: Annotated[str | None, Form("BODY")] = meaning("found from the joints if not given", None)
+    tibia: Annotated[str | None, Form("BODY")] = meaning("likewise; both or none", None)
+    without: Annotated[list[str], Form("FIBRE")] = meaning(
+        "leave out a fibre or force, or those that fit a pattern", []
     )
-    tibia: Annotated[str | None, Form("BODY")] = Field(
-        None, description="likewise; both or none"
-    )
-    without: Annotated[list[str], Form("FIBRE")] = Field(
-        [], description="leave out a fibre or force, or those that fit a pattern"
-    )
-    inside: Literal["refuse", "straight"] = Field(
+    inside: Literal["refuse", "straight"] = meaning(
+        "what to do where a fibre begins inside what it goes around; straight is what OpenSim does",
         "refuse",
-        description="what to do where a fibre begins inside what it goes around; straight is what "
-        "OpenSim does",
+    )  # fmt: skip
+    without_patella: bool = meaning(
+        "leave out the patella, its ligaments and the muscles over the knee", False
     )
-    without_patella: bool = Field(
-        False, description="leave out the patella, its ligaments and the muscles over the knee"
-    )
-    at: Annotated[dict[str, float], Form("COORDINATE=VALUE")] = Field(
-        {},
-        description="of hip or foot, degrees: where muscles and ligaments from the pelvis begin; "
-        "the model's defaults otherwise",
-    )
+    at: Annotated[dict[str, float], Form("COORDINATE=VALUE")] = meaning(
+        "of hip or foot, degrees: where muscles and ligaments from the pelvis begin; the model's "
+        "defaults otherwise", {},
+    )  # fmt: skip
 
 
 class ImportStl(Drawn):
@@ -174,41 +162,35 @@ class ImportStl(Drawn):
     body: ClassVar = "kneejax.cli._exchange:import_surfaces"
     folder: ClassVar = "kneejax-import"
 
-    femur_cartilage: Mesh = Field(description="mesh, in any unit")
-    tibia_cartilage: Mesh = Field(description="mesh, likewise")
-    patella_cartilage: Mesh | None = Field(None, description="fitted with the groove of the femur")
-    femur_bone: Mesh | None = Field(None, description="for the layer's thickness")
-    tibia_bone: Mesh | None = Field(None, description="for the layer's thickness")
-    side: Side = Field(description="right or left knee")
-    knee: Knee | None = Field(
-        None, description=f"whose ligaments are kept, its contacts replaced: {KNEE}"
+    femur_cartilage: Mesh = meaning("mesh, in any unit")
+    tibia_cartilage: Mesh = meaning("mesh, likewise")
+    patella_cartilage: Mesh | None = meaning("fitted with the groove of the femur", None)
+    femur_bone: Mesh | None = meaning("for the layer's thickness", None)
+    tibia_bone: Mesh | None = meaning("for the layer's thickness", None)
+    side: Side = meaning("right or left knee")
+    knee: Knee | None = meaning(f"whose ligaments are kept, its contacts replaced: {KNEE}", None)
+    layer_thickness: Annotated[float | None, Form("MM")] = meaning(
+        "both cartilages; measured otherwise", None
     )
-    layer_thickness: Annotated[float | None, Form("MM")] = Field(
-        None, description="both cartilages; measured otherwise"
+    thickness: Literal["constant", "field"] = meaning(
+        "one number for the layer, or as it varies over the surface", "constant"
     )
-    thickness: Literal["constant", "field"] = Field(
-        "constant", description="one number for the layer, or as it varies over the surface"
+    modulus: Annotated[float, Form("MPA")] = meaning("Young's modulus, MPa", 10.0)
+    poisson_ratio: float = meaning("of the cartilage", 0.45)
+    law: Literal["linear", "log", "ratio"] = meaning("how pressure grows with the depth", "linear")
+    unit: Literal["auto", "m", "mm", "cm"] = meaning("of the meshes", "auto")
+    axis_point: tuple[float, float, float] | None = meaning(
+        "of the femoral axis, mm; found otherwise", None
     )
-    modulus: Annotated[float, Form("MPA")] = Field(10.0, description="Young's modulus, MPa")
-    poisson_ratio: float = Field(0.45, description="of the cartilage")
-    law: Literal["linear", "log", "ratio"] = Field(
-        "linear", description="how pressure grows with the depth"
+    axis_rotation: tuple[float, float, float] | None = meaning(
+        "of that axis about X, Y, Z, degrees", None
     )
-    unit: Literal["auto", "m", "mm", "cm"] = Field("auto", description="of the meshes")
-    axis_point: tuple[float, float, float] | None = Field(
-        None, description="of the femoral axis, mm; found otherwise"
+    notch: Annotated[float | None, Form("MM")] = meaning("along the axis; found otherwise", None)
+    split: Annotated[float | None, Form("MM")] = meaning(
+        "between the tibial compartments, along Z", None
     )
-    axis_rotation: tuple[float, float, float] | None = Field(
-        None, description="of that axis about X, Y, Z, degrees"
-    )
-    notch: Annotated[float | None, Form("MM")] = Field(
-        None, description="along the axis; found otherwise"
-    )
-    split: Annotated[float | None, Form("MM")] = Field(
-        None, description="between the tibial compartments, along Z"
-    )
-    angle: Annotated[tuple[float, float] | None, Form("DEGREES")] = Field(
-        None, description="region of the condyles"
+    angle: Annotated[tuple[float, float] | None, Form("DEGREES")] = meaning(
+        "region of the condyles", None
     )
 
 
@@ -222,22 +204,18 @@ class ExportOsim(Command):
     )
     body: ClassVar = "kneejax.cli._exchange:export_model"
 
-    knee: Annotated[Knee, Place("KNEE")] = Field(description=KNEE)
-    model: Annotated[Model, Place("MODEL")] = Field(
-        description="the original model; it is not changed"
-    )
-    out: Path = Field(description="the new model")
-    replace: bool = Field(
-        False,
-        description="the model's fibres over the knee become the knee's: grafts are put in, what "
-        "the knee has not is taken out",
-    )
-    coupled: Annotated[Table | None, Form("POSES.csv")] = Field(
-        None,
-        description="the model's knee follows its flexion as these poses do, along splines: a "
-        "CustomJoint of one coordinate",
-    )
-    convention: Convention = Field("femoral", description="of these poses")
+    knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
+    model: Annotated[Model, Place("MODEL")] = meaning("the original model; it is not changed")
+    out: Path = meaning("the new model")
+    replace: bool = meaning(
+        "the model's fibres over the knee become the knee's: grafts are put in, what the knee has "
+        "not is taken out", False,
+    )  # fmt: skip
+    coupled: Annotated[Table | None, Form("POSES.csv")] = meaning(
+        "the model's knee follows its flexion as these poses do, along splines: a CustomJoint of "
+        "one coordinate", None,
+    )  # fmt: skip
+    convention: Convention = meaning("of these poses", "femoral")
 
 
 class Activity(Drawn):
@@ -251,84 +229,68 @@ class Activity(Drawn):
     body: ClassVar = "kneejax.cli._activity"
     folder: ClassVar = "kneejax-activity"
 
-    files: Annotated[list[Path], File("a table of OpenSim, or external loads"), Place("FILES")] = (
-        Field(
-            [],
-            description="OpenSim's tables (.sto, .mot) of coordinates, and of muscle forces with "
-            "the external loads (.xml), if some act, or of joint reactions; each is known by its "
-            "columns",
-        )
-    )
-    model: Model = Field(description="the model that moved (.osim)")
-    motion: Annotated[Path | None, File("a table of OpenSim"), Group("Forces by OpenSim")] = Field(
-        None,
-        description="in place of FILES: coordinates (.sto, .mot) for which OpenSim itself finds "
-        "the forces, by inverse dynamics and static optimisation; needs the extra opensim",
-    )
-    grf: Annotated[Path | None, COMPUTED, File("external loads"), Group("Forces by OpenSim")] = (
-        Field(
-            None,
-            description="with --motion: forces from the ground, external loads (.xml); without "
-            "them the model's own contacts press its feet",
-        )
-    )
+    files: Annotated[
+        list[Path], File("a table of OpenSim, or external loads"), Place("FILES")
+    ] = meaning(
+        "OpenSim's tables (.sto, .mot) of coordinates, and of muscle forces with the external "
+        "loads (.xml), if some act, or of joint reactions; each is known by its columns", [],
+    )  # fmt: skip
+    model: Model = meaning("the model that moved (.osim)")
+    motion: Annotated[
+        Path | None, File("a table of OpenSim"), Group("Forces by OpenSim")
+    ] = meaning(
+        "in place of FILES: coordinates (.sto, .mot) for which OpenSim itself finds the forces, by "
+        "inverse dynamics and static optimisation; needs the extra opensim", None,
+    )  # fmt: skip
+    grf: Annotated[
+        Path | None, COMPUTED, File("external loads"), Group("Forces by OpenSim")
+    ] = meaning(
+        "with --motion: forces from the ground, external loads (.xml); without them the model's "
+        "own contacts press its feet", None,
+    )  # fmt: skip
     actuators: Annotated[
         Path | None, COMPUTED, File("a ForceSet"), Group("Forces by OpenSim")
-    ] = Field(
-        None,
-        description="with --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise",
+    ] = meaning(
+        "with --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise", None
     )
     time_s: Annotated[
         tuple[float, float] | None,
         COMPUTED,
         Split(":", "BEGIN:END, two numbers of seconds", "BEGIN:END"),
         Group("Forces by OpenSim"),
-    ] = Field(None, description="with --motion: a part of it (default: all)")
-    rounds: Annotated[int, COMPUTED, Group("Forces by OpenSim")] = Field(
-        0,
-        description="with --motion: how often the knee's secondary motion goes back into the "
-        "model, as splines of flexion, for OpenSim to find the forces again",
-        ge=0,
-        le=20,
+    ] = meaning("with --motion: a part of it (default: all)", None)
+    rounds: Annotated[int, COMPUTED, Group("Forces by OpenSim")] = meaning(
+        "with --motion: how often the knee's secondary motion goes back into the model, as splines "
+        "of flexion, for OpenSim to find the forces again", 0, ge=0, le=20,
+    )  # fmt: skip
+    side: Side = meaning("right or left knee", "r")
+    femur: Annotated[str | None, Form("BODY")] = meaning(
+        "body of the model; found from its joints if not given", None
     )
-    side: Side = Field("r", description="right or left knee")
-    femur: Annotated[str | None, Form("BODY")] = Field(
-        None, description="body of the model; found from its joints if not given"
+    tibia: Annotated[str | None, Form("BODY")] = meaning("likewise; both or none", None)
+    knee: Annotated[Knee | None, PLANNED, Group("Knee")] = meaning(
+        f"{KNEE} (default: lenhart2015_reduced)", None
     )
-    tibia: Annotated[str | None, Form("BODY")] = Field(
-        None, description="likewise; both or none"
+    plan: Annotated[str | None, Bundled("plans"), Form("PLAN"), Group("Knee")] = meaning(
+        "plan file or bundled plan, in place of --knee: its knee intact, without the ligament, and "
+        "with the graft where it is planned and in the corners of the octagon", None,
+    )  # fmt: skip
+    frames: Literal["auto", "same", "landmarks"] = meaning(
+        "whether the knee's frames are the model's; auto: where the knee was made of it", "auto"
     )
-    knee: Annotated[Knee | None, PLANNED, Group("Knee")] = Field(
-        None, description=f"{KNEE} (default: lenhart2015_reduced)"
+    patella: Annotated[bool, Group("Knee")] = meaning(
+        "with the patella, on which the quadriceps pulls", False
     )
-    plan: Annotated[str | None, Bundled("plans"), Form("PLAN"), Group("Knee")] = Field(
-        None,
-        description="plan file or bundled plan, in place of --knee: its knee intact, without the "
-        "ligament, and with the graft where it is planned and in the corners of the octagon",
+    instants: int | None = meaning(
+        "so many, evenly spaced; the coarsest table's rows otherwise", None, ge=4, le=20_000
     )
-    frames: Literal["auto", "same", "landmarks"] = Field(
-        "auto",
-        description="whether the knee's frames are the model's; auto: where the knee was made of "
-        "it",
-    )
-    patella: Annotated[bool, Group("Knee")] = Field(
-        False, description="with the patella, on which the quadriceps pulls"
-    )
-    instants: int | None = Field(
-        None,
-        description="so many, evenly spaced; the coarsest table's rows otherwise",
-        ge=4,
-        le=20_000,
-    )
-    values: Annotated[Values, PLANNED] = Field({}, alias="set", description=SET)
-    cut: Annotated[list[str], PLANNED, Form("LIGAMENT"), Group("Knee")] = Field(
+    values: Annotated[Values, PLANNED] = meaning(SET, {}, alias="set")
+    cut: Annotated[list[str], PLANNED, Form("LIGAMENT"), Group("Knee")] = meaning(
+        "compare with the knee in which a ligament, or a group of them, does not act; once for "
+        "each",
         [],
-        description="compare with the knee in which a ligament, or a group of them, does not act; "
-        "once for each",
-    )
-    convention: Annotated[Convention, Group("Results")] = Field(
-        "femoral", description="of the poses written"
-    )
+    )  # fmt: skip
+    convention: Annotated[Convention, Group("Results")] = meaning("of the poses written", "femoral")
 
     def problems(self) -> Iterator[InputProblem]:
         """Tables of OpenSim, or a motion for it to make them."""

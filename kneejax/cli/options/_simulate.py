@@ -3,11 +3,10 @@
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, get_args
 
-from pydantic import Field
-
-from kneejax.cli._command import Drawn, Form, Group, InRange, Only, Place, option_name
+from kneejax.cli._command import Drawn, Form, Group, Only, Place, option_name
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Table, Values
 from kneejax.files import InputProblem
+from kneejax.files.reading import Number, meaning, within
 
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
 Test = Literal[
@@ -58,170 +57,138 @@ class Simulate(Drawn):
 
     experiment: Annotated[
         Literal["passive-flexion", Test, Extensor, InTime], Place("EXPERIMENT")
-    ] = Field(
-        description=f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the "
+    ] = meaning(
+        f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the "
         "load that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion; "
         f"or with the patella, {', '.join(EXTENSOR)}; or through time, {', '.join(IN_TIME)}, or a "
-        "test with --dynamic"
+        "test with --dynamic",
+    )  # fmt: skip
+    knee: Annotated[Knee, KNEE_OPTIONS] = meaning(KNEE, "average_knee")
+    flexion: Annotated[str | None, KNEE_OPTIONS] = meaning(
+        "degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in tests, "
+        "20 in lachman)", None,
+    )  # fmt: skip
+    values: Values = meaning(SET, {}, alias="set")
+    cut: Annotated[list[str], Form("LIGAMENT"), KNEE_OPTIONS] = meaning(
+        "a ligament, or a group of them, that does not act; once for each", []
     )
-    knee: Annotated[Knee, KNEE_OPTIONS] = Field("average_knee", description=KNEE)
-    flexion: Annotated[str | None, KNEE_OPTIONS] = Field(
-        None,
-        description="degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, "
-        "0:90:15 in tests, 20 in lachman)",
+    load: Annotated[dict[str, float], Form("NAME=SIZE"), KNEE_OPTIONS] = meaning(
+        "on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, compression_N "
+        "(at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134. In a test it acts "
+        "throughout", {},
+    )  # fmt: skip
+    branches: Annotated[bool, PASSIVE, KNEE_OPTIONS] = meaning(
+        "look for other stable balances at the same angles and load as well: branches.csv", False
     )
-    values: Values = Field({}, alias="set", description=SET)
-    cut: Annotated[list[str], Form("LIGAMENT"), KNEE_OPTIONS] = Field(
-        [], description="a ligament, or a group of them, that does not act; once for each"
+    force_N: Annotated[Annotated[float, within("anterior_N")] | None, BY_LOAD, LOAD] = meaning(
+        "full force of a test (default: 100; compression 500, distraction 50)", None
     )
-    load: Annotated[dict[str, float], Form("NAME=SIZE"), KNEE_OPTIONS] = Field(
-        {},
-        description="on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, "
-        "compression_N (at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134. In a "
-        "test it acts throughout",
+    moment_Nm: Annotated[Annotated[float, within("varus_Nm")] | None, BY_LOAD, LOAD] = meaning(
+        "full moment of a test (default: 10; torsion 5); pivot adds half of it in internal torque, "
+        "torsion in an envelope is half of it", None,
+    )  # fmt: skip
+    displacement_mm: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = meaning(
+        "of drawer and lachman: a machine moves the tibia so far, and its force is read", None
     )
-    branches: Annotated[bool, PASSIVE, KNEE_OPTIONS] = Field(
-        False,
-        description="look for other stable balances at the same angles and load as well: "
-        "branches.csv",
-    )
-    force_N: Annotated[float | None, BY_LOAD, InRange("anterior_N"), LOAD] = Field(
-        None, description="full force of a test (default: 100; compression 500, distraction 50)"
-    )
-    moment_Nm: Annotated[float | None, BY_LOAD, InRange("varus_Nm"), LOAD] = Field(
-        None,
-        description="full moment of a test (default: 10; torsion 5); pivot adds half of it in "
-        "internal torque, torsion in an envelope is half of it",
-    )
-    displacement_mm: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = Field(
-        None,
-        description="of drawer and lachman: a machine moves the tibia so far, and its force is "
-        "read",
-    )
-    rotation_deg: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = Field(
-        None,
-        description="of torsion and varus-valgus: a machine turns the tibia so far; its moment is "
-        "read",
+    rotation_deg: Annotated[float | None, BY_LOAD, AT_REST, LOAD] = meaning(
+        "of torsion and varus-valgus: a machine turns the tibia so far; its moment is read", None
     )
     hold: Annotated[
         list[Literal["adduction", "internal_rotation"]], BY_LOAD, AT_REST, Form("ROTATION"), LOAD
-    ] = Field(
-        [],
-        description="a rotation that a machine holds where it is without the test's load: "
-        "adduction or internal_rotation; once for each",
-    )
-    counted_from: Annotated[Literal["unloaded", "intact"] | None, BY_LOAD, AT_REST, LOAD] = Field(
-        None,
-        description="what displacements of a cut knee are counted from: its own unloaded pose "
-        "(default), or that of the intact knee, from which a machine moves it too; as in a study",
-    )
-    both: Annotated[bool, BY_LOAD, AT_REST, LOAD] = Field(
-        False, description="load a test in the opposite sense too"
+    ] = meaning(
+        "a rotation that a machine holds where it is without the test's load: adduction or "
+        "internal_rotation; once for each", [],
+    )  # fmt: skip
+    counted_from: Annotated[Literal["unloaded", "intact"] | None, BY_LOAD, AT_REST, LOAD] = meaning(
+        "what displacements of a cut knee are counted from: its own unloaded pose (default), or "
+        "that of the intact knee, from which a machine moves it too; as in a study", None,
+    )  # fmt: skip
+    both: Annotated[bool, BY_LOAD, AT_REST, LOAD] = meaning(
+        "load a test in the opposite sense too", False
     )
     steps: Annotated[
         int | None,
         _only(lambda asked: asked.experiment in (*TESTS, *EXTENSOR), "a test under load"),
         AT_REST,
         LOAD,
-    ] = Field(None, description="of a test, from nothing to the full load (default: 20)")
-    quadriceps_N: Annotated[float | None, PULLED, QUADRICEPS] = Field(
-        None,
-        description="pull of the quadriceps: of patellar-tracking (default: 100), and the largest "
-        "of extension (default: 1000), which --steps divides",
-        ge=1,
-        le=12_000,
+    ] = meaning("of a test, from nothing to the full load (default: 20)", None)
+    quadriceps_N: Annotated[float | None, PULLED, QUADRICEPS] = meaning(
+        "pull of the quadriceps: of patellar-tracking (default: 100), and the largest of extension "
+        "(default: 1000), which --steps divides", None, ge=1, le=12_000,
+    )  # fmt: skip
+    quadriceps_mm: Annotated[str | None, DRIVEN, HELD, Form("FROM:TO:STEP"), QUADRICEPS] = meaning(
+        "of extension and leg-raise, instead of a pull: how much longer the quadriceps is than at "
+        "rest, at the flexion that is held or in extension; as 0:-3:-0.5; its pull, and of "
+        "leg-raise flexion, is a result", None,
+    )  # fmt: skip
+    body_kg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
+        "of leg-raise: the person (default: 75); shank and foot are 6.1 % of it", None
     )
-    quadriceps_mm: Annotated[str | None, DRIVEN, HELD, Form("FROM:TO:STEP"), QUADRICEPS] = Field(
-        None,
-        description="of extension and leg-raise, instead of a pull: how much longer the "
-        "quadriceps is than at rest, at the flexion that is held or in extension; as 0:-3:-0.5; "
-        "its pull, and of leg-raise flexion, is a result",
+    height_m: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
+        "of leg-raise (default: 1.75)", None
     )
-    body_kg: Annotated[float | None, LEG, InRange("body_kg"), QUADRICEPS] = Field(
-        None,
-        description="of leg-raise: the person (default: 75); shank and foot are 6.1 % of it",
+    ankle_kg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
+        "of leg-raise: a weight at the ankle in addition (default: 0)", None
     )
-    height_m: Annotated[float | None, LEG, InRange("height_m"), QUADRICEPS] = Field(
-        None, description="of leg-raise (default: 1.75)"
+    femur_deg: Annotated[Number | None, LEG, QUADRICEPS] = meaning(
+        "of leg-raise: of the thigh from the horizontal, knee above hip positive (default: 0)", None
     )
-    ankle_kg: Annotated[float | None, LEG, InRange("ankle_kg"), QUADRICEPS] = Field(
-        None, description="of leg-raise: a weight at the ankle in addition (default: 0)"
+    dynamic: Annotated[bool, MOTION] = meaning(
+        "of a test by load, at one flexion: with mass, damping and time; the load grows in "
+        "--ramp-s and stays; of leg-raise: a motor shortens the quadriceps. settle and drop are so "
+        "anyway", False,
+    )  # fmt: skip
+    loads: Annotated[Table | None, TIME, Form("FILE.csv"), MOTION] = meaning(
+        "of `load --dynamic`: loads over time, a column time_s and columns like anterior_N; "
+        "columns like flexion_deg lead a coordinate; of `leg-raise --dynamic`: a column "
+        "quadriceps_mm, what a motor makes of its length", None,
+    )  # fmt: skip
+    duration_s: Annotated[float | None, TIME, MOTION] = meaning(
+        "of a motion through time (default: 1; settle 2; leg-raise 20; that of --loads)",
+        None, ge=1e-4, le=120,
+    )  # fmt: skip
+    every_ms: Annotated[float | None, TIME, MOTION] = meaning(
+        "between two rows of its tables (default: 1; leg-raise 100)", None, ge=1e-3, le=1000
     )
-    femur_deg: Annotated[float | None, LEG, InRange("femur_deg"), QUADRICEPS] = Field(
-        None,
-        description="of leg-raise: of the thigh from the horizontal, knee above hip positive "
-        "(default: 0)",
+    ramp_s: Annotated[float | None, TIME, BY_LOAD, NOT_RAISED, MOTION] = meaning(
+        "in which the load of a test grows (default: 0.1)", None, ge=0, le=60
     )
-    dynamic: Annotated[bool, MOTION] = Field(
-        False,
-        description="of a test by load, at one flexion: with mass, damping and time; the load "
-        "grows in --ramp-s and stays; of leg-raise: a motor shortens the quadriceps. settle and "
-        "drop are so anyway",
-    )
-    loads: Annotated[Table | None, TIME, Form("FILE.csv"), MOTION] = Field(
-        None,
-        description="of `load --dynamic`: loads over time, a column time_s and columns like "
-        "anterior_N; columns like flexion_deg lead a coordinate; of `leg-raise --dynamic`: a "
-        "column quadriceps_mm, what a motor makes of its length",
-    )
-    duration_s: Annotated[float | None, TIME, MOTION] = Field(
-        None,
-        description="of a motion through time (default: 1; settle 2; leg-raise 20; that of "
-        "--loads)",
-        ge=1e-4,
-        le=120,
-    )
-    every_ms: Annotated[float | None, TIME, MOTION] = Field(
-        None,
-        description="between two rows of its tables (default: 1; leg-raise 100)",
-        ge=1e-3,
-        le=1000,
-    )
-    ramp_s: Annotated[float | None, TIME, BY_LOAD, NOT_RAISED, MOTION] = Field(
-        None, description="in which the load of a test grows (default: 0.1)", ge=0, le=60
-    )
-    critical: Annotated[float | None, TIME, InRange("critical"), MOTION] = Field(
-        None, description="damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)"
+    critical: Annotated[Number | None, TIME, MOTION] = meaning(
+        "damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)", None
     )
     damping_N_s_per_mm: Annotated[
-        float | None, TIME, InRange("damping_N_s_per_mm"), MOTION
-    ] = Field(
-        None, description="of every coordinate, rotations at 30 mm (default: 0; settle 1)"
+        Number | None, TIME, MOTION
+    ] = meaning(
+        "of every coordinate, rotations at 30 mm (default: 0; settle 1)", None
     )
     dissipation_s_per_mm: Annotated[
-        float | None, TIME, InRange("dissipation_s_per_mm"), MOTION
-    ] = Field(
+        Number | None, TIME, MOTION
+    ] = meaning(
+        "of every contact: its force grows by so much with each mm/s of its overlap (default: 0)",
         None,
-        description="of every contact: its force grows by so much with each mm/s of its overlap "
-        "(default: 0)",
-    )
+    )  # fmt: skip
     recorded: Annotated[
         Table | None, TIME, _only(
             lambda asked: asked.experiment != "leg-raise", "settle, drop or a test under load"
         ), Form("FILE.csv"), MOTION,
-    ] = Field(
-        None,
-        description="a recorded motion, columns time_s and some like anterior_mm, of which "
-        "changes from the first row count: finds the damping that --free names",
+    ] = meaning(
+        "a recorded motion, columns time_s and some like anterior_mm, of which changes from the "
+        "first row count: finds the damping that --free names", None,
     )  # fmt: skip
-    free: Annotated[list[Damper], TIME, Form("NAME"), MOTION] = Field(
-        [],
-        description="what is found from --recorded: critical, damping_N_s_per_mm or "
-        "dissipation_s_per_mm; once for each",
-    )
-    offset: Annotated[dict[str, float], TIME, NOT_RAISED, Form("NAME=SIZE"), MOTION] = Field(
-        {},
-        alias="from",
-        description="how far from its balance the knee is let go, as anterior_mm=3 or "
-        "adduction_deg=2; once for each (default of settle: anterior_mm=3)",
-    )
-    error_mm: Annotated[float | None, TIME, InRange("error_mm"), MOTION] = Field(
+    free: Annotated[list[Damper], TIME, Form("NAME"), MOTION] = meaning(
+        "what is found from --recorded: critical, damping_N_s_per_mm or dissipation_s_per_mm; once "
+        "for each", [],
+    )  # fmt: skip
+    offset: Annotated[dict[str, float], TIME, NOT_RAISED, Form("NAME=SIZE"), MOTION] = meaning(
+        "how far from its balance the knee is let go, as anterior_mm=3 or adduction_deg=2; once "
+        "for each (default of settle: anterior_mm=3)", {}, alias="from",
+    )  # fmt: skip
+    error_mm: Annotated[Number | None, TIME, MOTION] = meaning(
+        "that the steps may leave in any pose (default: 0.01); they become as short as it takes",
         None,
-        description="that the steps may leave in any pose (default: 0.01); they become as short "
-        "as it takes",
-    )
-    convention: Annotated[Convention, Group("Results")] = Field(
-        "femoral", description="of the poses that are printed and written"
+    )  # fmt: skip
+    convention: Annotated[Convention, Group("Results")] = meaning(
+        "of the poses that are printed and written", "femoral"
     )
 
     @property

@@ -22,6 +22,7 @@ from kneejax.cli._command import (
 from kneejax.cli._words import Split, plain_type
 from kneejax.cli.options._types import KNEE, Knee
 from kneejax.files import InputProblem
+from kneejax.files.reading import meaning
 
 Study = Annotated[str, Place("STUDY"), Bundled("studies")]
 PART = "I/N with I from 1 to N, e.g. 3/20"
@@ -39,32 +40,24 @@ class Calibrate(Drawn):
     body: ClassVar = "kneejax.cli._calibrate"
     folder: ClassVar = "kneejax-calibration"
 
-    study: Annotated[str, Place("STUDY"), Bundled("studies", others=True)] = Field(
-        "passive_flexion",
-        description=f"{STUDY}; or a cohort: a folder of studies, a pattern in quotes, or a file "
-        "that names its knees",
-    )
-    bootstrap: Annotated[int | None, Form("N")] = Field(
-        None,
-        description="of a cohort: for each knee N fits of data that its answer would give, with "
-        "noise",
-        ge=1,
-        le=1_000_000,
-    )
+    study: Annotated[str, Place("STUDY"), Bundled("studies", others=True)] = meaning(
+        f"{STUDY}; or a cohort: a folder of studies, a pattern in quotes, or a file "
+        "that names its knees", "passive_flexion",
+    )  # fmt: skip
+    bootstrap: Annotated[int | None, Form("N")] = meaning(
+        "of a cohort: for each knee N fits of data that its answer would give, with noise",
+        None, ge=1, le=1_000_000,
+    )  # fmt: skip
     blocks: Annotated[
         bool, Only(lambda asked: asked.bootstrap is not None, "--bootstrap N with it")
-    ] = Field(
-        False,
-        description="with --bootstrap: of curves drawn among those that were measured, each the "
-        "passive motion or a test at one flexion",
-    )
-    jobs: Annotated[int | None, Form("N")] = Field(
-        None,
-        description="of a cohort: workers on this machine, a core each (package dask; default: "
-        "this process alone)",
-        ge=1,
-        le=1024,
-    )
+    ] = meaning(
+        "with --bootstrap: of curves drawn among those that were measured, each the passive motion "
+        "or a test at one flexion", False,
+    )  # fmt: skip
+    jobs: Annotated[int | None, Form("N")] = meaning(
+        "of a cohort: workers on this machine, a core each (package dask; default: this process "
+        "alone)", None, ge=1, le=1024,
+    )  # fmt: skip
     scheduler: Annotated[
         str | None,
         Form("ADDRESS"),
@@ -72,14 +65,11 @@ class Calibrate(Drawn):
             lambda asked: asked.jobs is None and asked.shard is None,
             "one of --scheduler, and --jobs or --shard",
         ),
-    ] = Field(
-        None, description="of a cohort: the workers of a Dask cluster, e.g. tcp://10.0.0.1:8786"
-    )
-    shard: Annotated[tuple[int, int] | None, Split("/", PART, "I/N")] = Field(
-        None,
-        description="of a cohort: only the I-th of N parts, for job arrays; the last part to "
-        "finish writes the report",
-    )
+    ] = meaning("of a cohort: the workers of a Dask cluster, e.g. tcp://10.0.0.1:8786", None)
+    shard: Annotated[tuple[int, int] | None, Split("/", PART, "I/N")] = meaning(
+        "of a cohort: only the I-th of N parts, for job arrays; the last part to finish writes the "
+        "report", None,
+    )  # fmt: skip
 
     def resumes(self) -> bool:
         """Cohorts go on, knee by knee."""
@@ -106,7 +96,7 @@ class Asked(Drawn):
 
     asks: ClassVar[type[BaseModel]]
 
-    study: Study = Field("passive_flexion", description=STUDY)
+    study: Study = meaning(STUDY, "passive_flexion")
 
     def question(self, **read: Any) -> Any:
         """The question, checked; values that are read of a file in the place of its name."""
@@ -124,10 +114,10 @@ def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
     """
     fields: dict[str, Any] = {}
     for name, field in asks.model_fields.items():
-        kind, meaning, marks = plain_type(field.annotation), field.description, []
+        kind, words, marks = plain_type(field.annotation), field.description, []
         for one in as_words.get(name, ()):
             if isinstance(one, str):
-                meaning = one
+                words = one
             elif isinstance(one, type) or get_origin(one):
                 kind = one
             else:
@@ -136,7 +126,7 @@ def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
         default = list(default) if get_origin(kind) is list else default
         kind = kind | None if default is None else kind
         alias = "global" if name == "indices" else option_name(name)
-        option = Field(default, alias=alias, description=meaning)
+        option = Field(default, alias=alias, description=words)
         fields[name] = (Annotated[kind, *marks] if marks else kind, option)
     return create_model(asks.__name__, __base__=Asked, **fields)
 
@@ -195,10 +185,8 @@ class Sensitivity(
     body: ClassVar = "kneejax.cli._studies:sensitivity"
     folder: ClassVar = "kneejax-sensitivity"
 
-    knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = Field(
-        [],
-        description="compare knees instead: varus and valgus moments, scores of paper 4; each a "
-        f"{KNEE}",
+    knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = meaning(
+        "compare knees instead: varus and valgus moments, scores of paper 4; each a " f"{KNEE}", []
     )
 
 
@@ -233,11 +221,11 @@ class CohortSynthesise(Written):
     body: ClassVar = "kneejax.cli._cohort:make_up"
     folder: ClassVar = "kneejax-cohort"
 
-    knees: int = Field(100, description="how many", ge=1, le=100_000)
-    seed: int = Field(0, description="of the random numbers", ge=0)
-    knee: Knee = Field("four_ligament", description=f"that is varied: {KNEE}")
-    noise_mm: Noise = Field(0.2, description="standard deviation of measured positions")
-    noise_deg: Noise = Field(0.2, description="standard deviation of measured rotations")
+    knees: int = meaning("how many", 100, ge=1, le=100_000)
+    seed: int = meaning("of the random numbers", 0, ge=0)
+    knee: Knee = meaning(f"that is varied: {KNEE}", "four_ligament")
+    noise_mm: Noise = meaning("standard deviation of measured positions", 0.2)
+    noise_deg: Noise = meaning("standard deviation of measured rotations", 0.2)
 
 
 class PlanAcl(Drawn):
@@ -248,19 +236,14 @@ class PlanAcl(Drawn):
     body: ClassVar = "kneejax.cli._plan"
     folder: ClassVar = "kneejax-plan"
 
-    plan: Annotated[str, Place("PLAN"), Bundled("plans")] = Field(
-        "ten_bundle", description="plan file or bundled plan"
+    plan: Annotated[str, Place("PLAN"), Bundled("plans")] = meaning(
+        "plan file or bundled plan", "ten_bundle"
     )
-    points: Annotated[int | None, Form("N")] = Field(
-        None,
-        description="of a map along each axis, 0 for no maps (default: what the plan says)",
-        ge=0,
-        le=401,
+    points: Annotated[int | None, Form("N")] = meaning(
+        "of a map along each axis, 0 for no maps (default: what the plan says)", None, ge=0, le=401
     )
-    front: bool = Field(
-        False,
-        description="also find the places that are best in some balance of laxity, force and "
-        "strains",
+    front: bool = meaning(
+        "also find the places that are best in some balance of laxity, force and strains", False
     )
 
     def problems(self) -> Iterator[InputProblem]:
@@ -277,20 +260,19 @@ class Reproduce(Drawn):
     body: ClassVar = "kneejax.cli._reproduce"
     folder: ClassVar = "kneejax-reproduction"
 
-    paper: Annotated[Literal["1", "2", "3", "4", "5"], Place("PAPER")] = Field(
-        description="number of the paper"
+    paper: Annotated[Literal["1", "2", "3", "4", "5"], Place("PAPER")] = meaning(
+        "number of the paper"
     )
     knee: Annotated[
         Knee | None, Only(lambda asked: asked.paper == "1", "paper 1 with it", "paper")
-    ] = Field(None, description=f"of paper 1, four_ligament_fitted by default: {KNEE}")
+    ] = meaning(f"of paper 1, four_ligament_fitted by default: {KNEE}", None)
     patella: Annotated[
         Literal["on-path", "balanced", "none"] | None,
         Only(lambda asked: asked.paper == "1", "paper 1 with it", "paper"),
-    ] = Field(
-        None,
-        description="of paper 1, on which its 2 kg pull: on-path, with one degree of freedom as "
-        "in the paper (default); balanced, a third bone; none, a line of constant tension instead",
-    )
+    ] = meaning(
+        "of paper 1, on which its 2 kg pull: on-path, with one degree of freedom as in the paper "
+        "(default); balanced, a third bone; none, a line of constant tension instead", None,
+    )  # fmt: skip
 
 
 class Rerun(Command):
@@ -302,12 +284,8 @@ class Rerun(Command):
     )
     body: ClassVar = "kneejax.cli._main:rerun"
 
-    folder: Annotated[Path, Place("FOLDER")] = Field(
-        description="folder with the settings.json of a command"
-    )
-    out: Path | None = Field(
-        None, description="folder for the results; the same one otherwise"
-    )
+    folder: Annotated[Path, Place("FOLDER")] = meaning("folder with the settings.json of a command")
+    out: Path | None = meaning("folder for the results; the same one otherwise", None)
 
 
 class Completion(Command):
@@ -317,6 +295,4 @@ class Completion(Command):
     example: ClassVar = 'eval "$(kneejax completion bash)"'
     body: ClassVar = "kneejax.cli._main:completion"
 
-    shell: Annotated[Literal["bash", "zsh", "fish"], Place("SHELL")] = Field(
-        description="bash, zsh or fish"
-    )
+    shell: Annotated[Literal["bash", "zsh", "fish"], Place("SHELL")] = meaning("bash, zsh or fish")

@@ -4,20 +4,44 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from typing import Annotated
 
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.files.reading import Field, InputProblem, format_yaml, load_yaml, write_text
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
-from kneejax.mechanics import RANGES, Range
+from kneejax.mechanics import Range
 
 _KIND = "joint"
-_FIELDS = ("kneejax", "name", "side", "knots")
-_FURTHER = ("interpolation", "source", "notes")
 _POINTS = ("femoral_medial_mm", "femoral_lateral_mm", "tibial_medial_mm", "tibial_lateral_mm")
-_SIDES = ("right", "left")
 _FLEXION = Range(-180.0, 180.0, "degrees")
+
+
+Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "point_mm")]
+
+
+class Knot(Part):
+    """The axis at one flexion: two points on each bone."""
+
+    flexion_deg: Annotated[float, reads(reading.number, _FLEXION)] = meaning("at which")
+    femoral_medial_mm: Point = meaning("on the femur")
+    femoral_lateral_mm: Point = meaning("on the femur")
+    tibial_medial_mm: Point = meaning("on the tibia")
+    tibial_lateral_mm: Point = meaning("on the tibia")
+
+
+class JointFields(Part):
+    """All that a joint file may say."""
+
+    kneejax: str = meaning("what the file is")
+    name: Text = meaning("of the joint")
+    side: Annotated[str, one_of(["right", "left"])] = meaning("of the knee")
+    knots: Annotated[list[Knot], entries("knots")] = meaning("by flexion")
+    interpolation: Annotated[str, one_of(INTERPOLATIONS)] = meaning("between knots", "linear")
+    source: Text = meaning("where its numbers come from", "")
+    notes: Text = meaning("anything else", "")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,33 +86,26 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
         >>> read_joint(path).joint.femoral.tolist()
         [[[0.0, 0.0, -20.0], [0.0, 0.0, 20.0]]]
     """
-    whole = Field(os.fspath(path), "", load_yaml(path, "a joint file"))
-    kind = whole.value.get("kneejax", "missing") if isinstance(whole.value, dict) else _KIND
+    document = reading.load_yaml(path, "a joint file")
+    kind = document.get("kneejax", "missing") if isinstance(document, dict) else _KIND
     if kind != _KIND:
         expected = f"{_KIND}: this is no file that kneejax joint fit wrote"
         raise InputProblem(path, "kneejax", kind, expected)
-    whole.mapping(_FIELDS, _FURTHER)
-    side = whole["side"].choice(_SIDES)
-    knots = [knot.mapping(("flexion_deg", *_POINTS)) for knot in whole["knots"].items("knots")]
-    flexion = [knot["flexion_deg"].number(_FLEXION) for knot in knots]
-    inside = RANGES["point_mm"]
-    points = np.array([[knot[name].numbers(3, inside) for name in _POINTS] for knot in knots])
-    points = points * _mirror(side)
-    interpolation = "linear"
-    if "interpolation" in whole:
-        interpolation = whole["interpolation"].choice(INTERPOLATIONS)
+    whole = checked(JointFields, document, os.fspath(path))
+    flexion = [knot.flexion_deg for knot in whole.knots]
+    points = np.array([[getattr(knot, name) for name in _POINTS] for knot in whole.knots])
+    points = points * _mirror(whole.side)
     joint = Joint(
         jnp.deg2rad(jnp.asarray(flexion)),
         jnp.asarray(points[:, :2]),
         jnp.asarray(points[:, 2:]),
-        interpolation,
+        whole.interpolation,
     )
     try:
         check_joint(joint)
     except UnsuitableAxis as error:
         raise InputProblem(path, f"knots, {error.field}", error.found, error.expected) from None
-    source, notes = (whole[name].text() if name in whole else "" for name in ("source", "notes"))
-    return JointFile(joint, whole["name"].text(), side, source, notes)
+    return JointFile(joint, whole.name, whole.side, whole.source, whole.notes)
 
 
 def format_joint(file: JointFile) -> str:
@@ -112,7 +129,7 @@ def format_joint(file: JointFile) -> str:
         for i in range(len(degrees))
     ]
     document |= {k: v for k, v in (("source", file.source), ("notes", file.notes)) if v}
-    return format_yaml(document)
+    return reading.format_yaml(document)
 
 
 def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
@@ -125,7 +142,7 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     Raises:
         InputProblem: it cannot be written.
     """
-    write_text(path, format_joint(file))
+    reading.write_text(path, format_joint(file))
 
 
 def _mirror(side: str) -> np.ndarray:

@@ -1,18 +1,205 @@
-"""Landmarks of femur and tibia, in the frames of their meshes, in YAML."""
+"""Axis points of a femur, in YAML or CSV, and landmarks of femur and tibia, in YAML."""
 
 from __future__ import annotations
 
 import dataclasses
 import os
+from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from pydantic import model_validator
 
-from kneejax.files.joint._axes import SIDES, both_points, point
-from kneejax.files.reading import Field, load_yaml
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
+from kneejax.files.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
-_KINDS = ("mm", "ball")
-_REQUIRED, _OPTIONAL = ("epicondyles",), ("hip_center_mm", "femoral_head", "tibia")
+SIDES = ("medial", "lateral")
+_AXES, _FURTHER = ("extension", "flexion"), "epicondyles"
+_COORDINATES = ("anterior_mm", "superior_mm", "lateral_mm")
+_COLUMNS = ("axis", "side", *_COORDINATES)
+# Medial and lateral points of a knee in mm are farther apart; in metres they are not.
+_METRES_BELOW = 1.0
+
+
+Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm")]
+
+
+class Pair(Part):
+    """Two points of a knee."""
+
+    medial_mm: Point = meaning("with Z to the person's right")
+    lateral_mm: Point = meaning("likewise")
+
+    def points(self, side: str) -> np.ndarray:
+        """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
+        return np.stack([_right(self.medial_mm, side), _right(self.lateral_mm, side)])
+
+
+class Axes(Part):
+    """All that a file of axis points may say."""
+
+    extension: Pair = meaning("of the extension axis")
+    flexion: Pair = meaning("of the flexion axis")
+    epicondyles: Pair | None = meaning("of the femur", None)
+
+
+class Ball(Part):
+    """A ball of bone, to which a sphere is fitted."""
+
+    near_mm: Point = meaning("a place near its centre")
+    within_mm: Number = meaning("points as near are of the ball")
+
+
+class Malleoli(Part):
+    """Both sides of the ankle, each a point or a ball of bone."""
+
+    medial_mm: Point | None = meaning("its point", None)
+    medial_ball: Ball | None = meaning("or where to fit a sphere", None)
+    lateral_mm: Point | None = meaning("its point", None)
+    lateral_ball: Ball | None = meaning("or where to fit a sphere", None)
+
+    @model_validator(mode="after")
+    def _check_each(self) -> Malleoli:
+        for side in SIDES:
+            _check_one_of(self, f"{side}_mm", f"{side}_ball")
+        return self
+
+
+class TibiaFields(Part):
+    """Landmarks of the tibia."""
+
+    plateau: Pair = meaning("its edges")
+    ankle_center_mm: Point | None = meaning("the ankle's centre", None)
+    malleoli: Malleoli | None = meaning("whose middle it is", None)
+
+    @model_validator(mode="after")
+    def _check_ankle(self) -> TibiaFields:
+        _check_one_of(self, "ankle_center_mm", "malleoli")
+        return self
+
+
+class Landmarks(Part):
+    """All that a file of landmarks may say."""
+
+    epicondyles: Pair = meaning("of the femur")
+    hip_center_mm: Point | None = meaning("centre of the femoral head", None)
+    femoral_head: Ball | None = meaning("or where to fit a sphere", None)
+    tibia: TibiaFields | None = meaning("in the frame of its mesh", None)
+
+
+@dataclasses.dataclass(frozen=True)
+class AxisPoints:
+    """Axis points of a femur.
+
+    Attributes:
+        points: medial and lateral point of the extension, then of the flexion axis, shape
+            `(2, 2, 3)`, mm.
+        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if the file has none.
+    """
+
+    points: np.ndarray
+    epicondyles: np.ndarray | None
+
+
+def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:
+    """Read axis points: `extension`, `flexion` and, if known, `epicondyles`.
+
+    A YAML file gives each axis `medial_mm` and `lateral_mm`, three coordinates each, in the frame
+    in which the femur's poses are measured: X anterior, Y superior, Z to the person's right. A CSV
+    table (ending in `.csv`) has a row per point with the columns `axis`, `side` (`medial` or
+    `lateral`), `anterior_mm`, `superior_mm`, `lateral_mm`: by meaning, the same for both knees.
+
+    Args:
+        path: the file.
+        side: `right`, or `left`: the points of a YAML file are mirrored to the right.
+
+    Returns:
+        The points of a right knee.
+
+    Raises:
+        InputProblem: the file cannot be read, a field, column or row is missing, unknown, no
+            point, or there twice, or the points look like metres.
+
+    Example:
+        >>> import tempfile, pathlib
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> _ = (folder / "axes.yaml").write_text('''
+        ... extension: {medial_mm: [6, 8, -21], lateral_mm: [1, 11, 23]}
+        ... flexion: {medial_mm: [0, 2, -21], lateral_mm: [-2, 1, 24]}
+        ... ''')
+        >>> found = read_axis_points(folder / "axes.yaml")
+        >>> found.points[1].tolist()
+        [[0.0, 2.0, -21.0], [-2.0, 1.0, 24.0]]
+        >>> write_axis_points(found, folder / "axes.csv")
+        >>> bool((read_axis_points(folder / "axes.csv").points == found.points).all())
+        True
+    """
+    is_table = Path(path).suffix.lower() == ".csv"
+    axes = _from_table(os.fspath(path)) if is_table else _from_yaml(os.fspath(path), side)
+    for name, (medial, lateral) in axes.items():
+        width = float(np.linalg.norm(lateral - medial))
+        if width < _METRES_BELOW:
+            found = f"medial and lateral point {width:.3g} mm apart"
+            raise InputProblem(path, name, found, "points in mm; metres are suspected")
+    return AxisPoints(np.stack([axes[name] for name in _AXES]), axes.get(_FURTHER))
+
+
+def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
+    """Write axis points as a CSV table, completely or not at all.
+
+    Args:
+        axes: the points.
+        path: the table, ending in `.csv`.
+
+    Raises:
+        InputProblem: it cannot be written.
+    """
+    named = dict(zip(_AXES, axes.points, strict=True))
+    if axes.epicondyles is not None:
+        named[_FURTHER] = axes.epicondyles
+    rows = [
+        [axis, side, *map(float, point)]
+        for axis, pair in named.items()
+        for side, point in zip(SIDES, pair, strict=True)
+    ]
+    write_rows(path, list(_COLUMNS), rows)
+
+
+def _from_yaml(file: str, side: str) -> dict[str, np.ndarray]:
+    axes = checked(Axes, reading.load_yaml(file, "axis points"), file)
+    return {name: pair.points(side) for name, pair in axes if pair is not None}
+
+
+def _from_table(file: str) -> dict[str, np.ndarray]:
+    table, known = Table.read(file, _COLUMNS), (*_AXES, _FURTHER)
+    for name in table.header:
+        if name not in _COLUMNS:
+            raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
+    columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
+    for name, options in (("axis", known), ("side", SIDES)):
+        for place, word in table.cells(name):
+            if word not in options:
+                expected = f"one of {', '.join(options)}"
+                table.mistakes.append(InputProblem(file, place, word, expected, options))
+    table.mistakes.check()
+    points: dict[tuple[str, str], int] = {}
+    for row, ((_, axis), (_, side)) in enumerate(
+        zip(table.cells("axis"), table.cells("side"), strict=True)
+    ):
+        if (first := points.setdefault((axis, side), row)) != row:
+            place = f"row {row + 1} (line {table.rows[row][0]})"
+            found = f"{axis} {side} again, as row {first + 1}"
+            raise InputProblem(file, place, found, "every point once")
+    given = {axis for axis, _ in points}
+    for axis in known:
+        for side in SIDES:
+            if (axis in given or axis != _FURTHER) and (axis, side) not in points:
+                among = ", ".join(" ".join(point) for point in points)
+                raise InputProblem(file, f"{axis} {side}", "missing", f"this row beside {among}")
+    each = np.stack(columns, axis=1)
+    return {axis: each[[points[axis, side] for side in SIDES]] for axis in known if axis in given}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,13 +251,13 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.
     """
-    whole = _whole(path)
-    _one_of(whole, "hip_center_mm", "femoral_head")
-    epicondyles = both_points(whole["epicondyles"], side)
-    if "hip_center_mm" in whole:
-        return FemurLandmarks(point(whole["hip_center_mm"], side), epicondyles, None)
-    hip, within = _ball(whole["femoral_head"], side)
-    return FemurLandmarks(hip, epicondyles, within)
+    whole = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path))
+    mistakes = Mistakes(os.fspath(path))
+    with mistakes.gathered():
+        _check_one_of(whole, "hip_center_mm", "femoral_head")
+    mistakes.check()
+    hip, within = _place(whole.hip_center_mm, whole.femoral_head, side)
+    return FemurLandmarks(hip, whole.epicondyles.points(side), within)
 
 
 def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> TibiaLandmarks:
@@ -103,37 +290,36 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
         >>> read_tibia_landmarks(path).ankle_within
         (10.0, None)
     """
-    whole = _whole(path)
-    if "tibia" not in whole:
-        raise Field(whole.file, "tibia", "missing").problem("landmarks of the tibia")
-    tibia = whole["tibia"].mapping(("plateau",), ("ankle_center_mm", "malleoli"))
-    _one_of(tibia, "ankle_center_mm", "malleoli")
-    plateau = both_points(tibia["plateau"], side)
-    if "ankle_center_mm" in tibia:
-        return TibiaLandmarks(plateau, point(tibia["ankle_center_mm"], side)[None], (None,))
-    malleoli = tibia["malleoli"].mapping((), [f"{name}_{k}" for name in SIDES for k in _KINDS])
-    found = []
-    for name in SIDES:
-        _one_of(malleoli, *(f"{name}_{kind}" for kind in _KINDS))
-        if f"{name}_mm" in malleoli:
-            found.append((point(malleoli[f"{name}_mm"], side), None))
-        else:
-            found.append(_ball(malleoli[f"{name}_ball"], side))
+    tibia = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path)).tibia
+    if tibia is None:
+        raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
+    plateau, both = tibia.plateau.points(side), tibia.malleoli
+    if both is None:
+        found = [_place(tibia.ankle_center_mm, None, side)]
+    else:
+        found = [
+            _place(both.medial_mm, both.medial_ball, side),
+            _place(both.lateral_mm, both.lateral_ball, side),
+        ]
     return TibiaLandmarks(plateau, np.stack([p for p, _ in found]), tuple(w for _, w in found))
 
 
-def _whole(path: str | os.PathLike[str]) -> Field:
-    whole = Field(os.fspath(path), "", load_yaml(path, "landmarks"))
-    return whole.mapping(_REQUIRED, _OPTIONAL)
+def _right(point: tuple[float, float, float], side: str) -> np.ndarray:
+    """A point as that of a right knee, shape `(3,)`, mm."""
+    return np.array(point) * [1.0, 1.0, -1.0 if side == "left" else 1.0]
 
 
-def _one_of(field: Field, one: str, other: str) -> None:
-    if (one in field) == (other in field):
-        found = Field(field.file, field.path, "both" if one in field else "neither")
-        raise found.problem(f"{one} or {other}, one of both")
+def _place(
+    point: tuple[float, float, float] | None, ball: Ball | None, side: str
+) -> tuple[np.ndarray, float | None]:
+    """A point; or a place near the centre of a ball, and within how many mm it is the ball."""
+    if ball is not None:
+        return _right(ball.near_mm, side), ball.within_mm
+    assert point is not None
+    return _right(point, side), None
 
 
-def _ball(field: Field, side: str) -> tuple[np.ndarray, float]:
-    """A place near the centre of a ball of bone, mm, and within how many mm it is the ball."""
-    field.mapping(("near_mm", "within_mm"))
-    return point(field["near_mm"], side), field["within_mm"].number(RANGES["within_mm"])
+def _check_one_of(part: Part, one: str, other: str) -> None:
+    both = getattr(part, one) is not None
+    if both == (getattr(part, other) is not None):
+        raise wrong("both" if both else "neither", f"{one} or {other}, one of both")

@@ -8,12 +8,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.files.knee import _schema as schema
-from kneejax.files.knee._building import build_surface, knee_of, knee_with_patella
-from kneejax.files.knee._format import plain_document
-from kneejax.files.knee._mirror import mirror_document, mirror_part
-from kneejax.files.knee._patella_section import with_own_section
-from kneejax.files.reading import Field, InputProblem, format_yaml, load_yaml, write_text
+from kneejax.files.knee._building import knee_of, knee_with_patella
+from kneejax.files.knee._document import (
+    check_knee,
+    mirror_document,
+    mirror_part,
+    plain_document,
+    with_own_patella,
+)
+from kneejax.files.knee._surfaces import build_surface
+from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import Surface
 from kneejax.mechanics import Knee
 
@@ -70,9 +74,8 @@ class KneeFile:
         """
         if not self.has_patella:
             raise InputProblem(self.path, "patella", "missing", "this section, in a knee file")
-        document, side = self.document, self.document["side"]
-        document = with_own_section(document)
-        right = mirror_document(document) if side == "left" else document
+        document, side = with_own_patella(self.document), self.document["side"]
+        right = check_knee(mirror_document(document) if side == "left" else document, self.path)
         return knee_with_patella(right, side, str(self.path), tension_N or {})
 
     @property
@@ -96,7 +99,8 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
         The knee, the sources of its numbers, and the document.
 
     Raises:
-        InputProblem: the file cannot be read or a field is missing, unknown or out of range.
+        InputProblem: the file cannot be read or a field is missing, unknown or out of range;
+            `InputProblems` where several are.
 
     Example:
         >>> from kneejax.files import bundled_path
@@ -122,10 +126,11 @@ def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFi
     Raises:
         InputProblem: likewise.
     """
-    sources = schema.check_knee(Field(os.fspath(path), "", document))
-    right = mirror_document(document) if document["side"] == "left" else document
-    knee = knee_of(right, document["side"], os.fspath(path))
-    return KneeFile(knee, sources, document["description"].strip(), Path(path), document)
+    read = right = check_knee(document, path)
+    if read.side == "left":
+        right = check_knee(mirror_document(document), path)
+    knee = knee_of(right, read.side, os.fspath(path))
+    return KneeFile(knee, read.sources(), read.description, Path(path), document)
 
 
 def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: str = "") -> None:

@@ -1,74 +1,28 @@
-"""A knee document with the numbers of a knee, and who says so."""
+"""A knee document with the numbers of a knee, or with grafts, and who says so."""
 
 from __future__ import annotations
 
 import copy
+import fnmatch
 import operator
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee._building import detour_counts, ends_of, slack_length
-from kneejax.files.knee._mirror import mirror_document
-from kneejax.files.knee._patella_section import merged, parted, with_own_section
-from kneejax.files.knee._schema_parts import FACES, SLACK_FIELDS
+from kneejax.files.knee import _parts as parts
+from kneejax.files.knee._building import detour_counts, slack_length
+from kneejax.files.knee._document import mirror_document, with_own_patella
+from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
+from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
 from kneejax.mechanics import RANGES, Fibres, Knee, at_reference, usual_failure_strain
 
-#: Field of a fibre -> attribute of fibres that it gives; likewise those below.
-FIBRE = {
-    "stiffness_N": "stiffness",
-    "transition_strain": "transition_strain",
-    "transition_width": "transition_width",
-    "failure_strain": "failure_strain",
-    "damping_N_s": "damping",
-}
-_CONTACT = {
-    "youngs_modulus_MPa": "youngs_modulus",
-    "poisson_ratio": "poisson_ratio",
-    "layer_thickness_mm": "layer_thickness",
-    "layer_variation_mm": "layer_variation",
-    "onset_width_mm": "onset_width",
-}
-_PLACED = {"center_mm": "frame.origin", "rotation_deg": "frame.rotation"}
-_SHAPES = {
-    "condyle": {
-        "axis_point_mm": "frame.origin",
-        "axis_rotation_deg": "frame.rotation",
-        "angle_deg": "angle",
-        "width_mm": "width",
-        "coefficients_mm": "coefficients",
-    },
-    "plateau": {
-        "origin_mm": "frame.origin",
-        "rotation_deg": "frame.rotation",
-        "anterior_mm": "x",
-        "lateral_mm": "z",
-        "coefficients_mm": "coefficients",
-        "outline_mm": "outline",
-    },
-    "plane": {
-        "origin_mm": "frame.origin",
-        "rotation_deg": "frame.rotation",
-        "half_extent_mm": "half_extent",
-    },
-    "sphere": {**_PLACED, "radius_mm": "radius"},
-    "cylinder": {**_PLACED, "radius_mm": "radius", "length_mm": "length"},
-    "ellipsoid": {**_PLACED, "semi_axes_mm": "semi_axes"},
-}
-_MUSCLE = {
-    "origin_mm": "femoral_attachment",
-    "insertion_mm": "tibial_attachment",
-    "tension_N": "tension",
-}
-_LINE = {"tension_N": "tension", "insertion_mm": "insertion", "origin_mm": "origin"}
-_LOAD = {"force_N": "force", "moment_Nmm": "moment", "point_mm": "point"}
-#: Fields without a number, and parts that have a source of their own.
-_NOT_SOURCED = (
-    "source", "kind", "bone", "side", "wrap", "form", "points", "law", "axes", "point_in",
-    "insertion_bone", *FACES,
-)  # fmt: skip
+#: Fields of a fibre whose numbers stand in an array of fibres.
+_OF_FIBRE = ("stiffness_N", "transition_strain", "transition_width", "failure_strain",
+             "damping_N_s")  # fmt: skip
+#: Those of a fibre that runs straight between its ends.
+_STRAIGHT = ("femoral_attachment_mm", "tibial_attachment_mm", *_OF_FIBRE)
 #: Numbers that differ by less than so many of the last digit are one.
 _LAST_DIGITS = 500.0
 
@@ -101,60 +55,104 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
     """
     left = document["side"] == "left"
     right = mirror_document(document) if left else copy.deepcopy(document)
+    sections, own = [right], {}
     if PATELLA in knee.bodies:
-        own = with_own_section(right)
-        whole = copy.deepcopy(merged(own))
-        _parts(whole, knee, source)
-        found = copy.deepcopy(parted(whole, own))
-        _muscles(found["patella"], knee, source)
-        unchanged = found["patella"] == own["patella"]
-        right = found | ({"patella": right["patella"]} if unchanged else {})
-    else:
-        _parts(right, knee, source)
+        own = with_own_patella(right)["patella"]
+        sections.append(copy.deepcopy(own))
+    _fibres({k: x for one in sections for k, x in one["ligaments"].items()}, knee, source)
+    _courses(sections, parts.Ligament, knee.ligaments, source)
+    contacts = [part for section in sections for part in section["contacts"].values()]
+    for part, contact in zip(contacts, knee.contacts, strict=True):
+        _state(part, contact, ContactPart, source)
+        faces = [face for face in FACES if face in part]
+        for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
+            _state(part[field], surface, SURFACES[part[field]["kind"]], source)
+    still = dict.fromkeys(parts.attributes(parts.LoadOfFile), (0.0, 0.0, 0.0))
+    for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
+        _state(part, load, parts.LoadOfFile, source, still)
+    if not own:
         for part, line in zip(right.get("lines", {}).values(), knee.lines, strict=True):
-            _state(part, line, _LINE, source)
+            _state(part, line, parts.Line, source)
+    elif knee.muscles is not None:
+        fields, muscles = parts.attributes(parts.Muscle), knee.muscles
+        for row, name in enumerate(muscles.names):  # others of the section do not pull
+            part = sections[1]["muscles"][name]
+            found = {field: np.asarray(getattr(muscles, x))[row] for field, x in fields.items()}
+            _say(part, parts.Muscle, _put(part, found), source)
+        _courses(sections[1:], parts.Muscle, muscles, source)
+    if own and sections[1] != own:
+        right["patella"] = sections[1]
     return mirror_document(right) if left else right
 
 
-def _parts(right: dict[str, Any], knee: Knee, source: str) -> None:
-    """Ligaments, contacts and loads."""
-    _fibres(right["ligaments"], knee, source)
-    _courses(right["ligaments"], right.get("wraps", {}), knee.ligaments, source)
-    for part, contact in zip(right["contacts"].values(), knee.contacts, strict=True):
-        _state(part, contact, _CONTACT, source)
-        faces = [face for face in FACES if face in part]
-        for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
-            _state(part[field], surface, _SHAPES[part[field]["kind"]], source)
-    still = dict.fromkeys(_LOAD, (0.0, 0.0, 0.0))
-    for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
-        _state(part, load, _LOAD, source, still)
+def reconstructed(
+    document: dict[str, Any],
+    knee: Knee,
+    torn: Sequence[str],
+    grafts: Sequence[str],
+    source: str,
+) -> dict[str, Any]:
+    """A knee document without its torn fibres, and with grafts.
 
+    Args:
+        document: content of a knee file, of either side.
+        knee: a knee of two bones that has the grafts among its ligaments, fixed; a left one as its
+            mirrored right twin.
+        torn: fibres of the document that are taken out; groups without a fibre go with them.
+        grafts: fibres of `knee` that are put in, straight between their ends. Several are a group
+            `graft`.
+        source: of the grafts' numbers.
 
-def _muscles(section: dict[str, Any], knee: Knee, source: str) -> None:
-    """Muscles that pull; the others of the section are no part of the knee."""
-    muscles = knee.muscles
-    if muscles is None:
-        return
-    for row, name in enumerate(muscles.names):
-        found = {field: np.asarray(getattr(muscles, own))[row] for field, own in _MUSCLE.items()}
-        part = section["muscles"][name]
-        _say(part, _put(part, found), source)
-    _courses(section["muscles"], section.get("wraps", {}), muscles, source)
+    Returns:
+        A new document; the others of its numbers are those of `document`.
 
-
-def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
+    Example:
+        >>> from kneejax.files import load_knee_file
+        >>> read = load_knee_file("four_ligament")
+        >>> own = reconstructed(read.document, read.knee, ["ACL"], ["ACL"], "my own")["ligaments"]
+        >>> [*own], round(own["ACL"]["slack_length_mm"], 2), own["ACL"]["source"]
+        (['PCL', 'MCL', 'LCL', 'ACL'], 25.82, 'my own')
+    """
+    left = document["side"] == "left"
+    right = mirror_document(document) if left else copy.deepcopy(document)
+    for name in torn:
+        del right["ligaments"][name]
     fibres = knee.ligaments
-    numbers = {field: np.asarray(getattr(fibres, name)) for field, name in FIBRE.items()}
-    _, lengths = at_reference(fibres, knee.at_reference, detour_counts(parts))
+    for name in grafts:
+        row = fibres.names.index(name)
+        numbers = {"slack_length_mm": fibres.slack_length[row]}
+        numbers |= {field: getattr(fibres, parts.quantity(field))[row] for field in _STRAIGHT}
+        entry = {field: np.asarray(value, float).tolist() for field, value in numbers.items()}
+        right["ligaments"][name] = entry | {"source": source}
+    known = tuple(right["ligaments"])
+    kept = {
+        group: [pattern for pattern in patterns if fnmatch.filter(known, pattern)]
+        for group, patterns in right.pop("groups", {}).items()
+    }
+    groups = {group: patterns for group, patterns in kept.items() if patterns}
+    if len(grafts) > 1:
+        groups["graft"] = [*grafts]
+    if groups:
+        right["groups"] = groups
+    return mirror_document(right) if left else right
+
+
+def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
+    fibres = knee.ligaments
+    models = [parts.Ligament.model_construct(**one) for one in ligaments.values()]
+    _, lengths = at_reference(fibres, knee.at_reference, detour_counts(models))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
-    usual = usual_failure_strain(tuple(parts))
-    for row, part in enumerate(parts.values()):
-        found = {field: end[row] for field, end in zip(ends_of(part), attachments, strict=True)}
+    numbers = {field: np.asarray(getattr(fibres, parts.quantity(field))) for field in _OF_FIBRE}
+    usual = usual_failure_strain(tuple(ligaments))
+    for row, (part, model) in enumerate(zip(ligaments.values(), models, strict=True)):
+        found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
         found |= {field: values[row] for field, values in numbers.items()}
         changed = _put(part, found, {"failure_strain": usual[row], "damping_N_s": 0.0})
-        if not _same(slack[row], slack_length(part, lengths[row])):
-            given = next(name for name in SLACK_FIELDS if name in part)
+        # The slack length as the part gives it now.
+        model = parts.Ligament.model_construct(**part)
+        if not _same(slack[row], slack_length(model, lengths[row])):
+            given = model.slack_field
             del part[given]
             strain = float(lengths[row] / slack[row] - 1.0)
             if given == "reference_strain" and RANGES[given].holds(strain):
@@ -163,57 +161,57 @@ def _fibres(parts: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
                 given = "slack_length_mm"
                 part[given] = float(slack[row])
             changed.append(given)
-        _say(part, changed, source)
+        _say(part, parts.Ligament, changed, source)
 
 
 def _courses(
-    parts: dict[str, Any], wraps: dict[str, Any], among: Fibres, source: str
+    sections: list[dict[str, Any]], model: type[parts.Course], among: Fibres, source: str
 ) -> None:
-    """Via points, and what fibres go around."""
-    before = copy.deepcopy(wraps)
-    stated: set[str] = set()
+    """Via points, and what fibres go around, each in its own section."""
+    kind = "ligaments" if model is parts.Ligament else "muscles"
+    home = {name: place for place, one in enumerate(sections) for name in one[kind]}
+    before = [copy.deepcopy(section.get("wraps", {})) for section in sections]
+    stated: set[tuple[int, str]] = set()
     for course in among.courses:
         fibres = [among.names[row] for row in course.rows]
         for fibre, way in zip(fibres, np.moveaxis(np.asarray(course.via), 1, 0), strict=True):
-            points = zip(parts[fibre].get("via_points", ()), way, strict=True)
+            part = sections[home[fibre]][kind][fibre]
+            points = zip(part.get("via_points", ()), way, strict=True)
             changed = [_put(via, {"point_mm": point}) for via, point in points]
-            _say(parts[fibre], ["via_points"] if any(changed) else [], source)
+            _say(part, model, ["via_points"] if any(changed) else [], source)
         if course.obstacle is None:
             continue
-        name = parts[fibres[0]]["wrap"]
-        wrap = copy.deepcopy(before[name])
-        _state(wrap, course.obstacle, _SHAPES[wrap["kind"]], source)
-        if name in stated and wrap != wraps[name]:
+        place = home[fibres[0]]
+        section, name = sections[place], sections[place][kind][fibres[0]]["wrap"]
+        wrap = copy.deepcopy(before[place][name])
+        _state(wrap, course.obstacle, OBSTACLES[wrap["kind"]], source)
+        if (place, name) in stated and wrap != section["wraps"][name]:
             name = f"{name}_{fibres[0]}"
             for fibre in fibres:
-                parts[fibre]["wrap"] = name
-        wraps[name] = wrap
-        stated.add(name)
+                section[kind][fibre]["wrap"] = name
+        section["wraps"][name] = wrap
+        stated.add((place, name))
 
 
 def _state(
-    part: dict[str, Any],
-    of: Any,
-    fields: Mapping[str, str],
-    source: str,
-    usual: Mapping[str, Any] | None = None,
+    part: dict[str, Any], of: Any, model: type[Part], source: str, usual: Mapping[str, Any] = {}
 ) -> None:
     """Put the numbers of an object into its part of the document, and say whose they are."""
     found = {}
-    for field, name in fields.items():
+    for field, name in parts.attributes(model).items():
         value = operator.attrgetter(name)(of)
         if value is not None:
             found[field] = np.rad2deg(value) if field.endswith("_deg") else value
-    _say(part, _put(part, found, usual), source)
+    _say(part, model, _put(part, found, usual), source)
 
 
 def _put(
-    part: dict[str, Any], found: Mapping[str, Any], usual: Mapping[str, Any] | None = None
+    part: dict[str, Any], found: Mapping[str, Any], usual: Mapping[str, Any] = {}
 ) -> list[str]:
     """Write what differs from what stands there, or is usual; the names of these fields."""
     changed = []
     for field, value in found.items():
-        stated = part.get(field, (usual or {}).get(field))
+        stated = part.get(field, usual.get(field))
         if stated is None or not _same(value, stated):
             part[field] = np.asarray(value, float).tolist()
             changed.append(field)
@@ -227,15 +225,17 @@ def _same(value: Any, stated: Any) -> bool:
     return np.allclose(value, np.asarray(stated, float), rtol=rounding, atol=0.0)
 
 
-def _say(part: dict[str, Any], changed: list[str], source: str) -> None:
+def _say(part: dict[str, Any], model: type[Part], changed: list[str], source: str) -> None:
     """State the source of the fields that have changed."""
     if not changed:
         return
     said = part["source"]
-    if "kind" in part and "bone" not in part:  # a surface, which has one text
+    if issubclass(model, Surface):  # it has one text
         part["source"] = f"{said}; {', '.join(changed)}: {source}"
         return
     if not isinstance(said, dict):
-        said = {field: said for field in part if field not in _NOT_SOURCED}
+        marks = parts.marked(model, parts.Source)
+        numbers = [x for x in part if x != "source" and marks.get(x, parts.SPARED).number]
+        said = dict.fromkeys(numbers, said)
     stated = {field: text for field, text in said.items() if field in part}
     part["source"] = stated | dict.fromkeys(changed, source)

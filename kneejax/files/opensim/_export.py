@@ -25,7 +25,7 @@ from kneejax.files.opensim._ligaments import NUMBERS, OsimLigament
 from kneejax.files.opensim._numbers import METRES_TO_MM, unshifted
 from kneejax.files.opensim._registration import SAME
 from kneejax.files.opensim._wraps import WRAP_KINDS, carrier_in_bone
-from kneejax.files.reading import Field, InputProblem, load_yaml
+from kneejax.files.reading import InputProblem, load_yaml
 
 #: A slack length that was computed from a strain or force is the model's if it errs by less.
 _ROUNDING = 1e-12
@@ -136,7 +136,7 @@ def _opened(knee: KneeFile | str | os.PathLike[str]) -> _Stated:
         return _Stated(known.path, known.document, lambda: known)
     check_kind(path)
     document = load_yaml(path, "a knee file")
-    check_knee(Field(os.fspath(path), "", document))
+    check_knee(document, path)
     return _Stated(path, document, functools.cache(lambda: read_knee(path)))
 
 

@@ -31,7 +31,7 @@ from kneejax.files.opensim._names import file_names
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
 from kneejax.files.opensim._patella import PatellaSection, patella_section
 from kneejax.files.opensim._wraps import OsimWrap, wrap_document
-from kneejax.files.reading import Field, InputProblem
+from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
@@ -193,7 +193,7 @@ def import_osim(
     answer.document.update(_document(answer))
     if section.document:
         answer.document["patella"] = section.document
-    check_knee(Field(os.fspath(path), "", answer.document))
+    check_knee(answer.document, path)
     return answer
 
 

@@ -88,6 +88,13 @@ class InputProblems(InputProblem):
         return type(self), (self.problems,)
 
 
+def wrong(
+    value: Any, expected: str, nearest: str | Iterable[str] | None = None, at: str = ""
+) -> InputProblem:
+    """The error that says what was expected of a value, whose file its reader knows."""
+    return InputProblem("", at, value, expected, nearest)
+
+
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
     """The known name most like a word.
 

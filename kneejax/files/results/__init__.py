@@ -2,18 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    "Calibrated": "kneejax.files.results._calibrated",
-    "read_calibrated": "kneejax.files.results._calibrated",
-    "CLAIM": "kneejax.files.results._checkpoints",
-    "Checkpoints": "kneejax.files.results._checkpoints",
-    "PARTS": "kneejax.files.results._checkpoints",
-    "parts_of": "kneejax.files.results._checkpoints",
-    "write_netcdf": "kneejax.files.results._netcdf",
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.results._calibrated import Calibrated as Calibrated
@@ -24,5 +13,4 @@ if TYPE_CHECKING:
     from kneejax.files.results._checkpoints import parts_of as parts_of
     from kneejax.files.results._netcdf import write_netcdf as write_netcdf
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from typing import Annotated, Any
 
-from kneejax.files.reading import Field, InputProblem, load_json
+from pydantic import ConfigDict, PlainValidator, model_validator
+
+from kneejax.files import reading
+from kneejax.files.reading import Flag, InputProblem, Mistakes, Part, Text, meaning, reads, wrong
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.mechanics import Knee, Range, range_of_parameter
+from kneejax.mechanics import Knee, range_of_parameter
 from kneejax.parameters import MEANING, fibres_summed
-
-#: Fields of a study's settings with values by parameter, in the order in which they are set.
-_FIXED = ("overrides", "start")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,6 +70,99 @@ class Calibrated:
         )
 
 
+def _estimate(value: Any, name: str) -> Estimate:
+    """What was found of a parameter, or of a constant between frames."""
+    found, mistakes = Estimate.model_validate(value), Mistakes()
+    with mistakes.gathered("value"):
+        reading.number(found.value, range_of_parameter(name))
+    mistakes.check()
+    return found
+
+
+def _coordinate(name: str) -> str:
+    """The name of a free coordinate, perhaps with its unit, as in older files."""
+    if name.removesuffix("_deg").removesuffix("_mm") not in FREE_COORDINATES:
+        raise wrong(name, f"one of {', '.join(FREE_COORDINATES)}", FREE_COORDINATES)
+    return name
+
+
+class Written(Part):
+    """A part of a file that the package wrote; what else it says is of no concern."""
+
+    model_config = ConfigDict(extra="ignore")
+
+
+class Estimate(Written):
+    """What was found of a number."""
+
+    value: Any = meaning("in its own unit")
+    standard_error: Annotated[float, reads(reading.number)] | None = meaning("if known", None)
+
+
+#: Parameter -> value.
+Numbers = Annotated[
+    dict[str, float],
+    PlainValidator(
+        reading.mapping_of(lambda x, name: reading.number(x, range_of_parameter(name)), "a mapping")
+    ),
+]
+
+
+class StudySettings(Written):
+    """What the study said."""
+
+    knee: Text | None = meaning("name or file", None)
+    path: Any = meaning("of the study", None)
+    patella: Flag = meaning("whether the knee had its patella", False)
+    overrides: Numbers | None = meaning("what the study set", None)
+    start: Numbers | None = meaning("where it began", None)
+
+
+class Correlation(Written):
+    """Of the estimates; nothing stands for zero."""
+
+    parameters: Annotated[tuple[Text, ...], reading.entries("names", empty=True)] = meaning(
+        "names", ()
+    )
+    matrix: Any = meaning("rows")
+
+    @model_validator(mode="after")
+    def _check_square(self) -> Correlation:
+        if self.matrix:
+            count = len(reading.items([*self.parameters], "names"))
+            every = [[0.0 if x is None else x for x in reading.items(row, "numbers", count)]
+                     for row in reading.items(self.matrix, "rows", count)]  # fmt: skip
+            object.__setattr__(self, "matrix", tuple(reading.rows(every, count)))
+        return self
+
+
+class ResultFile(Written):
+    """What of a result.json is read again."""
+
+    title: Any = meaning("of the study", None)
+    knee: Text = meaning("name or file, in older files", "")
+    parameters: Annotated[
+        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping"))
+    ] | None = meaning("parameter -> estimate", None)
+    settings: StudySettings | None = meaning("of the study", None)
+    noise: dict[str, Annotated[float, reads(reading.number)] | None] | None = meaning(
+        "estimated", None
+    )
+    frame_offset: Annotated[
+        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping", _coordinate))
+    ] | None = meaning("free coordinate -> constant between frames", None)
+    correlation: Correlation | None = meaning("of the estimates", None)
+    stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = meaning(
+        "of what a structure's stiffness is", None
+    )
+
+    @model_validator(mode="after")
+    def _check_knee(self) -> ResultFile:
+        if not self.knee and not (self.settings and self.settings.knee):
+            raise wrong("missing", "this field", at="knee")
+        return self
+
+
 def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
     """Read the result.json that `kneejax calibrate` wrote.
 
@@ -83,88 +177,23 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         InputProblem: the file cannot be read or is no such result.
     """
     file, expected = os.fspath(path), "a result.json of kneejax calibrate"
-    document = load_json(path, expected)
+    document = reading.load_json(path, expected)
     if not isinstance(document, dict) or "parameters" not in document:
         raise InputProblem(file, "parameters", "missing", expected)
-    whole = Field(file, "", document)
-    settings = _fields(whole, "settings")
-    stated = [_fields(whole["settings"], name) if settings else {} for name in _FIXED]
-    fixed = {
-        name: one.number(range_of_parameter(name))
-        for fields in stated
-        for name, one in fields.items()
-    }
-    found = {
-        name: _value(one, range_of_parameter(name))
-        for name, one in _fields(whole, "parameters").items()
-    }
-    knee = settings.get("knee") or _found(whole, "knee")
-    words = [whole.value.get("title"), settings["path"].value if "path" in settings else None]
-    title, path = [word if isinstance(word, str) else "" for word in words]
-    study = f"{title} ({path})" if title and path else title or path
-    noise = {name: one.number() for name, one in _fields(whole, "noise").items() if one.value}
-    errors = {
-        name: one["standard_error"].number()
-        for name, one in _fields(whole, "parameters").items()
-        if one.value.get("standard_error") is not None
-    }
-    patella = "patella" in settings and settings["patella"].boolean()
-    ((mark, meaning),) = MEANING.items()
-    of_fibres = mark not in whole
-    if not of_fibres:
-        whole[mark].choice((meaning,))
+    whole = reading.checked(ResultFile, document, file, nulls=True)
+    settings, found = whole.settings or StudySettings(), whole.parameters or {}
+    words = [word if isinstance(word, str) else "" for word in (whole.title, settings.path)]
+    named = whole.correlation
     return Calibrated(
-        knee.text(), fixed, found, _offsets(whole), study, noise, errors, _correlation(whole),
-        patella, of_fibres,
+        settings.knee or whole.knee,
+        {**(settings.overrides or {}), **(settings.start or {})},
+        {name: one.value for name, one in found.items()},
+        {name.removesuffix("_deg").removesuffix("_mm"): one.value
+         for name, one in (whole.frame_offset or {}).items()},
+        f"{words[0]} ({words[1]})" if all(words) else words[0] or words[1],
+        {name: sd for name, sd in (whole.noise or {}).items() if sd},
+        {name: one.standard_error for name, one in found.items() if one.standard_error is not None},
+        (named.parameters, named.matrix) if named and named.matrix else ((), ()),
+        settings.patella,
+        whole.stiffness_of is None,
     )  # fmt: skip
-
-
-def _correlation(whole: Field) -> tuple[tuple[str, ...], tuple[tuple[float, ...], ...]]:
-    """Names, and rows of a matrix in which nothing stands for zero; empty where it is missing."""
-    if not _fields(whole, "correlation"):
-        return (), ()
-    matrix = _found(whole["correlation"], "matrix")
-    if not matrix.value:
-        return (), ()
-    listed = _found(whole["correlation"], "parameters").items("names")
-    names = tuple(item.text() for item in listed)
-    rows = [
-        tuple(0.0 if x.value is None else x.number() for x in row.items("numbers", len(names)))
-        for row in matrix.items("rows", len(names))
-    ]
-    return names, tuple(rows)
-
-
-def _offsets(whole: Field) -> dict[str, float]:
-    """Constants between frames by coordinate, which older results name with its unit."""
-    offsets = {}
-    for name, one in _fields(whole, "frame_offset").items():
-        coordinate = name.removesuffix("_deg").removesuffix("_mm")
-        if coordinate not in FREE_COORDINATES:
-            expected = f"one of {', '.join(FREE_COORDINATES)}"
-            raise InputProblem(whole.file, "frame_offset", name, expected, FREE_COORDINATES)
-        offsets[coordinate] = _value(one)
-    return offsets
-
-
-def _fields(of: Field, name: str) -> dict[str, Field]:
-    """What a mapping holds; nothing where it is missing or null."""
-    if of.value.get(name) is None:
-        return {}
-    field = of[name]
-    if not isinstance(field.value, dict):
-        raise field.problem("a mapping")
-    return {key: field[key] for key in field.value}
-
-
-def _value(of: Field, allowed: Range | None = None) -> float:
-    return _found(of, "value").number(allowed)
-
-
-def _found(of: Field, name: str) -> Field:
-    if not isinstance(of.value, dict):
-        raise of.problem(f"a mapping with the field {name}")
-    if name not in of:
-        place = f"{of.path}.{name}" if of.path else name
-        raise InputProblem(of.file, place, "missing", "this field")
-    return of[name]

@@ -2,35 +2,13 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    "CandidateRow": "kneejax.files.tables._candidates",
-    "read_candidates": "kneejax.files.tables._candidates",
-    "LabTable": "kneejax.files.tables._lab_table",
-    "read_lab_table": "kneejax.files.tables._lab_table",
-    "read_loads": "kneejax.files.tables._loads",
-    "read_loads_over_time": "kneejax.files.tables._loads",
-    "Storage": "kneejax.files.tables._storage",
-    "angles_rad": "kneejax.files.tables._storage",
-    "column_of": "kneejax.files.tables._storage",
-    "common_times": "kneejax.files.tables._storage",
-    "last_word": "kneejax.files.tables._storage",
-    "read_storage": "kneejax.files.tables._storage",
-    "cell_number": "kneejax.files.tables._tables",
-    "read_patella_poses": "kneejax.files.tables._tables",
-    "read_poses": "kneejax.files.tables._tables",
-    "read_rows": "kneejax.files.tables._tables",
-    "write_poses": "kneejax.files.tables._tables",
-    "write_rows": "kneejax.files.tables._tables",
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
-    from kneejax.files.tables._candidates import CandidateRow as CandidateRow
-    from kneejax.files.tables._candidates import read_candidates as read_candidates
-    from kneejax.files.tables._lab_table import LabTable as LabTable
-    from kneejax.files.tables._lab_table import read_lab_table as read_lab_table
+    from kneejax.files.tables._loads import CandidateRow as CandidateRow
+    from kneejax.files.tables._loads import LabTable as LabTable
+    from kneejax.files.tables._loads import read_candidates as read_candidates
+    from kneejax.files.tables._loads import read_lab_table as read_lab_table
     from kneejax.files.tables._loads import read_loads as read_loads
     from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
     from kneejax.files.tables._storage import Storage as Storage
@@ -39,12 +17,11 @@ if TYPE_CHECKING:
     from kneejax.files.tables._storage import common_times as common_times
     from kneejax.files.tables._storage import last_word as last_word
     from kneejax.files.tables._storage import read_storage as read_storage
-    from kneejax.files.tables._tables import cell_number as cell_number
+    from kneejax.files.tables._tables import Table as Table
     from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables._tables import read_poses as read_poses
     from kneejax.files.tables._tables import read_rows as read_rows
     from kneejax.files.tables._tables import write_poses as write_poses
     from kneejax.files.tables._tables import write_rows as write_rows
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -8,18 +8,12 @@ import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from kneejax.files.reading import (
-    InputProblem,
-    counted,
-    nearest_name,
-    plain_number,
-    read_text,
-    write_text,
-)
+from kneejax.files import reading
+from kneejax.files.reading import InputProblem, Mistakes, counted, nearest_name, plain_number
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 
@@ -69,40 +63,17 @@ def read_poses(
             expected = f"the package's columns {', '.join(COLUMNS)}"
             raise InputProblem(file, "columns", name, expected, COLUMNS)
     sought = [names.get(name, name) for name in COLUMNS]
-    header, rows = read_rows(file, sought)
-    if "convention" in header:
-        position = header.index("convention")
-        for number, (_, cells) in enumerate(rows, 1):
-            said = cells[position].strip()
-            if said != convention:
-                expected = f"{convention}, the convention asked for"
-                if said in CONVENTIONS:
-                    expected += f"; give --convention {said}, in a study convention: {said}"
-                raise InputProblem(file, f"row {number}, convention", said, expected)
-    table = _numbers(file, header, rows, sought)
+    read = Table.read(file, sought)
+    said_of_rows = read.cells("convention") if "convention" in read.header else []
+    for number, (_, said) in enumerate(said_of_rows, 1):
+        if said != convention:
+            expected = f"{convention}, the convention asked for"
+            if said in CONVENTIONS:
+                expected += f"; give --convention {said}, in a study convention: {said}"
+            raise InputProblem(file, f"row {number}, convention", said, expected)
+    table = read.columns(dict(zip(COLUMNS, sought, strict=True)))
     _check_units(file, table, sought)
     return convert_table(table, convention, FEMORAL)
-
-
-def _numbers(
-    file: str,
-    header: list[str],
-    rows: list[tuple[int, list[str]]],
-    sought: list[str],
-    columns: Sequence[str] = COLUMNS,
-) -> np.ndarray:
-    """Three rotations and three translations of each row; `columns` say what those sought are."""
-    positions = [header.index(name) for name in sought]
-    limits = [pose_range(name) for name in columns]
-    return np.array(
-        [
-            [
-                cell_number(file, f"row {number} (line {line}), {header[i]}", cells[i], allowed)
-                for i, allowed in zip(positions, limits, strict=True)
-            ]
-            for number, (line, cells) in enumerate(rows, 1)
-        ]
-    )
 
 
 def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) -> np.ndarray | None:
@@ -121,11 +92,68 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     """
     file = os.fspath(path)
     columns = [one.column for one in BODIES[PATELLA].values()]
-    header, rows = read_rows(file, [])
-    if not needed and not set(columns) & set(header):
+    if not needed and not set(columns) & set(Table.read(file).header):
         return None
-    header, rows = read_rows(file, columns)
-    return _numbers(file, header, rows, columns, columns)
+    return Table.read(file, columns).columns({name: name for name in columns})
+
+
+class Table(NamedTuple):
+    """A table as it was read, and what is wrong with its cells so far.
+
+    Attributes:
+        file: from which it was read.
+        header: names of the columns.
+        rows: line number and cells of each row.
+        mistakes: the first of each column.
+    """
+
+    file: str
+    header: list[str]
+    rows: list[tuple[int, list[str]]]
+    mistakes: Mistakes
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str], sought: Sequence[str] = ()) -> Self:
+        """Read a table that has some columns."""
+        file = os.fspath(path)
+        return cls(file, *read_rows(file, sought), Mistakes(file))
+
+    def cells(self, name: str) -> list[tuple[str, str]]:
+        """Place and text of each cell of a column."""
+        k = self.header.index(name)
+        return [(f"row {number} (line {line}), {name}", cells[k].strip())
+                for number, (line, cells) in enumerate(self.rows, 1)]  # fmt: skip
+
+    def column(
+        self, name: str, allowed: Range | None = None, factor: float = 1.0, empty: bool = False
+    ) -> np.ndarray:
+        """Finite numbers of a column times a factor; NaN of a cell that may be empty and is."""
+        values = []
+        for place, cell in self.cells(name):
+            x = plain_number(cell)
+            if empty and cell.lower() in ("", "nan"):
+                values.append(np.nan)
+                continue
+            expected = ""
+            if x is None or not math.isfinite(x):
+                expected = "a number" if x is None else "a finite number"
+            elif allowed and not allowed.holds(factor * x):
+                expected = allowed.expected(factor * x)
+            if expected:
+                self.mistakes.append(InputProblem(self.file, place, cell, expected))
+                break
+            values.append(factor * (x or 0.0))
+        return np.array(values)
+
+    def columns(self, names: Mapping[str, str]) -> np.ndarray:
+        """Numbers of a pose: what each column is -> its name, `(rows, columns)`.
+
+        Raises:
+            InputProblem: a cell is wrong; `InputProblems` where several are.
+        """
+        found = [self.column(own, pose_range(name)) for name, own in names.items()]
+        self.mistakes.check()
+        return np.stack(found, axis=1)
 
 
 def pose_range(column: str) -> Range:
@@ -225,12 +253,13 @@ def write_rows(
         if len(cells) != len(header):
             raise ValueError(f"a row of {len(cells)} cells under a header of {len(header)}")
         writer.writerow(cells)
-    write_text(path, stream.getvalue())
+    reading.write_text(path, stream.getvalue())
 
 
-def read_rows(file: str, sought: list[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header, which has the columns sought, and line number and cells of each row not blank."""
-    reader = csv.reader(io.StringIO(read_text(file, "a CSV table"), newline=""), strict=True)
+    text = reading.read_text(file, "a CSV table")
+    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     lines: list[tuple[int, list[str]]] = []
     try:
         for cells in reader:
@@ -257,7 +286,7 @@ def read_rows(file: str, sought: list[str]) -> tuple[list[str], list[tuple[int, 
     return header, rows
 
 
-def _check_column(file: str, header: list[str], name: str, sought: list[str]) -> None:
+def _check_column(file: str, header: list[str], name: str, sought: Sequence[str]) -> None:
     count = header.count(name)
     if count > 1:
         raise InputProblem(file, name, f"{count} columns", "one column of this name")
@@ -268,35 +297,6 @@ def _check_column(file: str, header: list[str], name: str, sought: list[str]) ->
         found = nearest_name(name, others)
         what = f"this column among {', '.join(header)}"
         raise InputProblem(file, name, "missing", what, found)
-
-
-def cell_number(file: str, place: str, cell: str, allowed: Range | None = None) -> float:
-    """Read a number from a cell of a table.
-
-    Args:
-        file: the table, for the error.
-        place: row and column of the cell, for the error.
-        cell: its text.
-        allowed: the range that the number has to lie in; any finite number by default.
-
-    Returns:
-        The number.
-
-    Raises:
-        InputProblem: the text is not a finite number, or the number is out of range.
-
-    Example:
-        >>> cell_number("poses.csv", "row 1, anterior_mm", " 2.5 ")
-        2.5
-    """
-    x = plain_number(cell)
-    if x is None:
-        raise InputProblem(file, place, cell.strip(), "a number")
-    if not math.isfinite(x):
-        raise InputProblem(file, place, cell.strip(), "a finite number")
-    if allowed and not allowed.holds(x):
-        raise InputProblem(file, place, cell.strip(), allowed.expected(x))
-    return x
 
 
 def _check_units(file: str, table: np.ndarray, names: list[str]) -> None:

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, import_meshes
-from kneejax.files.knee._file import build_surface
-from kneejax.files.knee._mirror import mirror_part
+from kneejax.files.knee import build_surface, mirror_part
 from kneejax.files.meshes._health import read_sheets
 from kneejax.files.meshes._import import _bones, _read
 from kneejax.files.meshes._patella import fit_patella

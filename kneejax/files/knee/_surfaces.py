@@ -1,0 +1,311 @@
+"""Surfaces, what fibres go around, and contacts of a knee file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import model_validator
+
+from kneejax import geometry
+from kneejax.files import reading
+from kneejax.files.knee import _parts as parts
+from kneejax.files.knee._parts import APART, WORD, Gives, Mirrored, Point, Sourced
+from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
+from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
+from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartilage_law
+
+#: Fields of a contact that hold a surface.
+FACES = ("femoral_surface", "patellar_surface", "tibial_surface")
+_MOST_POINTS = 1000  # of a contact, along a side
+_MOST_CONTROL_VALUES = 200
+
+
+def build_surface(surface: dict[str, Any]) -> geometry.Surface:
+    """Make a surface of a part of a knee document.
+
+    Args:
+        surface: a mapping with `kind` and that kind's fields, of a right knee.
+    """
+    return SURFACES[surface["kind"]].model_construct(**surface).built()
+
+
+def build_obstacle(wrap: dict[str, Any]) -> geometry.Obstacle:
+    """What fibres go around, by its entry in a knee document."""
+    return OBSTACLES[wrap["kind"]].model_construct(**wrap).built()
+
+
+def _odd(table: Any, part: Mapping[str, Any]) -> Any:
+    """Coefficients of odd powers of the width or z; control values of a spline over it."""
+    if part.get("basis") == CUBIC_SPLINE:
+        return [list(row[::-1]) for row in table]
+    return [[parts.negative(c) if j % 2 else c for j, c in enumerate(row)] for row in table]
+
+
+def _swapped(x: Any, _: Any) -> list[float]:
+    return [parts.negative(x[1]), parts.negative(x[0])]
+
+
+def _outlined(x: Any, _: Any) -> list[list[float]]:
+    return [[a, parts.negative(b)] for a, b in x]
+
+
+def _extent(value: Any) -> tuple[float, float]:
+    lower, upper = reading.interval(value, RANGES["point_mm"])
+    width = RANGES["size_mm"]
+    if not width.holds(upper - lower):
+        raise wrong(value, f"a width {width.expected(upper - lower)}")
+    return lower, upper
+
+
+def _angles(value: Any) -> tuple[float, float]:
+    lower, upper = reading.interval(value, RANGES["angle_deg"])
+    if upper - lower < 10:
+        raise wrong(value, "a region at least 10 degrees wide; a narrower one suggests radians")
+    return lower, upper
+
+
+def _outline(value: Any) -> list[tuple[float, ...]]:
+    corners = reading.rows(value, 2, RANGES["point_mm"])
+    if len(corners) < 3:
+        raise wrong(value, "at least three corners [anterior, lateral]")
+    return corners
+
+
+def _counts(value: Any) -> tuple[int, ...]:
+    mistakes, found = Mistakes(), []
+    for place, one in enumerate(reading.items(value, "numbers of points", 2)):
+        with mistakes.gathered(f"[{place}]"):
+            found.append(reading.whole(one, 2, _MOST_POINTS))
+    mistakes.check()
+    return tuple(found)
+
+
+Origin = Annotated[Point, Gives("frame.origin")]
+Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(parts.turned)]
+Rotation = Annotated[Turn | None, Gives("frame.rotation")]
+Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
+Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
+Size = Annotated[float, within("size_mm")]
+SemiAxes = Annotated[parts.Vector, reading.numbers_within(3, "size_mm")]
+
+
+class Surface(Sourced):
+    """A surface of a bone, and how well it was fitted."""
+
+    kind: Annotated[str, APART]
+    source: Text
+    fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
+    fit_max_mm: Annotated[float, within("fit_mm")] | None = None
+
+
+def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
+    """A polynomial over its region, at a grid of points."""
+    s = np.linspace(-1.0, 1.0, 25)
+    if max(np.shape(table)) > 13:
+        raise wrong([*map(list, table)], "powers up to 12")
+    return np.polynomial.polynomial.polygrid2d(s, s, np.array(table))
+
+
+def _spline(table: list[tuple[float, ...]]) -> np.ndarray:
+    """A cubic spline at its knots."""
+    values = np.array(table)
+    if min(values.shape) < 4 or max(values.shape) > _MOST_CONTROL_VALUES:
+        expected = f"rows and columns of 4 to {_MOST_CONTROL_VALUES} control values of a spline"
+        raise wrong([*map(list, table)], expected)
+    for _ in range(2):  # along either variable
+        values = ((values[:-2] + 4.0 * values[1:-1] + values[2:]) / 6.0).T
+    return values
+
+
+def _check_table(surface: Condyle | Plateau, what: str, least: Range, greatest: Range) -> None:
+    """The least and the greatest value of a surface's table over its region."""
+    table, mistakes = surface.coefficients_mm, Mistakes()
+    with mistakes.gathered("coefficients_mm"):
+        values = (_spline if surface.basis == CUBIC_SPLINE else _powers)(table)
+        for value, allowed in ((values.max(), greatest), (values.min(), least)):
+            if not allowed.holds(value):
+                expected = f"{what} {allowed} all over the region{allowed.hint(value)}"
+                raise wrong([*map(list, table)], expected)
+    mistakes.check()
+
+
+class Condyle(Surface):
+    """A radius over the angle about an axis, and along it."""
+
+    makes = geometry.Condyle
+    axis_point_mm: Origin
+    axis_rotation_deg: Rotation = None
+    basis: Annotated[str, one_of(BASES), WORD] = POWER
+    angle_deg: Annotated[tuple[float, float], reads(_angles)]
+    width_mm: Extent
+    coefficients_mm: Table
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Condyle:
+        _check_table(self, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
+        return self
+
+
+class Plateau(Surface):
+    """A height over a plane."""
+
+    makes = geometry.Plateau
+    origin_mm: Origin
+    rotation_deg: Rotation = None
+    basis: Annotated[str, one_of(BASES), WORD] = POWER
+    outline_mm: Annotated[Any, reads(_outline), Mirrored(_outlined)] = None
+    anterior_mm: Annotated[tuple[float, float], reads(_extent), Gives("x")]
+    lateral_mm: Annotated[Extent, Gives("z")]
+    coefficients_mm: Table
+
+    @model_validator(mode="after")
+    def _check_values(self) -> Plateau:
+        _check_table(self, "a height", RANGES["point_mm"], RANGES["point_mm"])
+        return self
+
+
+class PlaneSurface(Surface):
+    """A rectangle."""
+
+    makes = geometry.Plane
+    origin_mm: Origin
+    rotation_deg: Rotation = None
+    half_extent_mm: Annotated[tuple[float, float], reading.numbers_within(2, "size_mm")]
+
+
+class SphereSurface(Surface):
+    """A sphere."""
+
+    makes = geometry.Sphere
+    center_mm: Origin
+    radius_mm: Size
+
+
+class EllipsoidSurface(Surface):
+    """An ellipsoid."""
+
+    makes = geometry.Ellipsoid
+    center_mm: Origin
+    rotation_deg: Rotation = None
+    semi_axes_mm: SemiAxes
+
+
+class Obstacle(Sourced):
+    """What fibres go around."""
+
+    kind: Annotated[str, APART]
+    bone: Annotated[str, one_of(parts.ALL_BONES), APART]
+    center_mm: Origin
+    rotation_deg: Rotation = None
+
+
+class SphereObstacle(Obstacle):
+    """A sphere."""
+
+    makes = geometry.WrapSphere
+    radius_mm: Size
+
+
+class CylinderObstacle(Obstacle):
+    """A cylinder, and the side on which fibres run if one is meant."""
+
+    makes = geometry.WrapCylinder
+    radius_mm: Size
+    length_mm: Size
+    side: Annotated[str, one_of(SIDES), WORD] = ""
+
+
+class EllipsoidObstacle(Obstacle):
+    """An ellipsoid."""
+
+    makes = geometry.WrapEllipsoid
+    semi_axes_mm: SemiAxes
+
+
+#: Kind of a surface, or of an obstacle -> its model.
+SURFACES: dict[str, type[Surface]] = {
+    "condyle": Condyle, "plateau": Plateau, "plane": PlaneSurface, "sphere": SphereSurface,
+    "ellipsoid": EllipsoidSurface,
+}  # fmt: skip
+OBSTACLES: dict[str, type[Obstacle]] = {
+    "sphere": SphereObstacle, "cylinder": CylinderObstacle, "ellipsoid": EllipsoidObstacle,
+}  # fmt: skip
+
+
+def _by_kind(models: Mapping[str, type[Part]]) -> Chosen:
+    def model(value: Any) -> type[Part]:
+        if not isinstance(value, dict) or "kind" not in value:
+            raise wrong(value, f"a mapping with the field kind, one of {', '.join(models)}")
+        try:
+            return models[reading.choice(value["kind"], models)]
+        except reading.InputProblem as problem:
+            raise wrong(value["kind"], problem.expected, problem.nearest, at="kind") from None
+
+    return Chosen(model)
+
+
+AnySurface = Annotated[Surface, _by_kind(SURFACES)]
+AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
+
+
+class ContactPart(Sourced):
+    """A contact of two surfaces with cartilage."""
+
+    makes = Contact
+    form: Annotated[str, one_of(FORMS), WORD]
+    points: Annotated[tuple[int, int], reads(_counts), WORD] = (24, 24)
+    law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
+    youngs_modulus_MPa: Number
+    poisson_ratio: Number
+    layer_thickness_mm: Number
+    layer_variation_mm: Annotated[Table, parts.SPARED] = None
+    onset_width_mm: Annotated[Number, parts.SPARED]
+    femoral_surface: Annotated[AnySurface, APART]
+    patellar_surface: Annotated[AnySurface | None, APART] = None
+    tibial_surface: Annotated[AnySurface | None, APART] = None
+
+    @property
+    def faces(self) -> tuple[str, str]:
+        """The fields of its two surfaces."""
+        first, second = (face for face in FACES if getattr(self, face) is not None)
+        return first, second
+
+    def built(self, **more: Any) -> Contact:
+        """The contact in a right knee."""
+        first, second = self.faces
+        bodies = FEMUR, PATELLA if second == "patellar_surface" else TIBIA
+        faces = {"femoral": getattr(self, first).built(), "tibial": getattr(self, second).built()}
+        return super().built(**faces, bodies=bodies, **more)
+
+    @model_validator(mode="after")
+    def _check_layer(self) -> ContactPart:
+        mistakes = Mistakes()
+        for name in ("points", "layer_variation_mm"):
+            if name in self.model_fields_set and self.form != QUADRATURE:
+                expected = f"no {name} unless form is {QUADRATURE}"
+                mistakes.append(wrong(getattr(self, name), expected, at=name))
+        if self.layer_variation_mm is not None:
+            with mistakes.gathered("layer_variation_mm"):
+                layer = self.layer_thickness_mm + _powers(self.layer_variation_mm)
+                allowed = RANGES["layer_thickness_mm"]
+                if not all(allowed.holds(x) for x in (layer.min(), layer.max())):
+                    expected = f"a layer {allowed} all over the region"
+                    raise wrong([*map(list, self.layer_variation_mm)], expected)
+        mistakes.check()
+        return self
+
+
+class TibialContact(ContactPart):
+    """A contact of femur and tibia."""
+
+    patellar_surface: parts.Absent = None
+    tibial_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
+
+
+class PatellarContact(ContactPart):
+    """A contact of femur and patella."""
+
+    patellar_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
+    tibial_surface: parts.Absent = None
