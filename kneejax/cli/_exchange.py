@@ -59,7 +59,7 @@ def import_model(arguments: ImportOsim) -> int:
         f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
         f"{counted(len(read.ligaments), 'fibre')}, {counted(len(read.wraps), 'wrap object')}, "
         f"{counted(len(document['contacts']), 'contact')}; "
-        f"{counted(len(read.found.outside), 'other fibre')} left out",
+        f"{read.numbers_left_out or 'nothing left out'}",
         *knee.unusual,
     ]
     free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)

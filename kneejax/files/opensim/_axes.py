@@ -8,28 +8,29 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 
 import numpy as np
 
-from kneejax.files.opensim._joints import Joint, read_joints
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, placed
+from kneejax.files.opensim._joints import at_defaults, placed_above, read_joints, turning
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
 from kneejax.files.opensim._ligaments import OsimLigament
-from kneejax.files.opensim._model import GROUND, Model, Offset
-from kneejax.files.opensim._movement import turning
+from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim._motions import Offset
+from kneejax.geometry import FEMUR, TIBIA
 
 _BENDS = re.compile(r"flex|bend|ext|knee_angle", re.IGNORECASE)
 _COLLATERAL = {-1.0: re.compile(r"^[sd]?MCL|TCL", re.IGNORECASE),
-               1.0: re.compile(r"^LCL|^FCL", re.IGNORECASE)}  # fmt: skip
+               1.0: re.compile(r"^LCL|^FCL", re.IGNORECASE)}
 #: Of the cosine between a direction and the axis it should have; fibres run less straight.
 _ALONG, _ALONG_FIBRES = 0.7, 0.5
-_LONG_MM = 40.0
-_FAR_MM = 100.0
+_LONG_MM, _FAR_MM = 40.0, 100.0
 _WANTED = "X anterior, Y superior, Z to the person's right"
 
 
 @dataclasses.dataclass(frozen=True)
 class _Superior:
-    """A direction that should be Y, and what says so."""
+    """A direction that should be Y, what says so, and the doubt where it is not."""
 
     direction: np.ndarray
     why: str
@@ -44,16 +45,10 @@ class _Superior:
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[OsimKneeJoint, np.ndarray]:
-    """The knee with its bones' axes as they should be.
+    """The knee with its bones' axes as they should be, and the rotation from the model's axes.
 
-    Args:
-        model: the model.
-        knee: its bones, with the axes of their bodies.
-        ligaments: between femur and tibia.
-
-    Returns:
-        The knee, with a finding where it was turned and doubts where that is unsure; and the
-        rotation from the model's axes, shape `(3, 3)`.
+    `ligaments` are those between femur and tibia. The knee gets a finding where it was turned, and
+    doubts where that is unsure.
 
     Raises:
         InputProblem: the axes are others, and which is unclear.
@@ -72,7 +67,7 @@ def anatomical(
             f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
             "to the left: is the side right?"
             for why, vote in votes.items() if vote < 0
-        ]  # fmt: skip
+        ]
         return dataclasses.replace(knee, doubts=(*knee.doubts, *doubts)), np.eye(3)
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
@@ -86,7 +81,7 @@ def anatomical(
             return _turned(knee, np.stack([np.cross(y, z), y, z]), why)
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
     found += [f"{one.why} say that {_word(one.direction)} points upwards"
-              for one in superior if not one.holds]  # fmt: skip
+              for one in superior if not one.holds]
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
@@ -95,89 +90,71 @@ def anatomical(
 
 
 def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
-    """The knee with turned axes of all its bones.
-
-    Args:
-        knee: the knee.
-        rotation: from the axes it has, shape `(3, 3)`.
-    """
+    """The knee with turned axes of all its bones."""
     if np.array_equal(rotation, np.eye(3)):
         return knee
     turn = Offset(rotation)
     back = turn.inverse()
-    rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
-    knee = dataclasses.replace(knee, rigid=rigid, turned=True)
-    return knee.placed_as(*(
-        x if isinstance(x, str) else turn.after(x).after(back)
-        for x in (knee.tibia_in_femur, knee.patella, knee.patella_in_femur)
-    ))  # fmt: skip
+    return dataclasses.replace(
+        knee, turned=True,
+        rigid={body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()},
+        tibia_in_femur=turn.after(knee.tibia_in_femur).after(back),
+        patella_in_femur=turn.after(knee.patella_in_femur).after(back),
+    )
 
 
 def _turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str):
+    names = (("anterior", "posterior"), ("superior", "inferior"), ("to the right", "to the left"))
     words = ", ".join(
-        f"{'XYZ'[int(np.argmax(np.abs(row)))]} {name if row.sum() > 0 else opposite}"
-        for row, name, opposite in zip(
-            rotation, ("anterior", "superior", "to the right"),
-            ("posterior", "inferior", "to the left"), strict=True,
-        )
-    )  # fmt: skip
+        f"{'XYZ'[int(np.argmax(np.abs(row)))]} {both[int(row.sum() < 0)]}"
+        for row, both in zip(rotation, names, strict=True)
+    )
     sentence = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
     knee = dataclasses.replace(knee, unusual=(*knee.unusual, sentence))
     return turned(knee, rotation), rotation
 
 
-def _by_joints(model: Model, knee: OsimKneeJoint):
+def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
     own = {id(joint.element) for joint in knee.joints}
-    centers = {}
-    for bone in ("femur", "tibia"):
-        ends = [end for joint in (knee.joints[0], knee.joints[-1]) for end in _ends(joint)]
+    for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
         places = [
             knee.rigid[body][1].point(frame.translation)
-            for body, frame in ends
-            if knee.rigid.get(body, ("",))[0] == bone
+            for joint in (knee.joints[0], knee.joints[-1]) for body, frame in joint.ends
+            if knee.bone_of(body) == bone
         ]
-        centers[bone] = np.array(places or [(0, 0, 0)], float).mean(axis=0)
-    for bone, sign, place in (("femur", 1.0, "above"), ("tibia", -1.0, "below")):
+        middle = np.array(places or [(0, 0, 0)], float).mean(axis=0)
         for joint in joints:
             if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:
                 continue
-            near = [end for end in _ends(joint) if knee.rigid.get(end[0], ("",))[0] == bone]
-            far = [body for body, _ in _ends(joint) if body not in knee.rigid]
+            near = [end for end in joint.ends if knee.bone_of(end[0]) == bone]
+            far = [body for body, _ in joint.ends if body not in knee.rigid]
             if len(near) != 1 or not far or GROUND in far:
                 continue
-            if bone == "tibia" and not _leads_on(joints, joint, far[0]):
+            # An ankle is one where something follows.
+            if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
                 continue
-            body, frame = near[0]
+            (body, frame), = near
             center = np.array(knee.rigid[body][1].point(frame.translation), float)
-            way = 1e3 * (center - centers[bone])
+            way = 1e3 * (center - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
             x, y, z = 1e3 * center
             yield _Superior(
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
                 f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
-                f"not {place} the knee: kneejax takes {_WANTED}, and this model may mean other "
+                f"not {side} the knee: kneejax takes {_WANTED}, and this model may mean other "
                 "axes.",
-            )  # fmt: skip
+            )
 
 
-def _ends(joint: Joint) -> tuple[tuple[str, Offset], tuple[str, Offset]]:
-    return (joint.parent, joint.parent_frame), (joint.child, joint.child_frame)
-
-
-def _leads_on(joints: list[Joint], joint: Joint, body: str) -> bool:
-    return any(body in (x.parent, x.child) for x in joints if x is not joint)
-
-
-def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]):
+def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_Superior]:
     """How long fibres run from the tibia to the femur, in the tibia's axes."""
     back, way = knee.tibia_in_femur.inverse(), np.zeros(3)
     for fibre in ligaments:
         first, last = (np.array(x, float) for x in (
-            back.point(fibre.points[0].in_bone(knee)), fibre.points[-1].in_bone(knee),
-        ))  # fmt: skip
+            back.point(fibre.points[0].in_bone(knee)), fibre.points[-1].in_bone(knee)))
         length = float(np.linalg.norm(first - last))
         stretched = length / float(fibre.numbers["slack_length_mm"])
         # In a pose that no knee has, fibres are far from their own length and say nothing.
@@ -188,7 +165,7 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]):
             way / np.linalg.norm(way), "the long fibres",
             f"The long fibres do not run along Y: kneejax takes {_WANTED}, and this model may "
             "mean other axes.", _ALONG_FIBRES,
-        )  # fmt: skip
+        )
 
 
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
@@ -202,11 +179,10 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
         return None, 0.0
     (bend,) = found
     above = {joint.child: joint for joint in read_joints(model)}
-    for joint in knee.joints:
-        more = (dataclasses.replace(c, default=c.default + 0.1) if c is bend else c
-                for c in joint.coordinates)  # fmt: skip
-        above[joint.child] = dataclasses.replace(joint, coordinates=tuple(more))
-    there = placed(model, above, knee.femur).inverse().after(placed(model, above, knee.tibia))
+    above |= {joint.child: at_defaults(joint, {bend.name: bend.default + 0.1})
+              for joint in knee.joints}
+    there = placed_above(model, above, knee.femur).inverse()
+    there = there.after(placed_above(model, above, knee.tibia))
     turn = there.matrix @ knee.tibia_in_femur.matrix.T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     if np.linalg.norm(axis) < 1e-3:

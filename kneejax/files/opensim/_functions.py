@@ -28,17 +28,10 @@ class UnknownFunction(Exception):
 
 
 def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
-    """A function's value.
-
-    Args:
-        function: one of `FUNCTIONS`.
-        arguments: values of its coordinates, rad or m; numbers, or arrays of one shape `(n,)`.
-
-    Returns:
-        The value, rad or m: a number, or an array where the arguments are and it depends on them.
+    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`.
 
     Raises:
-        UnknownFunction: its kind is not understood.
+        UnknownFunction: its kind is not one of `FUNCTIONS`.
         ValueError: its numbers are not what that kind needs.
     """
     x = arguments[0] if arguments else 0.0
@@ -77,20 +70,14 @@ def function_of(owner: Element) -> Element | None:
 
     It is the child of `<function>` and the like, or a child itself: classes have capitals,
     properties have none.
-
-    Args:
-        owner: the element.
     """
     held = owner.child(*_HOLDERS)
-    return next((child for child in (held or owner).children if child.tag[:1].isupper()), None)
+    inside = (owner if held is None else held).children
+    return next((child for child in inside if child.tag[:1].isupper()), None)
 
 
 def describe(function: Element) -> str:
-    """A function in a few words, for a report.
-
-    Args:
-        function: of any kind.
-    """
+    """A function of any kind in a few words, for a report."""
     if function.tag == "Constant":
         return f"constant {_number(function.word('value', default='0')):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
@@ -104,12 +91,9 @@ def describe(function: Element) -> str:
 
 
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
-    """The cubic spline of SIMM and OpenSim at one place or several; see `simm_splines`.
+    """The cubic spline of SIMM and OpenSim at a number or several `(m,)`; see `simm_splines`.
 
-    Args:
-        knots: shape `(n,)`, increasing; where they are not, or are two, lines join them.
-        values: shape `(n,)`.
-        x: where; a number or `(m,)`.
+    Where knots do not increase, or are two, lines join them.
 
     Example:
         >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])

@@ -9,11 +9,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax.files.opensim._axes import anatomical
+from kneejax.files.opensim._joints import moved, turning
 from kneejax.files.opensim._knee import OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._movement import Movement, Rigid, moved, turning
+from kneejax.files.opensim._motions import MIRROR, Rigid, poses_of
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import FEMUR, TIBIA, angles_from_rotation
+from kneejax.geometry import FEMUR, TIBIA
 from kneejax.joints import condyle_axes
 from kneejax.mechanics import Knee, condyle_points
 
@@ -42,6 +43,13 @@ class Registration(NamedTuple):
     notes: tuple[str, ...]
     doubts: tuple[str, ...] = ()
 
+    def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
+        """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or
+        `l`, where the model's bone is in the ground `there`."""
+        shift = {FEMUR: self.femur, TIBIA: self.tibia}[bone]
+        back = there.inverse()
+        return Rigid(MIRROR[side] @ back.turn, 1e3 * back.shift @ MIRROR[side] + shift)
+
 
 #: Of a knee that is in the model's frames.
 SAME = Registration(np.zeros(3), np.zeros(3), True, ())
@@ -50,21 +58,15 @@ SAME = Registration(np.zeros(3), np.zeros(3), True, ())
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
-    """Register a model's bones to those of a knee.
+    """Register a model's bones to those of a knee, by one of `FRAMES`.
 
-    Where the knee was made of this model the frames are the same. Otherwise axes are taken by
-    their names, anterior, superior, lateral, and the middle of the model's flexion axis (from 20
-    to 60 degrees) comes to lie on the middle of the knee's flexion facets. Sizes are not changed.
-
-    Args:
-        model: the model.
-        bones: its knee.
-        knee: to which it is registered.
-        document: of the knee.
-        frames: one of `FRAMES`.
+    Where the knee was made of this model, as its document says, the frames are the same. Otherwise
+    axes are taken by their names, anterior, superior, lateral, and the middle of the model's
+    flexion axis (from 20 to 60 degrees) comes to lie on the middle of the knee's flexion facets.
+    Sizes are not changed.
 
     Raises:
-        InputProblem: `frames` is none of them.
+        InputProblem: `frames` is none of them, or the model's axes are others.
     """
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
@@ -73,17 +75,15 @@ def registration(
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
     if frames == "same" or (frames == "auto" and _made_of(model, document)):
-        why = "as asked for" if frames == "same" else f"as the knee was made of {_name(model)}"
+        why = "as asked for" if frames == "same" else f"as the knee was made of {model.name}"
         return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
-    mirror = np.array([1.0, 1.0, -1.0 if bones.side == "l" else 1.0])
     own = condyle_axes(*condyle_points(knee)).points[1].mean(axis=0)
-    reference = knee.reference_pose.to_table()
+    reference = float(knee.reference_pose.to_table().ravel()[0])
     there = knee.reference_pose.placement.inverse()
     on_tibia = np.array([float(x) for x in there.apply(tuple(own))])
-    axis, center, at = _flexion_axis(model, bones, float(reference.ravel()[0]))
-    theirs = mirror * 1e3 * center
-    their_tibia = mirror * 1e3 * at.inverse().point(center)
-    femur, tibia = own - theirs, on_tibia - their_tibia
+    axis, center, at = _flexion_axis(model, bones, reference)
+    femur = own - 1e3 * center @ MIRROR[bones.side]
+    tibia = on_tibia - 1e3 * at.inverse().point(center) @ MIRROR[bones.side]
     off = np.rad2deg(np.arccos(min(1.0, abs(axis[2]))))
     words = " and ".join(
         f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
@@ -124,43 +124,6 @@ def registered(
     return registration(model, find_knee(model, side, *(bones or ())), knee, document, frames)
 
 
-def _name(model: Model) -> str:
-    return model.file.path.name
-
-
-def _made_of(model: Model, document: dict[str, Any]) -> bool:
-    """Whether a knee says that it was imported from this model, or its patella was."""
-    imported = document.get("imported_from", {})
-    if imported:
-        return imported.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
-    muscles = document.get("patella", {}).get("muscles", {}).values()
-    sources = [str(one.get("source", "")) for one in muscles]
-    return any(source.startswith(f"{_name(model)},") for source in sources)
-
-
-def _flexion_axis(model: Model, bones: OsimKneeJoint, reference_deg: float):
-    """Direction and middle of the flexion axis in the femur, m, and where the tibia is in the femur
-    at a flexion."""
-    name = flexion_coordinate(model, bones)
-    values = {name: np.array([0.0, 1e-3])}
-    sign = np.sign(np.diff(_flexions(moved(model, values), bones))[0])
-    degrees = np.deg2rad(np.array([*_BETWEEN, reference_deg]))
-    there = moved(model, {name: sign * degrees}).between(bones.femur, bones.tibia)
-    first, second = there.at(0), there.at(1)
-    turn = second.after(first.inverse())
-    skew = turn.turn - turn.turn.T
-    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    axis = axis / np.linalg.norm(axis)
-    # A point that stays, nearest to the tibia's origin along the axis.
-    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
-    along = axis @ (there.shift[2] - still)
-    return axis, still + along * axis, there.at(2)
-
-
-def _flexions(movement: Movement, bones: OsimKneeJoint) -> np.ndarray:
-    return np.asarray(poses_of(movement.between(bones.femur, bones.tibia), bones.side)[:, 0])
-
-
 def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee: the first angle of its joints.
 
@@ -175,30 +138,34 @@ def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
     return names[0]
 
 
-def poses_of(there: Rigid, side: str) -> np.ndarray:
-    """Poses of a bone in the femur in rows of degrees and mm, by clinical meaning.
-
-    Args:
-        there: from the bone's coordinates to the femur's, m.
-        side: `r` or `l`.
-    """
-    mirror = np.diag([1.0, 1.0, -1.0 if side == "l" else 1.0])
-    turn = mirror @ there.turn @ mirror
-    rows = tuple(tuple(turn[..., i, j] for j in range(3)) for i in range(3))
-    angles = np.rad2deg(np.stack([np.asarray(x) for x in angles_from_rotation(rows)], axis=-1))  # pyright: ignore[reportArgumentType]
-    return np.concatenate([angles, 1e3 * there.shift @ mirror], axis=-1)
+def flexions(model: Model, bones: OsimKneeJoint, name: str, values: np.ndarray) -> np.ndarray:
+    """Flexion, degrees, at values of a coordinate, rad, `(n,)`."""
+    there = moved(model, {name: values}).between(bones.femur, bones.tibia)
+    return poses_of(there, bones.side)[:, 0]
 
 
-def in_knee(there: Rigid, bone: str, shifts: Registration, side: str) -> Rigid:
-    """From the ground, m, to the frame of a knee's bone, mm.
+def _made_of(model: Model, document: dict[str, Any]) -> bool:
+    """Whether a knee says that it was imported from this model, or its patella was."""
+    imported = document.get("imported_from", {})
+    if imported:
+        return imported.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
+    muscles = document.get("patella", {}).get("muscles", {}).values()
+    sources = [str(one.get("source", "")) for one in muscles]
+    return any(source.startswith(f"{model.name},") for source in sources)
 
-    Args:
-        there: where the model's bone is in the ground.
-        bone: `femur` or `tibia`.
-        shifts: of the frames.
-        side: `r` or `l`.
-    """
-    mirror = np.diag([1.0, 1.0, -1.0 if side == "l" else 1.0])
-    shift = {FEMUR: shifts.femur, TIBIA: shifts.tibia}[bone]
-    back = there.inverse()
-    return Rigid(mirror @ back.turn, 1e3 * back.shift @ mirror + shift)
+
+def _flexion_axis(model: Model, bones: OsimKneeJoint, reference_deg: float):
+    """Direction and middle of the flexion axis in the femur, m, and where the tibia is in the femur
+    at a flexion."""
+    name = flexion_coordinate(model, bones)
+    sign = np.sign(np.diff(flexions(model, bones, name, np.array([0.0, 1e-3])))[0])
+    degrees = np.deg2rad(np.array([*_BETWEEN, reference_deg]))
+    there = moved(model, {name: sign * degrees}).between(bones.femur, bones.tibia)
+    turn = there.at(1).after(there.at(0).inverse())
+    skew = turn.turn - turn.turn.T
+    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    axis = axis / np.linalg.norm(axis)
+    # A point that stays, nearest to the tibia's origin along the axis.
+    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
+    along = axis @ (there.shift[2] - still)
+    return axis, still + along * axis, there.at(2)

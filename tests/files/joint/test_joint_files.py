@@ -19,7 +19,8 @@ from kneejax.files import (
 )
 from kneejax.files.opensim._functions import evaluate
 from kneejax.files.opensim._joints import read_joints
-from kneejax.files.opensim._model import read_model, turn_about
+from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim._motions import turn_about
 from kneejax.geometry import Pose
 from kneejax.joints import Joint, axis_between, generalised_axis, hinge, moving_axis
 

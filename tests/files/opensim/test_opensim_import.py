@@ -17,7 +17,7 @@ from kneejax.files import (
     write_knee,
 )
 from kneejax.files.opensim._contact import OsimMesh
-from kneejax.files.opensim._model import Offset
+from kneejax.files.opensim._motions import Offset
 from kneejax.files.opensim._numbers import (
     METRES_TO_MM,
     degrees,

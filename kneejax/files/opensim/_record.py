@@ -10,18 +10,25 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._external_loads import (
+from kneejax.files.opensim._crossing import Crossing, crossing, muscles_of, tension_of_ligament
+from kneejax.files.opensim._ground import (
     ExternalLoads,
     of_contacts,
     on_bodies,
     place_doubts,
     read_external_loads,
 )
-from kneejax.files.opensim._joints import read_joints
+from kneejax.files.opensim._joints import (
+    Movement,
+    coordinate_columns,
+    coordinates_of,
+    moved,
+    read_joints,
+    turning,
+)
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim._model import Model, angles_xyz, read_model, turn_xyz
-from kneejax.files.opensim._movement import Movement, Rigid, coordinate_columns, moved, turning
-from kneejax.files.opensim._muscle_lines import Crossing, crossing, muscles_of, tension_of_ligament
+from kneejax.files.opensim._model import Model, read_model
+from kneejax.files.opensim._motions import MIRROR, Rigid, angles_xyz, poses_of, turn_xyz
 from kneejax.files.opensim._record_checks import (
     bodies_below,
     check_movement,
@@ -31,13 +38,7 @@ from kneejax.files.opensim._record_checks import (
     record_doubts,
     with_prescribed,
 )
-from kneejax.files.opensim._registration import (
-    Registration,
-    flexion_coordinate,
-    in_knee,
-    poses_of,
-    registration,
-)
+from kneejax.files.opensim._registration import Registration, flexion_coordinate, registration
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State
@@ -45,11 +46,12 @@ from kneejax.mechanics import Knee, LegRecord, MovingMass, Muscles, wrench_in_fr
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4
+_AXES = tuple(f"{kind}{axis}" for kind in "fmp" for axis in "xyz")
 
 
 @dataclasses.dataclass(frozen=True)
-class _Files:
-    """What was given, by kind."""
+class RecordedFiles:
+    """Tables of a movement by kind: coordinates, muscle forces, ground, joint reactions."""
 
     motion: Storage
     muscles: Storage | None
@@ -58,9 +60,10 @@ class _Files:
 
     @property
     def tables(self) -> list[Storage]:
-        own = [self.motion, self.muscles, self.reaction]
-        tables = [table for table in own if table is not None]
-        return [*tables, self.ground.table] if self.ground is not None else tables
+        """All of them."""
+        ground = None if self.ground is None else self.ground.table
+        own = (self.motion, self.muscles, self.reaction, ground)
+        return [table for table in own if table is not None]
 
 
 def read_activity(
@@ -103,18 +106,21 @@ def read_activity(
         raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
-    given = _sorted(model, bones, files)
+    given = sorted_files(model, bones, files)
     time = common_times(given.tables, instants)
     shifts = frames
     if not isinstance(shifts, Registration):
         shifts = registration(model, bones, knee, document or {}, shifts)
-    movement, around = _moved(model, bones, given.motion, time)
+    around = moved_around(model, bones, given.motion, time)
+    movement = around.at(2)
     below = bodies_below(movement.joints, bones)
-    frame = in_knee(movement.placed[bones.tibia], TIBIA, shifts, side)
+    frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
+                 for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
+    mass, ground = 0.0, None
     if given.reaction is not None:
-        acting, mass, ground = _reaction(given.reaction, bones, time, shifts, frame), 0.0, None
+        acting = {"joint reaction": _reaction(given.reaction, bones, time, shifts)}
     else:
-        acting, mass, ground = _acting(given, movement, around, below, frame, time)
+        acting, mass, ground = acting_on(given, movement, around, below, frames_of[TIBIA], time)
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
     doubts += record_doubts(model, bones, below, given.motion)
     notes += missing_words(model, bones, below, given.motion)
@@ -122,69 +128,68 @@ def read_activity(
         doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
     elif ground is not None and not ground.any():
         notes.append("No external loads were given: none act on the leg.")
-    frames_of = {
-        TIBIA: frame, FEMUR: in_knee(movement.placed[bones.femur], FEMUR, shifts, side),
-    }  # fmt: skip
     found = crossing(movement, bones, below)
     muscles, quadriceps = _muscles(given, movement, bones, found, frames_of, shifts, time, notes)
-    there = frames_of[FEMUR].after(frame.inverse())
+    there = frames_of[FEMUR].after(frames_of[TIBIA].inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
     if given.reaction is not None and given.muscles is not None:
-        acting = _besides(acting, muscles, own)
+        if muscles.names:  # the reaction includes the muscles, which pull by themselves
+            pulls = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(own)})))
+            acting = {"besides muscles": acting["joint reaction"] - pulls.sum(axis=0).T}
         notes.append("Other loads than the muscles' are what the joint reaction leaves.")
-    still = np.zeros((len(time), 3))
+    none = np.zeros((len(time), 3))
     return LegRecord(
-        time, own, acting, muscles, quadriceps, still if ground is None else ground, shifts.same,
+        time, own, acting, muscles, quadriceps, none if ground is None else ground, shifts.same,
         mass, tuple(notes), tuple(doubts),
-    )  # fmt: skip
+    )
 
 
-def _sorted(model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]]) -> _Files:
+def sorted_files(
+    model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]]
+) -> RecordedFiles:
     """Each file by what it has."""
     kinds: dict[str, Any] = {}
-
-    def take(kind: str, value: Any, file: str) -> None:
-        if kind in kinds:
-            raise InputProblem(file, "file", f"a second table of {kind}", "one of each kind")
-        kinds[kind] = value
-
     flexion = flexion_coordinate(model, bones)
-    muscles = {e.name for e in model.elements() if e.tag.endswith("Muscle")}
+    muscles = {e.name for e in model.muscles()}
     for path in files:
         file = os.fspath(path)
         if Path(path).suffix.lower() == ".xml":
-            take("external loads", read_external_loads(path, model), file)
-            continue
-        table = read_storage(path)
-        words = {last_word(name) for name in table.columns}
-        if flexion in words:
-            take("coordinates", table, file)
-        elif len(words & muscles) > 1:
-            take("muscle forces", table, file)
-        elif any(f"_on_{bones.tibia}_in_".lower() in name.lower() for name in table.columns):
-            take("joint reactions", table, file)
+            kind, value = "external loads", read_external_loads(path, model)
         else:
-            expected = (
-                f"a table with the coordinate {flexion}, with forces of the model's muscles, or "
-                f"with reactions on {bones.tibia}; forces of the ground come with their .xml"
-            )
-            raise InputProblem(file, "columns", next(iter(table.columns)), expected, [flexion])
+            value = read_storage(path)
+            words = {last_word(name) for name in value.columns}
+            on_tibia = f"_on_{bones.tibia}_in_".lower()
+            if flexion in words:
+                kind = "coordinates"
+            elif len(words & muscles) > 1:
+                kind = "muscle forces"
+            elif any(on_tibia in name.lower() for name in value.columns):
+                kind = "joint reactions"
+            else:
+                expected = (
+                    f"a table with the coordinate {flexion}, with forces of the model's muscles, "
+                    f"or with reactions on {bones.tibia}; forces of the ground come with their .xml"
+                )
+                raise InputProblem(file, "columns", next(iter(value.columns)), expected, [flexion])
+        if kind in kinds:
+            raise InputProblem(file, "file", f"a second table of {kind}", "one of each kind")
+        kinds[kind] = value
     if "coordinates" not in kinds:
         expected = f"a table with the coordinate {flexion} among the files"
         raise InputProblem("FILES", "coordinates", "missing", expected)
     if "joint reactions" not in kinds and "muscle forces" not in kinds:
         expected = "a table of muscle forces, or one of joint reactions, among the files"
         raise InputProblem("FILES", "muscle forces", "missing", expected)
-    return _Files(
-        kinds["coordinates"], kinds.get("muscle forces"), kinds.get("external loads"),
-        kinds.get("joint reactions"),
-    )  # fmt: skip
+    order = ("coordinates", "muscle forces", "external loads", "joint reactions")
+    return RecordedFiles(*(kinds.get(kind) for kind in order))
 
 
-def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray):
-    """The model at the instants, and at five about each."""
-    columns = coordinate_columns(model, table)
-    angles_rad(table, columns[flexion_coordinate(model, bones)])
+def moved_around(
+    model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray
+) -> Movement:
+    """The model at five instants about each of `(n,)`, along a first axis."""
+    columns, flexion = coordinate_columns(model, table), flexion_coordinate(model, bones)
+    angles_rad(table, columns[flexion])
     check_movement(bones, table)
     steps = time + _STEP_S * np.arange(-2, 3)[:, None]
     values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
@@ -193,45 +198,38 @@ def _moved(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray)
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
     values = with_prescribed(model, values, steps)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
-    for name in {c.name for joint in bones.joints for c in joint.coordinates} & {*values}:
-        if name != flexion_coordinate(model, bones):
-            values[name] = np.broadcast_to(values[name][2], values[name].shape)
-    around = moved(model, values)
-    placed = {name: there.at(2) for name, there in around.placed.items()}
-    here = Movement(model, around.joints, {k: x[2] for k, x in around.values.items()}, placed)
-    return here, around
+    for name in {c.name for c in coordinates_of(bones.joints)} & {*values} - {flexion}:
+        values[name] = np.broadcast_to(values[name][2], values[name].shape)
+    return moved(model, values)
 
 
-def _acting(given: _Files, movement: Movement, around: Movement, below, frame: Rigid, time):
+def acting_on(
+    given: RecordedFiles, movement: Movement, around: Movement, below: set[str], frame: Rigid,
+    time: np.ndarray,
+) -> tuple[dict[str, np.ndarray], float, np.ndarray]:
     """What acts besides muscles, by name, in the knee's tibia; the leg's mass; force of the ground
     on this foot."""
     model = movement.model
     gravity = np.array(model.point(model.root, "gravity", "0 -9.80665 0"), float)
-    none = np.zeros((len(time), 3))
-    weight, inertia, total = (none, none), (none, none), 0.0
-    for name in sorted(below):
-        part = _mass(model, around, name)
-        total += part.mass_kg
-        for_weight, for_inertia = part.weight(gravity), part.inertia()
-        weight = weight[0] + for_weight[0], weight[1] + for_weight[1]
-        inertia = inertia[0] + for_inertia[0], inertia[1] + for_inertia[1]
+    masses = [_mass(model, around, name) for name in sorted(below)]
     if given.ground is not None:
         ground = on_bodies(given.ground, movement, below, time)
     else:
         assert given.muscles is not None  # with the contacts of the model, if it has some
         ground = of_contacts(model, given.muscles, below, time)
-    parts = {"ground": ground, "weight": weight, "inertia": inertia}
-    found = {name: _on_tibia(pair[0], pair[1], frame) for name, pair in parts.items()}
-    return found, total, ground[0]
-
-
-def _on_tibia(force: np.ndarray, moment: np.ndarray, frame: Rigid) -> np.ndarray:
-    """A wrench of the ground in the frame of the knee's tibia, which a mirror may turn over."""
-    inverse = frame.inverse()
-    found = wrench_in_frame(force, moment, inverse.turn, inverse.shift / 1e3)
-    # A moment is a product of two vectors: a mirror turns its sign.
-    found[:, 3:] *= np.sign(np.linalg.det(frame.turn))[:, None]
-    return found
+    none = np.zeros((len(time), 3))
+    parts = {
+        "ground": [ground],
+        "weight": [mass.weight(gravity) for mass in masses],
+        "inertia": [mass.inertia() for mass in masses],
+    }
+    inverse, found = frame.inverse(), {}
+    for name, pairs in parts.items():
+        force, moment = (sum((pair[k] for pair in pairs), none) for k in (0, 1))
+        found[name] = wrench_in_frame(force, moment, inverse.turn, inverse.shift / 1e3)
+        # A moment is a product of two vectors: a mirror, which the frame may be, turns its sign.
+        found[name][:, 3:] *= np.sign(np.linalg.det(frame.turn))[:, None]
+    return found, sum((mass.mass_kg for mass in masses), 0.0), ground[0]
 
 
 def _mass(model: Model, around: Movement, name: str) -> MovingMass:
@@ -241,65 +239,60 @@ def _mass(model: Model, around: Movement, name: str) -> MovingMass:
         xx, yy, zz, xy, xz, yz = map(float, model.numbers(element, "inertia", 6))
     else:
         tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
-        xx, yy, zz, xy, xz, yz = (float(model.numbers(element, tag, 1, "0")[0]) for tag in tags)
+        xx, yy, zz, xy, xz, yz = (model.number(element, tag, "0") for tag in tags)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    there = around.placed[name]
-    mass = float(model.numbers(element, "mass", 1, "0")[0])
+    there, mass = around.placed[name], model.number(element, "mass", "0")
     return MovingMass(mass, inertia, there.turn, there.point(center), _STEP_S)
 
 
-def _reaction(table: Storage, bones: OsimKneeJoint, time, shifts: Registration, frame: Rigid):
+def _reaction(
+    table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
+) -> np.ndarray:
     """The opposite of a joint's reaction: the knee's own parts take the joint's place."""
     ends = {}
-    for name in table.columns:
-        low = name.lower()
-        for axis in ("fx", "fy", "fz", "mx", "my", "mz", "px", "py", "pz"):
-            if low.endswith(f"_on_{bones.tibia}_in_{bones.tibia}_{axis}".lower()):
-                ends[axis] = name
-    axes = ("fx", "fy", "fz", "mx", "my", "mz", "px", "py", "pz")
-    for axis in axes:
-        if axis not in ends:
-            column = f"JOINT_on_{bones.tibia}_in_{bones.tibia}_{axis}"
+    for axis in _AXES:
+        ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"
+        found = [name for name in table.columns if name.lower().endswith(ending.lower())]
+        if not found:
             expected = "reactions on the tibia, in its own axes, as JointReaction writes them"
-            raise InputProblem(table.file, "columns", f"no {column}", expected)
-    force, moment, point = table.at(time, [ends[x] for x in axes]).reshape(3, 3, -1).swapaxes(1, 2)
-    mirror = np.array([1.0, 1.0, -1.0 if bones.side == "l" else 1.0])
-    check_reaction(table, force, moment, point, ends)
-    place = 1e3 * point * mirror + shifts.tibia
-    about = 1e3 * moment * mirror * mirror.prod()
-    own = force * mirror
-    return {"joint reaction": -np.concatenate([own, about + np.cross(place, own)], axis=1)}
+            raise InputProblem(table.file, "columns", f"no JOINT{ending}", expected)
+        ends[axis] = found[-1]
+    parts = table.at(time, [*ends.values()]).reshape(3, 3, -1).swapaxes(1, 2)
+    check_reaction(table, parts, ends)
+    mirror = np.diag(MIRROR[bones.side])
+    force, moment, point = parts * np.stack([mirror, mirror * mirror.prod(), mirror])[:, None]
+    about = 1e3 * moment + np.cross(1e3 * point + shifts.tibia, force)
+    return -np.concatenate([force, about], axis=1)
 
 
-def _besides(
-    acting: dict[str, np.ndarray], muscles: Muscles, pose: np.ndarray
-) -> dict[str, np.ndarray]:
-    """What acts without the muscles that a joint reaction includes: they pull by themselves."""
-    if not muscles.names:
-        return acting
-    pulls = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(pose)}))).sum(axis=0).T
-    return {"besides muscles": sum(acting.values(), -pulls)}
-
-
-def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, notes):
+def _muscles(
+    given: RecordedFiles, movement: Movement, bones: OsimKneeJoint, found: Crossing, frames_of,
+    shifts: Registration, time: np.ndarray, notes: list[str],
+) -> tuple[Muscles, np.ndarray]:
     """Muscles with their tensions, and the pull of the quadriceps on the patella."""
-    count = len(time)
-    if given.muscles is None:
+    count, table = len(time), given.muscles
+    if table is None:
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")
         empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
         return empty, np.zeros(count)
-    table = given.muscles
     check_tensions(movement.model, table)
     by_name = {last_word(name): name for name in table.columns}
     for name in (*(way.name for way in found.muscles), *found.on_patella):
         if name not in by_name:
             table.named(name, "a muscle over the knee")
 
-    def tensions(names):
+    def tensions(names) -> np.ndarray:
         return np.maximum(table.at(time, [by_name[name] for name in names]), 0.0)
 
     def entry(document: dict[str, Any]) -> dict[str, Any]:
-        return _in_frames(document, shifts, bones.side)
+        """An obstacle of the model in the frames of the knee."""
+        mirror = MIRROR[bones.side]
+        shift = {FEMUR: shifts.femur, TIBIA: shifts.tibia}[document["bone"]]
+        turn = turn_xyz(np.deg2rad(document.get("rotation_deg", [0.0, 0.0, 0.0])))
+        # Mirrored axes of a symmetric obstacle are axes again where the last is turned back.
+        angles = np.rad2deg(angles_xyz(mirror @ turn @ mirror))
+        center = mirror @ np.array(document["center_mm"]) + shift
+        return document | {"center_mm": center.tolist(), "rotation_deg": angles.tolist()}
 
     ways = [*found.muscles, *found.ligaments]
     passive = [tension_of_ligament(movement, way) for way in found.ligaments]
@@ -312,16 +305,3 @@ def _muscles(given, movement, bones, found: Crossing, frames_of, shifts, time, n
         + "."
     )
     return muscles, tensions(found.on_patella).sum(axis=0) + np.zeros(count)
-
-
-def _in_frames(document: dict[str, Any], shifts: Registration, side: str) -> dict[str, Any]:
-    """An obstacle of the model in the frames of the knee."""
-    mirror = np.diag([1.0, 1.0, -1.0 if side == "l" else 1.0])
-    shift = {FEMUR: shifts.femur, TIBIA: shifts.tibia}[document["bone"]]
-    turn = turn_xyz(np.deg2rad(document.get("rotation_deg", [0.0, 0.0, 0.0])))
-    # Mirrored axes of an obstacle that is symmetric are axes again where the last is turned back.
-    own = mirror @ turn @ mirror
-    return document | {
-        "center_mm": [float(x) for x in mirror @ np.array(document["center_mm"]) + shift],
-        "rotation_deg": [float(x) for x in np.rad2deg(angles_xyz(own))],
-    }
