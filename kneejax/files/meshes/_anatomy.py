@@ -79,20 +79,14 @@ def cylindrical(axis: Frame, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
     """Points of a bone in a frame placed in it, shape `(n, 3)`."""
-    local = frame.placement.apply_inverse(tuple(points.T))
-    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in local], axis=1)
+    return _rows(frame.placement.apply_inverse(tuple(points.T)), len(points))
 
 
 def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
-    """Find the transverse axis and the notch.
-
-    Args:
-        sheets: of the femoral cartilage.
-        findings: to which sentences are added.
-        axis: the axis, where it is known.
-        notch_mm: the notch along the axis, where it is known.
+    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless they are
+    given; `findings` gets sentences.
 
     Raises:
         InputProblem: the mesh has not the size or the place of a femur's cartilage.
@@ -121,17 +115,11 @@ def find_plateaus(
     findings: list[str],
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:
-    """Take the tibial cartilage apart into compartments.
+    """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
+    upwards.
 
-    Args:
-        sheets: of the tibial cartilage.
-        femur: what it meets.
-        tibia: pose of the tibia in the femur at which the meshes meet.
-        findings: to which sentences are added.
-        split_mm: lateral place, tibia frame, at which the compartments part, where it is known.
-
-    Returns:
-        Name (`medial`, `lateral`) -> sheet, facing upwards.
+    `tibia` is the pose in the femur at which the meshes meet, `split_mm` the lateral place, tibia
+    frame, at which the compartments part, where it is given.
 
     Raises:
         InputProblem: the meshes do not meet, or both parts lie on one side of the notch.
@@ -182,13 +170,9 @@ def condyle_region(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Angles, degrees, and widths, mm, over which a condyle can meet its plateau.
 
-    It begins a margin before the plateau's foremost point at the reference pose, since a knee may
-    extend further, and ends with the cartilage.
-
-    Args:
-        femur: both condyles.
-        cloud: the condyle, with the trochlea of its side.
-        tibial: points of the plateau at the reference pose, femur frame.
+    It begins a margin before the foremost of the plateau's points, `tibial`, at the reference pose,
+    since a knee may extend further, and ends with the cartilage. The condyle comes with the
+    trochlea of its side.
     """
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
@@ -200,14 +184,17 @@ def condyle_region(
 
 def moved(placement: Placement, points: np.ndarray) -> np.ndarray:
     """Points after a motion, shape `(n, 3)`."""
-    there = placement.apply(tuple(points.T))
-    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in there], axis=1)
+    return _rows(placement.apply(tuple(points.T)), len(points))
 
 
 def joined(sheets: list[Sheet]) -> Cloud:
     """Corners of several sheets."""
     parts = zip(*(sheet.corners() for sheet in sheets), strict=True)
     return Cloud(*(np.concatenate(part) for part in parts))
+
+
+def _rows(vector, count: int) -> np.ndarray:
+    return np.stack([np.broadcast_to(np.asarray(c), count) for c in vector], axis=1)
 
 
 def _middle_circle(points: np.ndarray) -> Frame:
@@ -220,8 +207,7 @@ def _middle_circle(points: np.ndarray) -> Frame:
 def _radial(axis: Frame, sheet: Sheet) -> np.ndarray:
     away = in_frame(axis, sheet.centers)
     away[:, 2] = 0.0
-    turned = axis.placement.turn(tuple(away.T))
-    away = np.stack([np.broadcast_to(np.asarray(c), len(away)) for c in turned], axis=1)
+    away = _rows(axis.placement.turn(tuple(away.T)), len(away))
     return away / np.linalg.norm(away, axis=1, keepdims=True)
 
 
@@ -237,10 +223,7 @@ def _by_height(points: np.ndarray):
 def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
     """The sheet with its articular side out; of a volume, its articular side alone.
 
-    Args:
-        sheet: as read.
-        direction: towards the joint, one unit vector a triangle.
-        findings: to which a sentence is added where something was done.
+    `direction` is towards the joint, one unit vector a triangle.
     """
     along = np.einsum("ij,ij->i", sheet.normals, direction)
     if not sheet.closed:
@@ -253,25 +236,17 @@ def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> S
 
 
 def outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
-    """Without sheets that lie behind another one.
+    """Sheets of one bone without those that lie behind another one.
 
-    Args:
-        sheets: all of one bone.
-        place: points -> two parameters, in units of a cell, and the height over them.
-        word: for the sheet that is kept, in the sentence.
-        findings: to which a sentence is added for each sheet that is left out.
+    `place` gives two parameters of points, in units of a cell, and the height over them; `word` is
+    for the sheet that is kept, in the sentence on the others.
     """
     kept: list[Sheet] = []
-    grids = {id(sheet): _heights(*place(sheet.corners()[0])) for sheet in sheets}
-    for sheet in sheets:
-        own, behind = grids[id(sheet)], False
-        for other in sheets:
-            shared = own.keys() & grids[id(other)].keys()
-            if other is sheet or 2 * len(shared) < len(own):
-                continue
-            higher = np.mean([grids[id(other)][c] - own[c] for c in shared])
-            behind = behind or higher > 0
-        if behind:
+    grids = [_heights(*place(sheet.corners()[0])) for sheet in sheets]
+    for sheet, own in zip(sheets, grids, strict=True):
+        shared = ((grid, own.keys() & grid.keys()) for grid in grids if grid is not own)
+        if any(2 * len(cells) >= len(own) and np.mean([grid[c] - own[c] for c in cells]) > 0
+               for grid, cells in shared):
             text = "a second sheet behind the first was left out"
             findings.append(f"{Path(sheet.name).name}: {text}: the {word} one carries contact.")
         else:

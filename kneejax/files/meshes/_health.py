@@ -87,29 +87,19 @@ class Sheet:
 
 
 def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[Sheet], list[str]]:
-    """Read a mesh, repair it, and take it apart into connected sheets.
+    """Read a mesh (see `read_mesh_points`), repair it, and take it apart into connected sheets."""
+    return take_apart(read_mesh_points(path, unit), os.fspath(path))
 
-    Args:
-        path: as in `read_mesh_points`.
-        unit: see `read_mesh_points`.
+
+def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
+    """Repair a mesh, which findings call by a name, and take it apart into connected sheets.
 
     Returns:
         Sheets, the largest first, without fragments of less than a twentieth of the area; and what
         was found and repaired, one sentence each.
 
     Raises:
-        InputProblem: the file is not a mesh, or one beyond repair.
-    """
-    mesh = read_mesh_points(path, unit)
-    return take_apart(mesh, os.fspath(path))
-
-
-def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """As `read_sheets`, of a mesh in memory.
-
-    Args:
-        mesh: the mesh.
-        name: what findings call it.
+        InputProblem: the mesh is beyond repair.
     """
     findings: list[str] = []
     named = Path(name).name
@@ -164,15 +154,8 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
 
 
 def check_holes(sheet: Sheet, findings: list[str]) -> None:
-    """Say which holes a sheet has, and refuse those that are too large to be bridged.
-
-    Args:
-        sheet: any sheet.
-        findings: to which sentences are added.
-
-    Raises:
-        InputProblem: a hole is wider than `LARGEST_HOLE_MM`.
-    """
+    """Add a sentence for each hole of a sheet; InputProblem for one wider than `LARGEST_HOLE_MM`,
+    which is too large to be bridged."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
     is_border = lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
@@ -275,14 +258,8 @@ def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
 
 
 def narrowest(sheet: Sheet) -> float | None:
-    """Where along Z a sheet of two compartments is narrowest between them, mm.
-
-    Args:
-        sheet: the sheet.
-
-    Returns:
-        The place; None where it is not narrower there.
-    """
+    """Where along Z a sheet of two compartments is narrowest between them, mm; None where it is
+    not narrower there."""
     z = sheet.centers[:, 2]
     edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
     width, _ = np.histogram(z, edges, weights=sheet.face_areas)

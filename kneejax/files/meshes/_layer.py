@@ -1,4 +1,4 @@
-"""Thickness of the layer that femoral and tibial cartilage form together."""
+"""Thickness of the layer that femoral and tibial cartilage form together: down to the bones."""
 
 from __future__ import annotations
 
@@ -8,8 +8,7 @@ import numpy as np
 
 from kneejax.files.meshes._anatomy import Cloud, Femur, in_frame, joined
 from kneejax.files.meshes._health import Sheet
-from kneejax.files.meshes._region import SheetFit
-from kneejax.files.meshes._thickness import thickness as thickness_below
+from kneejax.files.meshes._surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 
 #: Thickness of both cartilages where nothing is known of it, mm.
@@ -17,6 +16,12 @@ ASSUMED_MM = 6.0
 #: A field is nowhere thinner than this, mm: else it is taken simpler.
 _THINNEST_MM = 0.5
 _DEGREES = (3, 2, 1)
+#: Bone is looked for this far below and above the cartilage's surface, mm.
+DEEPEST_MM, HIGHEST_MM = 12.0, 4.0
+#: Cartilage may end below the bone's surface at its rims: meshes are refused where more than this
+#: share of the area lies deeper than this, mm.
+MOST_NEGATIVE, TOUCHING_MM = 0.2, 0.1
+_CELL_MM = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,16 +54,7 @@ def find_layer(
     bones: tuple[list[Sheet], list[Sheet]] | None,
     findings: list[str],
 ) -> Layer:
-    """Measure the layer between the bones.
-
-    Args:
-        name: of the compartment.
-        condyle: its fit and contact region.
-        plateau: likewise.
-        femur: whose cartilage holds the condyle's points.
-        sheet: of the plateau.
-        bones: surfaces of femur and tibia; None where they are not known.
-        findings: to which a sentence is added.
+    """Measure the layer of a compartment between the surfaces of the bones, where they are known.
 
     Raises:
         InputProblem: cartilage lies below its bone.
@@ -67,8 +63,8 @@ def find_layer(
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
     on_condyle = _of_region(femur.cloud, condyle)
     tibial = joined([sheet])
-    above_femur = thickness_below(on_condyle, bones[0], f"{name} femoral")
-    above_tibia = thickness_below(tibial, bones[1], f"{name} tibial")
+    above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
+    above_tibia = thickness(tibial, bones[1], f"{name} tibial")
     known = np.isfinite(above_femur)
     femoral = float(np.average(above_femur[known], weights=on_condyle.areas[known]))
     known = np.isfinite(above_tibia)
@@ -98,16 +94,8 @@ def chosen(
     name: str,
     findings: list[str],
 ) -> Layer:
-    """The layer as the knee file gets it.
-
-    Args:
-        found: what was measured.
-        given_mm: a thickness that a person gave.
-        kind: `constant` or `field`.
-        plateau: over whose parameters a field is given.
-        name: of the compartment.
-        findings: to which a sentence is added.
-    """
+    """The layer as the knee file gets it: by a thickness that a person gave, `constant`, or a
+    `field` over the plateau's parameters."""
     if given_mm is not None:
         return Layer(float(given_mm), "given at import")
     if kind == "constant":
@@ -167,3 +155,76 @@ def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
     for (i, j), c in zip(powers, solution, strict=True):
         table[i, j] = c
     return table
+
+
+def distances_along(
+    points: np.ndarray, directions: np.ndarray, sheets: list[Sheet]
+) -> np.ndarray:
+    """Signed distance along lines to the nearest bone surface that is met from outside, mm, `(n,)`.
+
+    `points` are `(n, 3)`, mm, `directions` unit vectors into the bone; sheets of the bone may be
+    closed or open, which then may face either way. Negative where the bone's surface lies above
+    the point, NaN where there is none from `HIGHEST_MM` above to `DEEPEST_MM` below.
+
+    Source: Moeller and Trumbore, Journal of Graphics Tools 2 (1997).
+    """
+    corner = [np.concatenate([s.points[s.faces[:, k]] for s in sheets]) for k in range(3)]
+    sided = np.concatenate([np.full(len(s.faces), s.closed) for s in sheets])
+    center = sum(corner) / 3.0
+    reach = max(float(np.linalg.norm(c - center, axis=1).max()) for c in corner)
+    answer = np.full(len(points), np.nan)
+    # Neighbouring lines see the same few triangles.
+    _, cell = np.unique(np.floor(points / _CELL_MM).astype(int), axis=0, return_inverse=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(cell.ravel()[order])) + 1):
+        down, up = DEEPEST_MM * directions[rows], HIGHEST_MM * directions[rows]
+        box = np.r_[points[rows] + down, points[rows] - up]
+        near = ((center > box.min(axis=0) - reach) & (center < box.max(axis=0) + reach)).all(axis=1)
+        if near.any():
+            a, b, c = (x[near] for x in corner)
+            answer[rows] = _nearest(points[rows], directions[rows], a, b, c, sided[near])
+    return answer
+
+
+def thickness(cartilage: Cloud, bone: list[Sheet], what: str) -> np.ndarray:
+    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below.
+
+    Raises:
+        InputProblem: no bone lies below most of it, or it lies below the bone's surface.
+    """
+    found = distances_along(cartilage.points, -cartilage.normals, bone)
+    known = np.isfinite(found)
+    name = bone[0].name
+    share = float(np.average(known, weights=cartilage.areas))
+    if share < 0.5:
+        expected = f"bone below the {what} cartilage; do both meshes have one frame?"
+        value = f"below {100 * share:.0f} % of the cartilage"
+        raise InputProblem(name, "place", value, expected)
+    below = float(np.average(found[known] < -TOUCHING_MM, weights=cartilage.areas[known]))
+    if below > MOST_NEGATIVE:
+        expected = f"a {what} cartilage thicker than zero, above its bone"
+        value = f"negative over {100 * below:.0f} % of the cartilage"
+        raise InputProblem(name, "thickness", value, expected)
+    return found
+
+
+def _nearest(points, directions, a, b, c, sided) -> np.ndarray:
+    ab, ac = b - a, c - a
+    normal = np.cross(ab, ac)
+    # Positive where a line enters the solid through the triangle.
+    entering = -directions @ normal.T
+    ok = np.abs(entering) > 1e-12
+    scale = np.where(ok, entering, 1.0)
+    to_a = points[:, None] - a[None]
+    distance = np.einsum("pti,ti->pt", to_a, normal) / scale
+    turned = np.cross(to_a, -directions[:, None])
+    u = -np.einsum("pti,ti->pt", turned, ac) / scale
+    v = np.einsum("pti,ti->pt", turned, ab) / scale
+    slack = 1e-9
+    hit = ok & (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack)
+    hit &= (entering > 0) | ~sided
+    hit &= (distance > -HIGHEST_MM) & (distance < DEEPEST_MM)
+    size = np.where(hit, np.abs(distance), np.inf)
+    best = np.argmin(size, axis=1)
+    rows = np.arange(len(points))
+    return np.where(np.isfinite(size[rows, best]), distance[rows, best], np.nan)

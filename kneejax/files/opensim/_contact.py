@@ -255,9 +255,9 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
-        from kneejax.files.meshes import import_meshes
+        from kneejax.files.meshes import MeshOptions, import_meshes
 
-        options = dict(
+        options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
             femur_bone=backs[0] if varies else None,
             tibia_bone=backs[1] if varies else None,
@@ -269,7 +269,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
             reference_pose=Pose.from_table(read.knee.pose),
             source=", ".join(mesh.file for mesh in pair),
         )
-        found = import_meshes(*sheets, side=SIDES[read.knee.side], **options)
+        found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
     document = copy.deepcopy(read.document)
     document["contacts"] = dict(found.contacts)
     stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
