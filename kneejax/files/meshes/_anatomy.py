@@ -35,17 +35,11 @@ _LEAST_OF_TWO = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class Cloud:
-    """Corners of an articular surface, mm, in its bone's frame.
+    """Corners of an articular surface, mm, in its bone's frame."""
 
-    Attributes:
-        points: shape `(n, 3)`.
-        areas: mm^2 that each stands for.
-        normals: outward unit normals there.
-    """
-
-    points: np.ndarray
-    areas: np.ndarray
-    normals: np.ndarray
+    points: np.ndarray  # shape `(n, 3)`
+    areas: np.ndarray  # mm^2 that each stands for
+    normals: np.ndarray  # outward unit normals there
 
     def kept(self, rows: np.ndarray) -> Cloud:
         """The part with these rows."""
@@ -54,17 +48,11 @@ class Cloud:
 
 @dataclasses.dataclass(frozen=True)
 class Femur:
-    """Articular surface of the femur.
+    """Articular surface of the femur."""
 
-    Attributes:
-        cloud: of both condyles and the trochlea.
-        axis: its Z is the transverse axis.
-        notch_mm: the intercondylar notch along the axis.
-    """
-
-    cloud: Cloud
-    axis: Frame
-    notch_mm: float
+    cloud: Cloud  # of both condyles and the trochlea
+    axis: Frame  # its Z is the transverse axis
+    notch_mm: float  # the intercondylar notch along the axis
 
     def cylindrical(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle from anterior, rad; distance from the axis and place along it, mm."""

@@ -26,19 +26,12 @@ _MOST_BRANCHING = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """A connected, consistently wound part of a mesh.
+    """A connected, consistently wound part of a mesh."""
 
-    Attributes:
-        points: corners of the whole mesh, shape `(n, 3)`, mm.
-        faces: rows of three corners, shape `(m, 3)`.
-        closed: whether it bounds a volume; its normals then point outwards.
-        name: the file.
-    """
-
-    points: np.ndarray
-    faces: np.ndarray
-    closed: bool
-    name: str
+    points: np.ndarray  # corners of the whole mesh, shape `(n, 3)`, mm
+    faces: np.ndarray  # rows of three corners, shape `(m, 3)`
+    closed: bool  # whether it bounds a volume; its normals then point outwards
+    name: str  # the file
 
     @property
     def area(self) -> float:

@@ -26,22 +26,17 @@ _CELL_MM = 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Layer:
-    """Thickness of a compartment's layer.
+    """Thickness of a compartment's layer."""
 
-    Attributes:
-        thickness_mm: mean over the contact region.
-        source: how it was found.
-        places: tibial points at which it is known, tibia frame; None where it was not measured.
-        there_mm: thickness there; the femoral share is its mean, since that part moves.
-        weights: area that each place stands for in the contact region, or less outside.
-        variation: polynomial over the plateau's scaled parameters that is added, or None.
-    """
-
-    thickness_mm: float
-    source: str
+    thickness_mm: float  # mean over the contact region
+    source: str  # how it was found
+    # tibial points at which it is known, tibia frame; None where it was not measured
     places: np.ndarray | None = None
+    # thickness there; the femoral share is its mean, since that part moves
     there_mm: np.ndarray | None = None
+    # area that each place stands for in the contact region, or less outside
     weights: np.ndarray | None = None
+    # polynomial over the plateau's scaled parameters that is added, or None
     variation: np.ndarray | None = None
 
 

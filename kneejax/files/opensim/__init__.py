@@ -10,7 +10,7 @@ _MODULES = {
     for module, names in {
         "model": ["SMALLEST_MODEL"],
         "functions": ["simm_splines"],
-        "registration": ["FRAMES", "Registration", "registered"],
+        "frames": ["FRAMES", "Registration", "registered"],
         "import": ["OsimImport", "import_osim"],
         "report": ["format_import_report", "import_sections"],
         "contact": ["OsimGeometry", "add_osim_contacts"],
@@ -31,14 +31,14 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._coupled import transform_axes as transform_axes
     from kneejax.files.opensim._export import OsimExport as OsimExport
     from kneejax.files.opensim._export import export_osim as export_osim
+    from kneejax.files.opensim._frames import FRAMES as FRAMES
+    from kneejax.files.opensim._frames import Registration as Registration
+    from kneejax.files.opensim._frames import registered as registered
     from kneejax.files.opensim._functions import simm_splines as simm_splines
     from kneejax.files.opensim._import import OsimImport as OsimImport
     from kneejax.files.opensim._import import import_osim as import_osim
     from kneejax.files.opensim._model import SMALLEST_MODEL as SMALLEST_MODEL
     from kneejax.files.opensim._record import read_activity as read_activity
-    from kneejax.files.opensim._registration import FRAMES as FRAMES
-    from kneejax.files.opensim._registration import Registration as Registration
-    from kneejax.files.opensim._registration import registered as registered
     from kneejax.files.opensim._report import format_import_report as format_import_report
     from kneejax.files.opensim._report import import_sections as import_sections
     from kneejax.files.opensim._whole_body import WholeBody as WholeBody

@@ -30,60 +30,34 @@ _LAWS = {"linear": "linear", "nonlinear": "log"}
 
 @dataclasses.dataclass(frozen=True)
 class OsimMesh:
-    """A contact mesh.
-
-    Attributes:
-        name: of the element.
-        bone: `femur`, `tibia` or `patella`.
-        file: name of the surface's file, without folders.
-        back_file: likewise of its back; empty if none is named.
-        frame: from the mesh's coordinates to the bone's.
-        scale: factors of the vertices along x, y, z.
-        youngs_modulus_MPa: of its layer.
-        poisson_ratio: of its layer.
-        thickness_mm: of its layer, where it does not vary.
-        varies: whether the layer reaches from the surface to its back.
-    """
+    """A contact mesh."""
 
     name: str
-    bone: str
-    file: str
-    back_file: str
-    frame: Offset
-    scale: tuple[float, float, float]
-    youngs_modulus_MPa: float
-    poisson_ratio: float
-    thickness_mm: float
-    varies: bool
+    bone: str  # `femur`, `tibia` or `patella`
+    file: str  # name of the surface's file, without folders
+    back_file: str  # likewise of its back; empty if none is named
+    frame: Offset  # from the mesh's coordinates to the bone's
+    scale: tuple[float, float, float]  # factors of the vertices along x, y, z
+    youngs_modulus_MPa: float  # of its layer
+    poisson_ratio: float  # of its layer
+    thickness_mm: float  # of its layer, where it does not vary
+    varies: bool  # whether the layer reaches from the surface to its back
 
 
 @dataclasses.dataclass(frozen=True)
 class OsimContact:
-    """A contact of the femur with the tibia or the patella.
-
-    Attributes:
-        name: of the force.
-        femur: the femur's mesh.
-        other: the other bone's mesh.
-        law: of `kneejax.mechanics.cartilage_law`.
-        youngs_modulus_MPa: of the one layer that stands for both.
-        poisson_ratio: likewise.
-        layer_thickness_mm: both together.
-        findings: what was taken from where.
-        doubts: where the one layer is not the model's.
-        element: the force in the file.
-    """
+    """A contact of the femur with the tibia or the patella."""
 
     name: str
-    femur: OsimMesh
-    other: OsimMesh
-    law: str
-    youngs_modulus_MPa: float
+    femur: OsimMesh  # the femur's mesh
+    other: OsimMesh  # the other bone's mesh
+    law: str  # of `kneejax.mechanics.cartilage_law`
+    youngs_modulus_MPa: float  # of the one layer that stands for both
     poisson_ratio: float
-    layer_thickness_mm: float
-    findings: tuple[str, ...]
-    doubts: tuple[str, ...]
-    element: Element
+    layer_thickness_mm: float  # both together
+    findings: tuple[str, ...]  # what was taken from where
+    doubts: tuple[str, ...]  # where the one layer is not the model's
+    element: Element  # the force in the file
 
 
 def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:

@@ -17,6 +17,7 @@ from kneejax.files._bundled import bundled_knees
 from kneejax.files._knees import check_kind, load_knee_file
 from kneejax.files.knee import KneeFile, check_knee, read_knee
 from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
+from kneejax.files.opensim._frames import SAME
 from kneejax.files.opensim._import import OsimImport, import_osim
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.opensim._ligaments import KIND, NUMBERS
@@ -24,7 +25,6 @@ from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._motions import Offset, angles_xyz, turn_xyz
 from kneejax.files.opensim._numbers import METRES_TO_MM, radians, shifted, unshifted, write_decimal
 from kneejax.files.opensim._paths import WRAP_KINDS
-from kneejax.files.opensim._registration import SAME
 from kneejax.files.opensim._xml import Element, etree
 from kneejax.files.reading import Field, InputProblem, load_yaml
 from kneejax.geometry import FEMUR, TIBIA

@@ -29,21 +29,13 @@ _LEAST_N, _MOST_N, _MOST_NM = 5.0, 2e4, 300.0
 
 @dataclasses.dataclass(frozen=True)
 class ExternalForce:
-    """A force of a table on a body.
-
-    Attributes:
-        name: of the force.
-        body: on which it acts.
-        force_in: body whose axes the force and the torque are along.
-        point_in: body in whose frame the point is.
-        force: columns, three; likewise point and torque, or none.
-    """
+    """A force of a table on a body."""
 
     name: str
-    body: str
-    force_in: str
-    point_in: str
-    force: tuple[str, ...]
+    body: str  # on which it acts
+    force_in: str  # body whose axes the force and the torque are along
+    point_in: str  # body in whose frame the point is
+    force: tuple[str, ...]  # columns, three; likewise point and torque, or none
     point: tuple[str, ...]
     torque: tuple[str, ...]
 
@@ -58,17 +50,11 @@ class ExternalForce:
 
 @dataclasses.dataclass(frozen=True)
 class ExternalLoads:
-    """Forces from the ground over time.
+    """Forces from the ground over time."""
 
-    Attributes:
-        table: with the columns.
-        forces: of the file, those that apply.
-        doubts: what looks wrong in the file, a sentence each.
-    """
-
-    table: Storage
-    forces: tuple[ExternalForce, ...]
-    doubts: tuple[str, ...]
+    table: Storage  # with the columns
+    forces: tuple[ExternalForce, ...]  # of the file, those that apply
+    doubts: tuple[str, ...]  # what looks wrong in the file, a sentence each
 
 
 def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalLoads:

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from kneejax.files.knee import ENDS, check_knee
-from kneejax.files.opensim._axes import anatomical, turned
 from kneejax.files.opensim._contact import OsimContact, find_contacts
+from kneejax.files.opensim._frames import anatomical, turned
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
 from kneejax.files.opensim._ligaments import (
     Found,
@@ -23,8 +23,8 @@ from kneejax.files.opensim._ligaments import (
     outside_obstacles,
 )
 from kneejax.files.opensim._model import Model, read_model
+from kneejax.files.opensim._muscles import PatellaSection, find_muscles, patella_section
 from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
-from kneejax.files.opensim._patella import PatellaSection, find_muscles, patella_section
 from kneejax.files.opensim._paths import OsimWrap, file_names
 from kneejax.files.opensim._untaken import (
     ACTS,

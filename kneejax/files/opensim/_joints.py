@@ -37,65 +37,39 @@ _AXES = {
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """A coordinate of a joint.
-
-    Attributes:
-        name: its name.
-        default: rad or m; what a function of time has at its beginning, where one prescribes it.
-        range: rad or m; None if the file states none.
-        locked: whether it cannot move.
-        clamped: whether it stays within its range.
-        prescribed: the function of time that prescribes it; None without.
-    """
+    """A coordinate of a joint."""
 
     name: str
+    # rad or m; what a function of time has at its beginning, where one prescribes it
     default: float
-    range: tuple[float, float] | None
-    locked: bool
-    clamped: bool
-    prescribed: Element | None = None
+    range: tuple[float, float] | None  # rad or m; None if the file states none
+    locked: bool  # whether it cannot move
+    clamped: bool  # whether it stays within its range
+    prescribed: Element | None = None  # the function of time that prescribes it; None without
 
 
 @dataclasses.dataclass(frozen=True)
 class Axis:
-    """A rotation or translation of a joint.
+    """A rotation or translation of a joint."""
 
-    Attributes:
-        turns: whether it is a rotation.
-        direction: unit vector in the axes that the rotations before it have turned.
-        coordinates: names of the function's arguments.
-        function: amount as a function of them; None for the coordinate itself.
-    """
-
-    turns: bool
-    direction: np.ndarray
-    coordinates: tuple[str, ...]
-    function: Element | None
+    turns: bool  # whether it is a rotation
+    direction: np.ndarray  # unit vector in the axes that the rotations before it have turned
+    coordinates: tuple[str, ...]  # names of the function's arguments
+    function: Element | None  # amount as a function of them; None for the coordinate itself
 
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """A joint between two bodies.
-
-    Attributes:
-        element: in the file.
-        parent: body.
-        child: body.
-        parent_frame: from the joint's frame on the parent to the parent.
-        child_frame: likewise on the child.
-        coordinates: in order.
-        axes: in order, rotations first.
-        reverse: whether the axes state the parent's motion in the child.
-    """
+    """A joint between two bodies."""
 
     element: Element
     parent: str
     child: str
-    parent_frame: Offset
-    child_frame: Offset
+    parent_frame: Offset  # from the joint's frame on the parent to the parent
+    child_frame: Offset  # likewise on the child
     coordinates: tuple[Coordinate, ...]
-    axes: tuple[Axis, ...]
-    reverse: bool = False
+    axes: tuple[Axis, ...]  # in order, rotations first
+    reverse: bool = False  # whether the axes state the parent's motion in the child
 
     @property
     def name(self) -> str:
@@ -171,19 +145,12 @@ class Joint:
 
 @dataclasses.dataclass(frozen=True)
 class Movement:
-    """A model that moves.
-
-    Attributes:
-        model: as read.
-        joints: of the model.
-        values: coordinate -> rad or m, one shape `(...)`.
-        placed: body -> where it is in the ground.
-    """
+    """A model that moves."""
 
     model: Model
     joints: tuple[Joint, ...]
-    values: dict[str, np.ndarray]
-    placed: dict[str, Rigid]
+    values: dict[str, np.ndarray]  # coordinate -> rad or m, one shape `(...)`
+    placed: dict[str, Rigid]  # body -> where it is in the ground
 
     def between(self, first: str, second: str) -> Rigid:
         """Where a body is in another: from the second's coordinates to the first's."""

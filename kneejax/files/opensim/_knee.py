@@ -36,36 +36,22 @@ _ABOVE = re.compile(r"pelvis|hips?(?:$|[^a-z])|sacrum|torso", re.IGNORECASE)
 
 @dataclasses.dataclass(frozen=True)
 class OsimKneeJoint:
-    """The knee of a model.
+    """The knee of a model."""
 
-    Attributes:
-        side: `r` or `l`.
-        femur: body whose frame is the femur's.
-        tibia: likewise.
-        joints: between them, from the femur to the tibia.
-        rigid: body -> (`femur`, `tibia` or `patella`, the motion from the body's to that bone's
-            coordinates), for the bones and what does not move against them.
-        tibia_in_femur: motion of the tibia at the coordinates' defaults, in the model's axes.
-        findings: what was taken as what.
-        doubts: what a person should look at.
-        patella: its body; empty without one.
-        patella_in_femur: as `tibia_in_femur`.
-        turned: whether the bones' axes are others than those of their bodies.
-        unusual: what was taken otherwise than in most models, a sentence each.
-    """
-
-    side: str
-    femur: str
+    side: str  # `r` or `l`
+    femur: str  # body whose frame is the femur's
     tibia: str
-    joints: tuple[Joint, ...]
+    joints: tuple[Joint, ...]  # between them, from the femur to the tibia
+    # body -> (`femur`, `tibia` or `patella`, the motion from the body's to that bone's
+    # coordinates), for the bones and what does not move against them
     rigid: dict[str, tuple[str, Offset]]
-    tibia_in_femur: Offset
-    findings: tuple[str, ...]
-    doubts: tuple[str, ...]
-    patella: str = ""
-    patella_in_femur: Offset = dataclasses.field(default_factory=Offset)
-    turned: bool = False
-    unusual: tuple[str, ...] = ()
+    tibia_in_femur: Offset  # motion of the tibia at the coordinates' defaults, in the model's axes
+    findings: tuple[str, ...]  # what was taken as what
+    doubts: tuple[str, ...]  # what a person should look at
+    patella: str = ""  # its body; empty without one
+    patella_in_femur: Offset = dataclasses.field(default_factory=Offset)  # as `tibia_in_femur`
+    turned: bool = False  # whether the bones' axes are others than those of their bodies
+    unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
     def bone_of(self, body: str) -> str:
         """`femur`, `tibia` or `patella`, of which a body is part; empty for another one."""

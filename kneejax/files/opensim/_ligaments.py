@@ -37,41 +37,30 @@ NUMBERS = {
 
 @dataclasses.dataclass(frozen=True)
 class OsimLigament:
-    """A fibre that spans the knee.
-
-    Attributes:
-        element: in the file.
-        key: its name; with `#2` if another fibre before it has the same.
-        points: from the first of two bones to the second: femur, patella, tibia.
-        wrap: what it goes around; None if nothing.
-        numbers: field of a knee file -> number of the model, in SI.
-        assumed: fields that stand neither at the fibre nor in <defaults>.
-    """
+    """A fibre that spans the knee."""
 
     element: Element
-    key: str
+    key: str  # its name; with `#2` if another fibre before it has the same
+    # from the first of two bones to the second: femur, patella, tibia
     points: tuple[OsimPoint, ...]
-    wrap: OsimWrap | None
-    numbers: dict[str, Decimal]
-    assumed: tuple[str, ...]
+    wrap: OsimWrap | None  # what it goes around; None if nothing
+    numbers: dict[str, Decimal]  # field of a knee file -> number of the model, in SI
+    assumed: tuple[str, ...]  # fields that stand neither at the fibre nor in <defaults>
 
 
 @dataclasses.dataclass
 class Found:
-    """What was found on looking for fibres.
+    """What was found on looking for fibres."""
 
-    Attributes:
-        ligaments: those that span the knee and are supported.
-        outside: name -> why it does not belong to this knee.
-        unsupported: name -> why it cannot be read though it belongs to the knee.
-        notes: what else should be said, a sentence each.
-        answered: elements of those that are not supported.
-    """
-
+    # those that span the knee and are supported
     ligaments: list[OsimLigament] = dataclasses.field(default_factory=list)
+    # name -> why it does not belong to this knee
     outside: dict[str, str] = dataclasses.field(default_factory=dict)
+    # name -> why it cannot be read though it belongs to the knee
     unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
+    # what else should be said, a sentence each
     notes: list[str] = dataclasses.field(default_factory=list)
+    # elements of those that are not supported
     answered: list[Element] = dataclasses.field(default_factory=list)
 
 

@@ -31,19 +31,12 @@ _ORDER = FEMUR, PATELLA, TIBIA
 
 @dataclasses.dataclass(frozen=True)
 class OsimPoint:
-    """A point of a path.
-
-    Attributes:
-        element: in the file.
-        body: that carries its frame.
-        frame: from the coordinates that it is stated in to the body's.
-        location: m, as stated.
-    """
+    """A point of a path."""
 
     element: Element
-    body: str
-    frame: Offset
-    location: Point
+    body: str  # that carries its frame
+    frame: Offset  # from the coordinates that it is stated in to the body's
+    location: Point  # m, as stated
 
     def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
         """The motion from the coordinates that it is stated in to its bone's."""
@@ -64,21 +57,13 @@ class OsimPoint:
 
 @dataclasses.dataclass(frozen=True)
 class OsimWrap:
-    """A wrap object.
-
-    Attributes:
-        element: in the file.
-        key: its name; with `#2` if another one before it has the same.
-        body: that carries it.
-        frame: from the carrier's coordinates to the body's.
-        active: whether the model uses it.
-    """
+    """A wrap object."""
 
     element: Element
-    key: str
-    body: str
-    frame: Offset
-    active: bool
+    key: str  # its name; with `#2` if another one before it has the same
+    body: str  # that carries it
+    frame: Offset  # from the carrier's coordinates to the body's
+    active: bool  # whether the model uses it
 
     @property
     def side(self) -> str:

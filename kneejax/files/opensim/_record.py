@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._crossing import Crossing, crossing, muscles_of, tension_of_ligament
+from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
 from kneejax.files.opensim._ground import (
     ExternalLoads,
     of_contacts,
@@ -29,6 +29,7 @@ from kneejax.files.opensim._joints import (
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._motions import MIRROR, Rigid, angles_xyz, poses_of, turn_xyz
+from kneejax.files.opensim._muscles import Crossing, crossing, muscles_of, tension_of_ligament
 from kneejax.files.opensim._record_checks import (
     bodies_below,
     check_movement,
@@ -38,7 +39,6 @@ from kneejax.files.opensim._record_checks import (
     record_doubts,
     with_prescribed,
 )
-from kneejax.files.opensim._registration import Registration, flexion_coordinate, registration
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State

@@ -33,19 +33,12 @@ _KINDS = (
 
 @dataclasses.dataclass(frozen=True)
 class Untaken:
-    """A force or a constraint of a model that is no part of the imported knee.
-
-    Attributes:
-        element: in the file.
-        how: one of the sentences above.
-        on: the bodies and coordinates of the knee that it is attached to.
-        muscle_or_patella: whether it goes with these.
-    """
+    """A force or a constraint of a model that is no part of the imported knee."""
 
     element: Element
-    how: str
-    on: tuple[str, ...]
-    muscle_or_patella: bool
+    how: str  # one of the sentences above
+    on: tuple[str, ...]  # the bodies and coordinates of the knee that it is attached to
+    muscle_or_patella: bool  # whether it goes with these
 
     @property
     def name(self) -> str:

@@ -15,11 +15,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
+from kneejax.files.opensim._frames import flexion_coordinate
 from kneejax.files.opensim._ground import read_external_loads
 from kneejax.files.opensim._joints import coordinate_columns, read_joints
 from kneejax.files.opensim._knee import SIDES, find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
-from kneejax.files.opensim._registration import flexion_coordinate
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
 from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
