@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections import deque
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from kneejax.files.meshes._points import MeshPoints, read_mesh_points
 from kneejax.files.reading import InputProblem, counted
@@ -213,25 +214,16 @@ def _edges(faces: np.ndarray):
 
 def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):
     """Number of the part of each face, and whether it is wound against the part's first face."""
-    both = np.r_[pairs, pairs[:, ::-1]]
-    turned = np.r_[same_way, same_way]
-    order = np.argsort(both[:, 0], kind="stable")
-    other, turned = both[order, 1].tolist(), turned[order].tolist()
-    start = np.searchsorted(both[order, 0], np.arange(count + 1)).tolist()
-    part, flip, number = [-1] * count, [False] * count, 0
-    for seed in range(count):
-        if part[seed] >= 0:
-            continue
-        part[seed], queue = number, deque([seed])
-        while queue:
-            face = queue.popleft()
-            for k in range(start[face], start[face + 1]):
-                if part[other[k]] < 0:
-                    part[other[k]] = number
-                    flip[other[k]] = flip[face] != turned[k]
-                    queue.append(other[k])
-        number += 1
-    return np.array(part), np.array(flip)
+    # A node for each face as it is, and one for it turned: an edge joins those wound alike.
+    first, second = pairs.T
+    ends = np.r_[first, first + count], np.r_[second + count * same_way, second + count * ~same_way]
+    labels = [
+        connected_components(coo_array((np.ones(len(a)), (a, b)), (size, size)), directed=False)[1]
+        for (a, b), size in (((first, second), count), (ends, 2 * count))
+    ]
+    part, wound = labels
+    leader = np.unique(part, return_index=True)[1][part]
+    return part, wound[:count] != wound[leader]
 
 
 def _volume(sheet: Sheet) -> float:

@@ -15,7 +15,7 @@ from kneejax.files.meshes import _layer as layer
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes._surfaces import PATCH_MM, SheetFit, fit_compartment, fit_patellofemoral
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Pose
+from kneejax.geometry import Condyle, Frame, Pose
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
@@ -223,8 +223,8 @@ def import_meshes(
             "points": _points(plateau),
             "layer_thickness_mm": round(found.thickness_mm, 3),
             **varies,
-            "femoral_surface": _condyle_document(condyle, stated),
-            "tibial_surface": _plateau_document(plateau, stated),
+            "femoral_surface": _surface(condyle, stated),
+            "tibial_surface": _surface(plateau, stated),
         }
         contacts[name] = _contact(options, contact, ["layer_thickness_mm", *varies], found.source,
                                   left)
@@ -240,8 +240,8 @@ def import_meshes(
         contact = {
             "points": _points(patella),
             "layer_thickness_mm": float(given_mm or layer.ASSUMED_MM),
-            "femoral_surface": _condyle_document(trochlea, stated),
-            "patellar_surface": _plateau_document(patella, on_patella),
+            "femoral_surface": _surface(trochlea, stated),
+            "patellar_surface": _surface(patella, on_patella),
         }
         said = "given at import" if given_mm else "assumed"
         patellofemoral = _contact(options, contact, ["layer_thickness_mm"], said, left)
@@ -319,44 +319,27 @@ def _points(part: SheetFit) -> list[int]:
     return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
 
 
-def _condyle_document(part: SheetFit, stated: str) -> dict[str, Any]:
+def _surface(part: SheetFit, stated: str) -> dict[str, Any]:
+    """An entry of a knee document."""
     surface = part.fit.surface
-    return {
-        "kind": "condyle",
-        "axis_point_mm": _listed(surface.frame.origin),
-        **_turn(surface.frame, "axis_rotation_deg"),
-        "basis": surface.basis,
-        "angle_deg": _listed(np.rad2deg(surface.angle)),
-        "width_mm": _listed(surface.width),
-        **_shared(part, stated),
-    }
-
-
-def _plateau_document(part: SheetFit, stated: str) -> dict[str, Any]:
-    surface = part.fit.surface
-    return {
-        "kind": "plateau",
-        "origin_mm": _listed(surface.frame.origin),
-        **_turn(surface.frame, "rotation_deg"),
-        "basis": surface.basis,
-        "outline_mm": _listed(surface.outline),
-        "anterior_mm": _listed(surface.x),
-        "lateral_mm": _listed(surface.z),
-        **_shared(part, stated),
-    }
-
-
-def _shared(part: SheetFit, stated: str) -> dict[str, Any]:
-    return {
-        "coefficients_mm": _listed(part.fit.surface.coefficients),
+    names = "plateau", "origin_mm", "rotation_deg"
+    if isinstance(surface, Condyle):
+        names = "condyle", "axis_point_mm", "axis_rotation_deg"
+        limits = {"angle_deg": np.rad2deg(surface.angle), "width_mm": surface.width}
+    else:
+        limits = {"outline_mm": surface.outline, "anterior_mm": surface.x, "lateral_mm": surface.z}
+    kind, origin, rotation = names
+    entry: dict[str, Any] = {"kind": kind, origin: _listed(surface.frame.origin)}
+    if surface.frame.rotation is not None:
+        entry[rotation] = _listed(np.rad2deg(surface.frame.rotation))
+    entry["basis"] = surface.basis
+    entry |= {name: _listed(value) for name, value in limits.items()}
+    return entry | {
+        "coefficients_mm": _listed(surface.coefficients),
         "source": f"smoothed spline fitted to {stated}",
         "fit_rms_mm": round(part.quality.rms, 4),
         "fit_max_mm": round(part.quality.maximum, 4),
     }
-
-
-def _turn(frame: Frame, name: str) -> dict[str, Any]:
-    return {} if frame.rotation is None else {name: _listed(np.rad2deg(frame.rotation))}
 
 
 def _listed(values) -> list:

@@ -142,13 +142,11 @@ def _of_region(cloud: Cloud, condyle: SheetFit) -> Cloud:
 
 
 def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
-    powers = [(i, j) for i in range(degree + 1) for j in range(degree + 1 - i)]
-    root = np.sqrt(weights)
-    columns = np.stack([s**i * t**j for i, j in powers], axis=1) * root[:, None]
-    solution, *_ = np.linalg.lstsq(columns, root * values, rcond=None)
-    table = np.zeros((degree + 1, degree + 1))
-    for (i, j), c in zip(powers, solution, strict=True):
-        table[i, j] = c
+    """Coefficients of the nearest polynomial of a whole degree."""
+    table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
+    powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
+    columns = np.polynomial.polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
+    table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
     return table
 
 
