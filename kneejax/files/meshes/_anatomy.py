@@ -13,7 +13,7 @@ import numpy as np
 
 from kneejax.files.meshes._health import Sheet, borders, narrowest
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Placement, fit_plane, full
+from kneejax.geometry import Frame, Placement, full
 
 #: Femur and tibia meet within this distance at the reference pose, mm.
 FARTHEST_MM = 50.0
@@ -41,7 +41,7 @@ class Cloud:
     areas: np.ndarray  # mm^2 that each stands for
     normals: np.ndarray  # outward unit normals there
 
-    def kept(self, rows: np.ndarray) -> Cloud:
+    def kept(self, rows) -> Cloud:
         """The part with these rows."""
         return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
 
@@ -85,10 +85,18 @@ def find_femur(
     if not _WIDEST_MM[0] < width < _WIDEST_MM[1]:
         expected = f"a femoral cartilage {_WIDEST_MM[0]:g} to {_WIDEST_MM[1]:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
-    center = _middle_circle(points) if axis is None else axis
+    center = axis
+    if center is None:  # of the circle nearest to the points seen from the side
+        columns = np.c_[2.0 * points[:, :2], np.ones(len(points))]
+        solution, *_ = np.linalg.lstsq(columns, (points[:, :2] ** 2).sum(axis=1), rcond=None)
+        center = Frame([solution[0], solution[1], 0.0])
+
+    def by_angle(places: np.ndarray):
+        angle, radius, along = cylindrical(center, places)
+        return angle * 10.0, along / 3.0, radius
+
     facing = [towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
-    facing = outermost(facing, lambda p: _by_angle(center, p), "outer", findings)
-    cloud = joined(facing)
+    cloud = joined(outermost(facing, by_angle, "outer", findings))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
         notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
@@ -117,7 +125,8 @@ def find_plateaus(
         towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
         for sheet in sheets
     ]
-    facing = outermost(facing, _by_height, "upper", findings)
+    facing = outermost(
+        facing, lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
     parts = _parted(facing, split_mm, femur, tibia, findings)
     found: dict[str, Sheet] = {}
@@ -133,11 +142,6 @@ def find_plateaus(
     if len(found) == 1:
         findings.append(f"{Path(name).name}: only a {next(iter(found))} compartment was found.")
     return {side: found[side] for side in ("medial", "lateral") if side in found}
-
-
-def plateau_frame(cloud: Cloud) -> Frame:
-    """Frame in the middle of a plateau, its Y normal to the plane nearest to the points."""
-    return fit_plane(cloud.points, cloud.areas).surface.frame
 
 
 def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
@@ -185,27 +189,11 @@ def _rows(vector, count: int) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(c), count) for c in vector], axis=1)
 
 
-def _middle_circle(points: np.ndarray) -> Frame:
-    """A frame at the centre of the circle nearest to the points seen from the side."""
-    columns = np.c_[2.0 * points[:, :2], np.ones(len(points))]
-    solution, *_ = np.linalg.lstsq(columns, (points[:, :2] ** 2).sum(axis=1), rcond=None)
-    return Frame([solution[0], solution[1], 0.0])
-
-
 def _radial(axis: Frame, sheet: Sheet) -> np.ndarray:
     away = in_frame(axis, sheet.centers)
     away[:, 2] = 0.0
     away = _rows(axis.placement.turn(tuple(away.T)), len(away))
     return away / np.linalg.norm(away, axis=1, keepdims=True)
-
-
-def _by_angle(axis: Frame, points: np.ndarray):
-    angle, radius, along = cylindrical(axis, points)
-    return angle * 10.0, along / 3.0, radius
-
-
-def _by_height(points: np.ndarray):
-    return points[:, 0] / 3.0, points[:, 2] / 3.0, points[:, 1]
 
 
 def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:

@@ -56,7 +56,9 @@ def find_layer(
     """
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
-    on_condyle = _of_region(femur.cloud, condyle)
+    # Points of the condyle's contact region with their normals.
+    wanted = {tuple(p) for p in condyle.fit.points[condyle.region].tolist()}
+    on_condyle = femur.cloud.kept([tuple(p) in wanted for p in femur.cloud.points.tolist()])
     tibial = joined([sheet])
     above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
     above_tibia = thickness(tibial, bones[1], f"{name} tibial")
@@ -133,12 +135,6 @@ def _with_corners(s, t, values, weights):
         np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]],
         np.r_[weights, own],
     )  # fmt: skip
-
-
-def _of_region(cloud: Cloud, condyle: SheetFit) -> Cloud:
-    """Points of the condyle's contact region with their normals."""
-    wanted = {tuple(p) for p in condyle.fit.points[condyle.region].tolist()}
-    return cloud.kept(np.array([tuple(p) in wanted for p in cloud.points.tolist()]))
 
 
 def _fitted(s, t, values, weights, degree: int) -> np.ndarray:

@@ -18,6 +18,7 @@ from kneejax.geometry import (
     Plateau,
     SplineFit,
     fit_condyle_spline,
+    fit_plane,
     fit_plateau_spline,
 )
 
@@ -97,7 +98,7 @@ def fit_compartment(
     angle = angle if angle_deg is None else tuple(float(a) for a in angle_deg)
     try:
         condyle = fit_condyle_spline(cloud.points, angle, width, femur.axis, cloud.areas, **splines)
-        plateau = _fit_plateau(sheet, anatomy.plateau_frame(tibial), splines)
+        plateau = _fit_plateau(sheet, fit_plane(tibial.points, tibial.areas).surface.frame, splines)
     except ValueError as error:
         raise InputProblem(sheet.name, name, str(error), "enough of both cartilages") from None
     on_condyle, on_plateau = contact_regions(femur, condyle, at_reference)

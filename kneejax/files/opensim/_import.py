@@ -113,17 +113,16 @@ class OsimImport:
         """How many of which kind the knee has not: of what acts on it, is switched off, or is
         elsewhere in the model."""
         fibres = [element.tag for element in self.found.answered]
-        parts = [
-            (numbers_of_kinds([*fibres, *self._tags(lambda how: how not in (OFF, ELSEWHERE))],
-                              self.bodies), "left out"),
-            (f"{len(self.without)}" if self.without else "", "left out by --without"),
-            (numbers_of_kinds(self._tags(lambda how: how == OFF)), "switched off in the model"),
-            (numbers_of_kinds(self._tags(lambda how: how == ELSEWHERE)), "not at this knee"),
-        ]
-        return "; ".join(f"{numbers} {what}" for numbers, what in parts if numbers)
-
-    def _tags(self, which) -> list[str]:
-        return [one.element.tag for one in self.untaken if which(one.how)]
+        tags = collections.defaultdict(list, {ACTS: fibres})
+        for one in self.untaken:
+            tags[one.how if one.how in (OFF, ELSEWHERE) else ACTS].append(one.element.tag)
+        parts = {
+            "left out": numbers_of_kinds(tags[ACTS], self.bodies),
+            "as asked by --without": f"{len(self.without)}" if self.without else "",
+            "switched off in the model": numbers_of_kinds(tags[OFF]),
+            "not at this knee": numbers_of_kinds(tags[ELSEWHERE]),
+        }
+        return "; ".join(f"{what}: {numbers}" for what, numbers in parts.items() if numbers)
 
 
 def import_osim(

@@ -114,7 +114,7 @@ def _wrap(read: OsimImport, name: str) -> str:
 
 
 def _left_out(read: OsimImport) -> list[str]:
-    lines = [f"In all: {read.numbers_left_out}."] if read.numbers_left_out else []
+    lines = [f"In all, {read.numbers_left_out}."] if read.numbers_left_out else []
     if read.bodies:
         lines.append(f"Bodies, part of neither bone: {', '.join(read.bodies)}.")
     by_reason = collections.defaultdict(list)

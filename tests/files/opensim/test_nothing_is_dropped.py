@@ -193,9 +193,9 @@ def test_menisci_and_their_contacts_and_horns_are_counted():
         "Smith2018ArticularContactForce (1): femur_on_meniscus",
     ]
     assert list(found.document["ligaments"]) == ["LCL"]
-    assert found.numbers_left_out == "1 contact, 1 fibre, 1 meniscus left out"
+    assert found.numbers_left_out == "left out: 1 contact, 1 fibre, 1 meniscus"
     report = format_import_report(found)
-    assert "- In all: 1 contact, 1 fibre, 1 meniscus left out.\n- Bodies" in report
+    assert "- In all, left out: 1 contact, 1 fibre, 1 meniscus.\n- Bodies" in report
     assert read(SMALLEST_MODEL).numbers_left_out == ""
 
 
