@@ -14,10 +14,10 @@ import pytest
 from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
+from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._joints import moved
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
-from kneejax.files.opensim._motions import Rigid
 from kneejax.files.opensim._muscles import crossing
 from kneejax.files.opensim._record import acting_on, moved_around, sorted_files
 from kneejax.files.opensim._record_checks import bodies_below

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Offset, shifted
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._motions import Offset
-from kneejax.files.opensim._numbers import METRES_TO_MM, PASCAL_TO_MPA, shifted
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose

@@ -17,13 +17,22 @@ from kneejax.files._bundled import bundled_knees
 from kneejax.files._knees import check_kind, load_knee_file
 from kneejax.files.knee import KneeFile, check_knee, read_knee
 from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
+from kneejax.files.opensim._exact import (
+    METRES_TO_MM,
+    Offset,
+    Point,
+    angles_xyz,
+    radians,
+    shifted,
+    turn_xyz,
+    unshifted,
+    write_decimal,
+)
 from kneejax.files.opensim._frames import SAME
 from kneejax.files.opensim._import import OsimImport, import_osim
 from kneejax.files.opensim._knee import SIDES
 from kneejax.files.opensim._ligaments import KIND, NUMBERS
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._motions import Offset, angles_xyz, turn_xyz
-from kneejax.files.opensim._numbers import METRES_TO_MM, radians, shifted, unshifted, write_decimal
 from kneejax.files.opensim._paths import WRAP_KINDS
 from kneejax.files.opensim._xml import Element, etree
 from kneejax.files.reading import Field, InputProblem, load_yaml
@@ -178,37 +187,32 @@ class _Edits:
         elif changed and leaf is not None:
             leaf.set_words(words, changed)
 
-    def place(self, parent: Element, tag: str, carrier: Offset, old_mm, new_mm) -> None:
-        """Move a point that a child states in coordinates which `carrier` takes to the bone's."""
-        changed = [i for i in range(3) if float(new_mm[i]) != old_mm[i]]
+    def vector(self, parent: Element, tag: str, carrier: Offset, old, new, turns=False) -> None:
+        """Move a point, mm, or turn what has three angles, degrees, which a child states in
+        coordinates that `carrier` takes to the bone's."""
+        changed = [i for i in range(3) if float(new[i]) != old[i]]
         if not changed:
             return
-        x, y, z = (unshifted(value, METRES_TO_MM) for value in new_mm)
-        location, stated = carrier.point_back((x, y, z)), self.model.point(parent, tag)
+        given = [radians(float(x)) if turns else unshifted(x, METRES_TO_MM) for x in new]
         if carrier.rotation is None:
-            kept = [location[i] if i in changed else stated[i] for i in range(3)]
+            stated = self.model.point(parent, tag)
+            inner = given if turns else carrier.point_back((given[0], given[1], given[2]))
+            kept = [inner[i] if i in changed else stated[i] for i in range(3)]
             return self.numbers(parent, tag, kept, changed)
+        back = carrier.matrix.T
+        if turns:
+            inner = _decimals(angles_xyz(back @ turn_xyz(np.deg2rad(new))))
+            return self.numbers(parent, tag, inner, range(3))
+        inner = carrier.point_back((given[0], given[1], given[2]))
         for _ in range(3):  # a rounding of the way there is taken back
-            there = carrier.point(location)
-            missing = [float(new) - shifted(x, METRES_TO_MM)
-                       for new, x in zip(new_mm, there, strict=True)]
-            step = carrier.matrix.T @ np.array(missing) / 1e3
-            a, b, c = (Decimal(repr(float(old) + float(more)))
-                       for old, more in zip(location, step, strict=True))
-            location = a, b, c
-        self.numbers(parent, tag, location, range(3))
+            there = [shifted(x, METRES_TO_MM) for x in carrier.point(inner)]
+            inner = _decimals(np.array(inner, float) + back @ np.subtract(new, there) / 1e3)
+        self.numbers(parent, tag, inner, range(3))
 
-    def turn(self, parent: Element, tag: str, carrier: Offset, old_deg, new_deg) -> None:
-        """Turn a wrap object; likewise."""
-        changed = [i for i in range(3) if float(new_deg[i]) != old_deg[i]]
-        if not changed:
-            return
-        stated = self.model.point(parent, tag)
-        if carrier.rotation is None:
-            kept = [radians(float(new_deg[i])) if i in changed else stated[i] for i in range(3)]
-            return self.numbers(parent, tag, kept, changed)
-        inner = angles_xyz(carrier.matrix.T @ turn_xyz(np.deg2rad(new_deg)))
-        self.numbers(parent, tag, [Decimal(repr(float(x))) for x in inner], range(3))
+
+def _decimals(values: np.ndarray) -> Point:
+    x, y, z = (Decimal(repr(float(value))) for value in values)
+    return x, y, z
 
 
 def _write_ligaments(
@@ -247,7 +251,7 @@ def _write_ligaments(
                 one, other = one["point_mm"], other["point_mm"]
             else:
                 field = "tibial_attachment_mm" if i else "femoral_attachment_mm"
-            edits.place(point.element, "location", point.carrier_in_bone(base.knee), other, one)
+            edits.vector(point.element, "location", point.carrier_in_bone(base.knee), other, one)
             edits.say(f"{name}.{field}", other, one)
         wrap = entry.get("wrap")
         if wrap is not None:  # by the name that it has when the model is read again
@@ -270,10 +274,10 @@ def _write_wraps(edits: _Edits, stated: _Stated, base: OsimImport) -> None:
         for field in ("kind", "bone", "side"):
             stated.check_same(f"wraps.{name}.{field}", entry.get(field), old.get(field))
         carrier, straight = wrap.carrier_in_bone(base.knee), [0.0, 0.0, 0.0]
-        for field, tag, write in (("center_mm", "translation", edits.place),
-                                  ("rotation_deg", "xyz_body_rotation", edits.turn)):
+        for field, tag, turns in (("center_mm", "translation", False),
+                                  ("rotation_deg", "xyz_body_rotation", True)):
             was, new = (x.get(field, straight) for x in (old, entry))
-            write(wrap.element, tag, carrier, was, new)
+            edits.vector(wrap.element, tag, carrier, was, new, turns)
             edits.say(f"{name}.{field}", was, new)
         for field, tag, count in WRAP_KINDS[wrap.element.tag][1]:
             new, was = (x[field] if count > 1 else [x[field]] for x in (entry, old))

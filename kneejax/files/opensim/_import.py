@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from kneejax.files.knee import ENDS, check_knee
+from kneejax.files.knee import check_knee
 from kneejax.files.opensim._contact import OsimContact, find_contacts
 from kneejax.files.opensim._frames import anatomical, turned
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
@@ -24,26 +24,19 @@ from kneejax.files.opensim._ligaments import (
 )
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._muscles import PatellaSection, find_muscles, patella_section
-from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
 from kneejax.files.opensim._paths import OsimWrap, file_names
 from kneejax.files.opensim._untaken import (
     ACTS,
     ELSEWHERE,
     OFF,
     Untaken,
-    bodies_between,
     listed,
     numbers_of_kinds,
     untaken,
 )
-from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import Field, InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
-from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
-#: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
-#: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
-TRANSITION_WIDTH = 1e-4
 #: Fibres are hardly ever softer: N per unit strain.
 SOFT_N = 50.0
 
@@ -200,16 +193,15 @@ def import_osim(
                             for there in (False, True))
     section = _patella(model, whole, beside, knee, at or {}) if patella else PatellaSection({}, ())
     taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
-    bodies = [body for body in bodies_between(model, knee) if patella or "menisc" in body.lower()]
     if section.document:
         taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
     else:
-        bodies += [knee.patella] if patella and knee.patella else []
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-    others = [
-        one for one in untaken(model, knee, taken)
-        if one.element.name not in left_out and (patella or not one.muscle_or_patella)
-    ]
+    others, bodies = untaken(model, knee, taken)
+    others = [one for one in others if one.element.name not in left_out
+              and (patella or not one.muscle_or_patella)]
+    bodies = [body for body in bodies if patella or "menisc" in body.lower()]
+    bodies += [knee.patella] if patella and knee.patella and not section.document else []
     doubts = section.doubts
     if not section.document and any(x.muscle_or_patella and x.how == ACTS for x in others):
         doubts += (f"{section.notes[0]} --without-patella does without it and its muscles.",)
@@ -291,7 +283,7 @@ def _patella(
         )
     names = {wrap.element: name for wrap, name in _wrap_names(every)}
     keys = file_names((x.key for x in beside), "L")
-    entries = {name: _ligament(one, whole, file, names)
+    entries = {name: one.document(whole, file, names)
                for name, one in zip(keys, beside, strict=True)}
     section = patella_section(model, whole, entries, muscles, names, file, notes)
     return dataclasses.replace(section, doubts=tuple(doubts) if section.document else ())
@@ -322,7 +314,7 @@ def _document(read: OsimImport) -> dict[str, Any]:
         "side": side,
         "description": f"The {side} knee of the OpenSim model {model.root.name or file} ({file})",
         "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True)) | {"source": source},
-        "ligaments": {name: _ligament(one, knee, file, names)
+        "ligaments": {name: one.document(knee, file, names)
                       for name, one in read.ligaments.items()},
         "contacts": {},
         "wraps": {name: wrap.document(model, knee, file) for name, wrap in read.wraps.items()},
@@ -334,31 +326,6 @@ def _document(read: OsimImport) -> dict[str, Any]:
         if not document[section]:
             del document[section]
     return document
-
-
-def _ligament(
-    ligament: OsimLigament, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
-) -> dict[str, Any]:
-    bones = [knee.bone_of(point.body) for point in ligament.points]
-    places = [point.in_bone_mm(knee) for point in ligament.points]
-    ends = {bone: field for field, bone in ENDS.items()}
-    entry: dict[str, Any] = {ends[bones[0]]: places[0]}
-    if len(places) > 2:
-        entry["via_points"] = [
-            {"bone": bone, "point_mm": place}
-            for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
-        ]
-    entry[ends[bones[-1]]] = places[-1]
-    if ligament.wrap is not None:
-        entry["wrap"] = wraps[ligament.wrap.element]
-    for field, value in ligament.numbers.items():
-        entry[field] = shifted(value, METRES_TO_MM if field == "slack_length_mm" else 0)
-    entry["transition_width"] = TRANSITION_WIDTH
-    entry["failure_strain"] = float(usual_failure_strain([ligament.key])[0])
-    source = f"{file}, {ligament.element.tag} {ligament.key}; failure_strain: {FAILURE_SOURCE}"
-    if ligament.assumed:
-        source += f"; OpenSim's default: {', '.join(ligament.assumed)}"
-    return entry | {"source": source}
 
 
 def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:

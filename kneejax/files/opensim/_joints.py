@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim._exact import Offset, Rigid, turn_about
 from kneejax.files.opensim._functions import (
     FUNCTIONS,
     UnknownFunction,
@@ -17,7 +18,6 @@ from kneejax.files.opensim._functions import (
     function_of,
 )
 from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._motions import Offset, Rigid, turn_about
 from kneejax.files.opensim._xml import Element
 from kneejax.files.tables import Storage, last_word
 

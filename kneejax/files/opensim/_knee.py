@@ -7,6 +7,7 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
 
+from kneejax.files.opensim._exact import Offset, Rigid, poses_of
 from kneejax.files.opensim._joints import (
     Joint,
     at_defaults,
@@ -15,7 +16,6 @@ from kneejax.files.opensim._joints import (
     unit_of,
 )
 from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._motions import Offset, Rigid, poses_of
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 

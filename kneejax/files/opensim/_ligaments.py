@@ -5,9 +5,12 @@ from __future__ import annotations
 import collections
 import dataclasses
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 
+from kneejax.files.knee import ENDS
+from kneejax.files.opensim._exact import METRES_TO_MM, shifted
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._paths import (
@@ -21,8 +24,11 @@ from kneejax.files.opensim._paths import (
 )
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import counted
-from kneejax.mechanics import RANGES
+from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
 
+#: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
+#: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
+TRANSITION_WIDTH = 1e-4
 #: A point this little inside an obstacle is a matter of digitising.
 SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
@@ -46,6 +52,32 @@ class OsimLigament:
     wrap: OsimWrap | None  # what it goes around; None if nothing
     numbers: dict[str, Decimal]  # field of a knee file -> number of the model, in SI
     assumed: tuple[str, ...]  # fields that stand neither at the fibre nor in <defaults>
+
+    def document(
+        self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
+    ) -> dict[str, Any]:
+        """The entry of a knee file, whose source is a model by this name and whose wrap objects
+        have these names."""
+        bones = [knee.bone_of(point.body) for point in self.points]
+        places = [point.in_bone_mm(knee) for point in self.points]
+        ends = {bone: field for field, bone in ENDS.items()}
+        entry: dict[str, Any] = {ends[bones[0]]: places[0]}
+        if len(places) > 2:
+            entry["via_points"] = [
+                {"bone": bone, "point_mm": place}
+                for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
+            ]
+        entry[ends[bones[-1]]] = places[-1]
+        if self.wrap is not None:
+            entry["wrap"] = wraps[self.wrap.element]
+        for field, value in self.numbers.items():
+            entry[field] = shifted(value, METRES_TO_MM if field == "slack_length_mm" else 0)
+        entry["transition_width"] = TRANSITION_WIDTH
+        entry["failure_strain"] = float(usual_failure_strain([self.key])[0])
+        source = f"{file}, {self.element.tag} {self.key}; failure_strain: {FAILURE_SOURCE}"
+        if self.assumed:
+            source += f"; OpenSim's default: {', '.join(self.assumed)}"
+        return entry | {"source": source}
 
 
 @dataclasses.dataclass

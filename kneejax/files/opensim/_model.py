@@ -8,8 +8,7 @@ import re
 from collections.abc import Iterator
 from decimal import Decimal
 
-from kneejax.files.opensim._motions import Offset, Point
-from kneejax.files.opensim._numbers import read_decimal
+from kneejax.files.opensim._exact import Offset, Point, read_decimal
 from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
 
 KIND = "an OpenSim model"

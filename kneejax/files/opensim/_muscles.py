@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files.knee import build_obstacle
+from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._functions import evaluate, function_of
 from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import KIND
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._motions import Rigid
 from kneejax.files.opensim._paths import (
     WRAP_KINDS,
     OsimPoint,

@@ -10,10 +10,18 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim._exact import (
+    METRES_TO_MM,
+    ORIGIN,
+    Offset,
+    Point,
+    angles_xyz,
+    degrees,
+    shifted,
+    turn_xyz,
+)
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._motions import ORIGIN, Offset, Point, angles_xyz, turn_xyz
-from kneejax.files.opensim._numbers import METRES_TO_MM, degrees, shifted
 from kneejax.files.opensim._xml import Element
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 

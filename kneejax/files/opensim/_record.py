@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim import _record_checks as checks
+from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, poses_of, turn_xyz
 from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
 from kneejax.files.opensim._ground import (
     ExternalLoads,
@@ -28,17 +30,7 @@ from kneejax.files.opensim._joints import (
 )
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._motions import MIRROR, Rigid, angles_xyz, poses_of, turn_xyz
 from kneejax.files.opensim._muscles import Crossing, crossing, muscles_of, tension_of_ligament
-from kneejax.files.opensim._record_checks import (
-    bodies_below,
-    check_movement,
-    check_reaction,
-    check_tensions,
-    missing_words,
-    record_doubts,
-    with_prescribed,
-)
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State
@@ -113,7 +105,7 @@ def read_activity(
         shifts = registration(model, bones, knee, document or {}, shifts)
     around = moved_around(model, bones, given.motion, time)
     movement = around.at(2)
-    below = bodies_below(movement.joints, bones)
+    below = checks.bodies_below(movement.joints, bones)
     frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
                  for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
     mass, ground = 0.0, None
@@ -122,8 +114,8 @@ def read_activity(
     else:
         acting, mass, ground = acting_on(given, movement, around, below, frames_of[TIBIA], time)
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    doubts += record_doubts(model, bones, below, given.motion)
-    notes += missing_words(model, bones, below, given.motion)
+    doubts += checks.record_doubts(model, bones, below, given.motion)
+    notes += checks.missing_words(model, bones, below, given.motion)
     if given.ground is not None:
         doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
     elif ground is not None and not ground.any():
@@ -190,13 +182,13 @@ def moved_around(
     """The model at five instants about each of `(n,)`, along a first axis."""
     columns, flexion = coordinate_columns(model, table), flexion_coordinate(model, bones)
     angles_rad(table, columns[flexion])
-    check_movement(bones, table)
+    checks.check_movement(bones, table)
     steps = time + _STEP_S * np.arange(-2, 3)[:, None]
     values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
     if table.in_degrees:
         angles = turning(read_joints(model))
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
-    values = with_prescribed(model, values, steps)
+    values = checks.with_prescribed(model, values, steps)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for c in coordinates_of(bones.joints)} & {*values} - {flexion}:
         values[name] = np.broadcast_to(values[name][2], values[name].shape)
@@ -258,7 +250,7 @@ def _reaction(
             raise InputProblem(table.file, "columns", f"no JOINT{ending}", expected)
         ends[axis] = found[-1]
     parts = table.at(time, [*ends.values()]).reshape(3, 3, -1).swapaxes(1, 2)
-    check_reaction(table, parts, ends)
+    checks.check_reaction(table, parts, ends)
     mirror = np.diag(MIRROR[bones.side])
     force, moment, point = parts * np.stack([mirror, mirror * mirror.prod(), mirror])[:, None]
     about = 1e3 * moment + np.cross(1e3 * point + shifts.tibia, force)
@@ -275,7 +267,7 @@ def _muscles(
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")
         empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
         return empty, np.zeros(count)
-    check_tensions(movement.model, table)
+    checks.check_tensions(movement.model, table)
     by_name = {last_word(name): name for name in table.columns}
     for name in (*(way.name for way in found.muscles), *found.on_patella):
         if name not in by_name:

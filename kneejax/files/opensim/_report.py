@@ -5,9 +5,9 @@ from __future__ import annotations
 import collections
 
 from kneejax.files.opensim._contact import FORCE
-from kneejax.files.opensim._import import TRANSITION_WIDTH, OsimImport
+from kneejax.files.opensim._import import OsimImport
 from kneejax.files.opensim._knee import SIDES
-from kneejax.files.opensim._ligaments import KIND
+from kneejax.files.opensim._ligaments import KIND, TRANSITION_WIDTH
 from kneejax.files.opensim._untaken import ELSEWHERE, listed
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import ligament_law

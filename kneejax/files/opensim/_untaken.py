@@ -47,8 +47,11 @@ class Untaken:
         return (self.element.name or self.element.tag) + (f" drives {drives}" if drives else "")
 
 
-def untaken(model: Model, knee: OsimKneeJoint, taken: Iterable[Element]) -> list[Untaken]:
-    """Forces and constraints but those that were read or about which everything has been said.
+def untaken(
+    model: Model, knee: OsimKneeJoint, taken: Iterable[Element]
+) -> tuple[list[Untaken], list[str]]:
+    """Forces and constraints but those that were read or about which everything has been said, and
+    bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
 
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
@@ -59,7 +62,8 @@ def untaken(model: Model, knee: OsimKneeJoint, taken: Iterable[Element]) -> list
     own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
     cut = [*between, *(joint for joint in joints if joint.element in own)]
-    near = {*knee.rigid, *(body for joint in between for body in beyond(joints, cut, joint.child))}
+    inner = dict.fromkeys(body for joint in between for body in beyond(joints, cut, joint.child))
+    near = {*knee.rigid, *inner}
     parts: dict[str, int] = {}
     for body in [knee.femur, knee.tibia, *model.bodies]:
         if body not in parts:
@@ -84,17 +88,7 @@ def untaken(model: Model, knee: OsimKneeJoint, taken: Iterable[Element]) -> list
         patella = any(knee.bone_of(body) == PATELLA for body in on)
         said = tuple(sorted(on & near if across else set()) + sorted(asked))
         answer.append(Untaken(element, how, said, patella or element.tag.endswith("Muscle")))
-    return answer
-
-
-def bodies_between(model: Model, knee: OsimKneeJoint) -> list[str]:
-    """Bodies at the knee that are part of none of its bones: menisci, a patella that is not
-    read, what hangs on them."""
-    joints = read_joints(model)
-    between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
-    cut = [*between, *knee.joints]
-    found = [body for joint in between for body in beyond(joints, cut, joint.child)]
-    return [body for body in dict.fromkeys(found) if body not in knee.rigid]
+    return answer, [body for body in inner if body not in knee.rigid]
 
 
 def listed(found: Collection[Untaken]) -> list[str]:

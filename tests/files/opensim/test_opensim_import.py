@@ -17,9 +17,9 @@ from kneejax.files import (
     write_knee,
 )
 from kneejax.files.opensim._contact import OsimMesh
-from kneejax.files.opensim._motions import Offset
-from kneejax.files.opensim._numbers import (
+from kneejax.files.opensim._exact import (
     METRES_TO_MM,
+    Offset,
     degrees,
     radians,
     read_decimal,
