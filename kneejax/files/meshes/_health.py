@@ -99,8 +99,7 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     named = Path(name).name
     if mesh.scale != 1.0:
         findings.append(f"{named}: lengths were multiplied by {mesh.scale:g} to be in mm.")
-    points, faces = _merged(mesh, name, findings)
-    faces = _without_degenerate(points, faces, name, findings)
+    points, faces = _cleaned(mesh, name, findings)
     pairs, same_way, open_edges, branching = _edges(faces)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
         value = f"{branching} with more than two triangles"
@@ -119,12 +118,20 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
         turned += int(flipped.sum())
         own = np.where(flipped[:, None], faces[rows][:, ::-1], faces[rows])
         sheet = Sheet(points, own, not boundary[number], name)
-        if sheet.closed and _volume(sheet) < 0:
+        a, b, c = (points[own[:, k]] for k in range(3))
+        if sheet.closed and np.einsum("ij,ij->", a, np.cross(b, c)) < 0:  # six times its volume
             sheet, turned = sheet.turned(), turned + len(own)
         sheets.append(sheet)
     if turned:
         findings.append(f"{named}: {turned} of {len(faces)} triangles faced the other way; turned.")
-    return _large(sheets, name, findings), findings
+    sheets = sorted(sheets, key=lambda sheet: -sheet.area)
+    total = sum(sheet.area for sheet in sheets)
+    large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
+    if len(large) < len(sheets):
+        lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
+        fragments = counted(len(sheets) - len(large), "fragment")
+        findings.append(f"{named}: left out {fragments} with {lost:.1f} % of the area.")
+    return large, findings
 
 
 def borders(sheet: Sheet) -> list[np.ndarray]:
@@ -169,23 +176,19 @@ def _length(line: np.ndarray) -> float:
     return float(np.linalg.norm(line - np.roll(line, -1, axis=0), axis=1).sum())
 
 
-def _merged(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners, those that coincide as one, and triangles with area, each once."""
     _, first, place = np.unique(
         np.round(mesh.points_mm / _SAME_MM), axis=0, return_index=True, return_inverse=True
     )
-    if len(first) < len(mesh.points_mm):
-        count, named = len(mesh.points_mm) - len(first), Path(name).name
+    count, named = len(mesh.points_mm) - len(first), Path(name).name
+    if count:
         findings.append(f"{named}: corners that coincide with others, merged: {count}.")
-    return mesh.points_mm[first], place.ravel()[mesh.faces]
-
-
-def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.ndarray:
+    points, faces = mesh.points_mm[first], place.ravel()[mesh.faces]
     a, b, c = (points[faces[:, k]] for k in range(3))
     flat = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) < _SMALLEST_MM2
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     twice = np.ones(len(faces), bool)
-    twice[first] = False
-    named = Path(name).name
+    twice[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = False
     for wrong, what in ((flat, "without area"), (twice & ~flat, "that stood there twice")):
         if wrong.any():
             findings.append(f"{named}: left out {counted(wrong.sum(), 'triangle')} {what}.")
@@ -193,7 +196,7 @@ def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.nda
     if len(faces) < 4:
         value = f"{len(faces)} with area"
         raise InputProblem(name, "faces", value, "a mesh of triangles with area")
-    return faces
+    return points, faces
 
 
 def _edges(faces: np.ndarray):
@@ -224,22 +227,6 @@ def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):
     part, wound = labels
     leader = np.unique(part, return_index=True)[1][part]
     return part, wound[:count] != wound[leader]
-
-
-def _volume(sheet: Sheet) -> float:
-    a, b, c = (sheet.points[sheet.faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-
-
-def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
-    sheets = sorted(sheets, key=lambda sheet: -sheet.area)
-    total = sum(sheet.area for sheet in sheets)
-    large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
-    if len(large) < len(sheets):
-        lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
-        fragments = counted(len(sheets) - len(large), "fragment")
-        findings.append(f"{Path(name).name}: left out {fragments} with {lost:.1f} % of the area.")
-    return large
 
 
 def narrowest(sheet: Sheet) -> float | None:

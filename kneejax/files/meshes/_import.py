@@ -216,8 +216,10 @@ def import_meshes(
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
-        found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
-        found = layer.chosen(found, given_mm, options.thickness, plateau, name, findings)
+        found = layer.Layer(float(given_mm or 0.0), "given at import")
+        if given_mm is None:
+            found = layer.find_layer(
+                name, condyle, plateau, femur, sheet, bones, options.thickness, findings)
         varies = {} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}
         contact = {
             "points": _points(plateau),

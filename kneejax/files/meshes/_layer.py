@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import polynomial
 
 from kneejax.files.meshes._anatomy import Cloud, Femur, in_frame, joined
 from kneejax.files.meshes._health import Sheet
@@ -24,19 +25,12 @@ MOST_NEGATIVE, TOUCHING_MM = 0.2, 0.1
 _CELL_MM = 5.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Layer:
-    """Thickness of a compartment's layer."""
+class Layer(NamedTuple):
+    """Thickness of a compartment's layer: mean over the contact region, how it was found, and a
+    polynomial over the plateau's scaled parameters that is added, or None."""
 
-    thickness_mm: float  # mean over the contact region
-    source: str  # how it was found
-    # tibial points at which it is known, tibia frame; None where it was not measured
-    places: np.ndarray | None = None
-    # thickness there; the femoral share is its mean, since that part moves
-    there_mm: np.ndarray | None = None
-    # area that each place stands for in the contact region, or less outside
-    weights: np.ndarray | None = None
-    # polynomial over the plateau's scaled parameters that is added, or None
+    thickness_mm: float
+    source: str
     variation: np.ndarray | None = None
 
 
@@ -47,9 +41,11 @@ def find_layer(
     femur: Femur,
     sheet: Sheet,
     bones: tuple[list[Sheet], list[Sheet]] | None,
+    kind: str,
     findings: list[str],
 ) -> Layer:
-    """Measure the layer of a compartment between the surfaces of the bones, where they are known.
+    """Measure the layer of a compartment between the surfaces of the bones, where they are known:
+    `constant`, or a `field` over the plateau's parameters.
 
     Raises:
         InputProblem: cartilage lies below its bone.
@@ -71,56 +67,39 @@ def find_layer(
         f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on the tibia, on "
         "average over the contact region."
     )
-    if femoral + own < _THINNEST_MM:
-        value = f"{femoral + own:.2f} mm in the {name} contact region"
+    mean = femoral + own
+    if mean < _THINNEST_MM:
+        value = f"{mean:.2f} mm in the {name} contact region"
         expected = f"cartilage of at least {_THINNEST_MM:g} mm on both bones together"
         raise InputProblem(sheet.name, "thickness", value, expected)
-    # What lies outside the contact region steers a field little, and keeps it in bounds.
-    weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
     source = "mean distance along the normal from cartilage to bone, both bones, contact region"
-    return Layer(
-        femoral + own, source, tibial.points[known], femoral + above_tibia[known], weights
-    )
-
-
-def chosen(
-    found: Layer,
-    given_mm: float | None,
-    kind: str,
-    plateau: SheetFit,
-    name: str,
-    findings: list[str],
-) -> Layer:
-    """The layer as the knee file gets it: by a thickness that a person gave, `constant`, or a
-    `field` over the plateau's parameters."""
-    if given_mm is not None:
-        return Layer(float(given_mm), "given at import")
     if kind == "constant":
-        return found
-    assert found.places is not None and found.there_mm is not None  # refused before
+        return Layer(mean, source)
     surface = plateau.fit.surface
-    local = in_frame(surface.frame, found.places)
-    limits = [np.asarray(x) for x in (surface.x, surface.z)]
     s, t = (
         2.0 * (c - lower) / (upper - lower) - 1.0
-        for c, (lower, upper) in zip(local.T[[0, 2]], limits, strict=True)
+        for c, (lower, upper) in zip(
+            in_frame(surface.frame, tibial.points[known]).T[[0, 2]],
+            (np.asarray(x) for x in (surface.x, surface.z)), strict=True)
     )
-    values, weights = found.there_mm - found.thickness_mm, found.weights
-    s, t, values, weights = _with_corners(s, t, values, weights)
+    # The femoral share is its mean, since that part moves. What lies outside the contact region
+    # steers a field little, and keeps it in bounds.
+    weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
+    s, t, values, weights = _with_corners(s, t, femoral + above_tibia[known] - mean, weights)
     grid = np.linspace(-1.0, 1.0, 25)
     for degree in _DEGREES:
         table = _fitted(s, t, values, weights, degree)
-        field = found.thickness_mm + np.polynomial.polynomial.polygrid2d(grid, grid, table)
+        field = mean + polynomial.polygrid2d(grid, grid, table)
         if field.min() >= _THINNEST_MM:
-            off = values - np.polynomial.polynomial.polyval2d(s, t, table)
+            off = values - polynomial.polyval2d(s, t, table)
             rms = float(np.sqrt(np.average(off**2, weights=weights)))
             findings.append(
                 f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as a polynomial "
                 f"of degree {degree}, {rms:.2f} mm rms from the measured."
             )
-            return dataclasses.replace(found, variation=table)
+            return Layer(mean, source, table)
     findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
-    return found
+    return Layer(mean, source)
 
 
 def _with_corners(s, t, values, weights):
@@ -141,7 +120,7 @@ def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
     """Coefficients of the nearest polynomial of a whole degree."""
     table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
     powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
-    columns = np.polynomial.polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
+    columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
     table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
     return table
 
