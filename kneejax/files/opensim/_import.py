@@ -105,7 +105,7 @@ class OsimImport:
     def numbers_left_out(self) -> str:
         """How many of which kind the knee has not: of what acts on it, is switched off, or is
         elsewhere in the model."""
-        fibres = [element.tag for element in self.found.answered]
+        fibres = [e.tag for e in self.found.answered if e.name not in self.without]
         tags = collections.defaultdict(list, {ACTS: fibres})
         for one in self.untaken:
             tags[one.how if one.how in (OFF, ELSEWHERE) else ACTS].append(one.element.tag)

@@ -131,16 +131,10 @@ def patella_section(
     file: str,
     notes: list[str],
 ) -> PatellaSection:
-    """Make the section of the patella.
+    """Make the section of the patella, with ligaments that are entries of a knee document already.
 
-    Args:
-        model: the model.
-        knee: its bones, with pelvis and foot.
-        ligaments: of the patella and from beyond the femur, as entries of a knee document.
-        muscles: over the knee.
-        names: wrap object of these ligaments and muscles -> its name in the section.
-        file: what the numbers' sources call the model.
-        notes: get a sentence for each muscle that runs straight.
+    `knee` has pelvis and foot, `names` are those of wrap objects in the section; `notes` get a
+    sentence for each muscle that runs straight.
     """
     heads = [m for m in muscles if knee.bone_of(m.points[-1].body) == PATELLA]
     held = any("patellar_attachment_mm" in entry for entry in ligaments.values())
@@ -310,16 +304,10 @@ def muscles_of(
     entry: Callable[[dict], dict],
     notes: list[str],
 ) -> Muscles:
-    """Paths as muscles of a knee, arrays end in instants.
+    """Paths as muscles of a knee, of tension `(ways, n)`, N; arrays end in instants.
 
-    Args:
-        movement: the model at the instants.
-        knee: its bones.
-        ways: paths.
-        tension: of each, `(ways, n)`, N.
-        frames: bone -> from the ground to the frame of the knee's bone, mm.
-        entry: states an obstacle's entry in those frames.
-        notes: gets a sentence for what was left out.
+    `frames` lead from the ground to those of the knee's bones, mm, and `entry` states an obstacle's
+    entry in these; `notes` get a sentence for what was left out.
     """
     names = tuple(way.name for way in ways)
     ends = {
