@@ -13,6 +13,7 @@ from kneejax.cli.options import ExportOsim, ImportOsim, ImportStl
 from kneejax.files import (
     InputProblem,
     MeshImport,
+    MeshOptions,
     add_osim_contacts,
     counted,
     coupled_motion,
@@ -59,7 +60,7 @@ def import_model(arguments: ImportOsim) -> int:
         f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
         f"{counted(len(read.ligaments), 'fibre')}, {counted(len(read.wraps), 'wrap object')}, "
         f"{counted(len(document['contacts']), 'contact')}; "
-        f"{counted(len(read.found.outside), 'other fibre')} left out",
+        f"{read.numbers_left_out or 'nothing left out'}",
         *knee.unusual,
     ]
     free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
@@ -95,21 +96,23 @@ def import_surfaces(arguments: ImportStl) -> int:
             arguments.femur_cartilage,
             arguments.tibia_cartilage,
             side=arguments.side,
-            patellar_cartilage=arguments.patella_cartilage,
-            femur_bone=arguments.femur_bone,
-            tibia_bone=arguments.tibia_bone,
-            layer_thickness_mm=arguments.layer_thickness,
-            thickness=arguments.thickness,
-            youngs_modulus_MPa=arguments.modulus,
-            poisson_ratio=arguments.poisson_ratio,
-            law=arguments.law,
-            unit=arguments.unit,
-            axis_point_mm=arguments.axis_point,
-            axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-            notch_mm=arguments.notch,
-            split_mm=arguments.split,
-            angle_deg=arguments.angle,
-            reference_pose=pose,
+            options=MeshOptions(
+                patellar_cartilage=arguments.patella_cartilage,
+                femur_bone=arguments.femur_bone,
+                tibia_bone=arguments.tibia_bone,
+                layer_thickness_mm=arguments.layer_thickness,
+                thickness=arguments.thickness,
+                youngs_modulus_MPa=arguments.modulus,
+                poisson_ratio=arguments.poisson_ratio,
+                law=arguments.law,
+                unit=arguments.unit,
+                axis_point_mm=arguments.axis_point,
+                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
+                notch_mm=arguments.notch,
+                split_mm=arguments.split,
+                angle_deg=arguments.angle,
+                reference_pose=pose,
+            ),
         )
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):

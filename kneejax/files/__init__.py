@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
     from kneejax.files.meshes import THICKNESSES as THICKNESSES
     from kneejax.files.meshes import MeshImport as MeshImport
+    from kneejax.files.meshes import MeshOptions as MeshOptions
     from kneejax.files.meshes import MeshPoints as MeshPoints
     from kneejax.files.meshes import SheetFit as SheetFit
     from kneejax.files.meshes import bone_surface as bone_surface

@@ -14,12 +14,12 @@ import pytest
 from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
-from kneejax.files.opensim._activity import _acting as acting_of
-from kneejax.files.opensim._activity import _moved, _sorted
+from kneejax.files.opensim._exact import Rigid
+from kneejax.files.opensim._joints import moved
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
-from kneejax.files.opensim._movement import Rigid, moved
-from kneejax.files.opensim._muscle_lines import crossing
+from kneejax.files.opensim._muscles import crossing
+from kneejax.files.opensim._record import acting_on, moved_around, sorted_files
 from kneejax.files.opensim._record_checks import bodies_below
 from kneejax.files.tables import common_times
 from kneejax.geometry import TIBIA, Pose, State
@@ -51,12 +51,13 @@ def test_the_moments_of_a_recorded_static_optimisation_cancel():
     """Moments about the model's own knee, by virtual work: 0.11 N m of 69 are left."""
     model, step = read_model(GAIT_MODEL), 1e-4
     bones = find_knee(model, "r")
-    given = _sorted(model, bones, GAIT_FILES)
+    given = sorted_files(model, bones, GAIT_FILES)
     time = common_times(given.tables)
-    movement, around = _moved(model, bones, given.motion, time)
+    around = moved_around(model, bones, given.motion, time)
+    movement = around.at(2)
     below, tibia = bodies_below(movement.joints, bones), movement.placed[bones.tibia]
     frame = Rigid(tibia.inverse().turn, 1e3 * tibia.inverse().shift)
-    parts, _, _ = acting_of(given, movement, around, below, frame, time)
+    parts, _, _ = acting_on(given, movement, around, below, frame, time)
     whole = sum(parts.values())
     sides = [
         moved(model, movement.values | {"knee_angle_r": movement.values["knee_angle_r"] + way})

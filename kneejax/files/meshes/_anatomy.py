@@ -13,7 +13,7 @@ import numpy as np
 
 from kneejax.files.meshes._health import Sheet, borders, narrowest
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Placement, fit_plane, full
+from kneejax.geometry import Frame, Placement, full
 
 #: Femur and tibia meet within this distance at the reference pose, mm.
 FARTHEST_MM = 50.0
@@ -35,36 +35,24 @@ _LEAST_OF_TWO = 0.2
 
 @dataclasses.dataclass(frozen=True)
 class Cloud:
-    """Corners of an articular surface, mm, in its bone's frame.
+    """Corners of an articular surface, mm, in its bone's frame."""
 
-    Attributes:
-        points: shape `(n, 3)`.
-        areas: mm^2 that each stands for.
-        normals: outward unit normals there.
-    """
+    points: np.ndarray  # shape `(n, 3)`
+    areas: np.ndarray  # mm^2 that each stands for
+    normals: np.ndarray  # outward unit normals there
 
-    points: np.ndarray
-    areas: np.ndarray
-    normals: np.ndarray
-
-    def kept(self, rows: np.ndarray) -> Cloud:
+    def kept(self, rows) -> Cloud:
         """The part with these rows."""
         return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
 
 
 @dataclasses.dataclass(frozen=True)
 class Femur:
-    """Articular surface of the femur.
+    """Articular surface of the femur."""
 
-    Attributes:
-        cloud: of both condyles and the trochlea.
-        axis: its Z is the transverse axis.
-        notch_mm: the intercondylar notch along the axis.
-    """
-
-    cloud: Cloud
-    axis: Frame
-    notch_mm: float
+    cloud: Cloud  # of both condyles and the trochlea
+    axis: Frame  # its Z is the transverse axis
+    notch_mm: float  # the intercondylar notch along the axis
 
     def cylindrical(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle from anterior, rad; distance from the axis and place along it, mm."""
@@ -79,20 +67,14 @@ def cylindrical(axis: Frame, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
     """Points of a bone in a frame placed in it, shape `(n, 3)`."""
-    local = frame.placement.apply_inverse(tuple(points.T))
-    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in local], axis=1)
+    return _rows(frame.placement.apply_inverse(tuple(points.T)), len(points))
 
 
 def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
-    """Find the transverse axis and the notch.
-
-    Args:
-        sheets: of the femoral cartilage.
-        findings: to which sentences are added.
-        axis: the axis, where it is known.
-        notch_mm: the notch along the axis, where it is known.
+    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless they are
+    given; `findings` gets sentences.
 
     Raises:
         InputProblem: the mesh has not the size or the place of a femur's cartilage.
@@ -103,10 +85,18 @@ def find_femur(
     if not _WIDEST_MM[0] < width < _WIDEST_MM[1]:
         expected = f"a femoral cartilage {_WIDEST_MM[0]:g} to {_WIDEST_MM[1]:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
-    center = _middle_circle(points) if axis is None else axis
+    center = axis
+    if center is None:  # of the circle nearest to the points seen from the side
+        columns = np.c_[2.0 * points[:, :2], np.ones(len(points))]
+        solution, *_ = np.linalg.lstsq(columns, (points[:, :2] ** 2).sum(axis=1), rcond=None)
+        center = Frame([solution[0], solution[1], 0.0])
+
+    def by_angle(places: np.ndarray):
+        angle, radius, along = cylindrical(center, places)
+        return angle * 10.0, along / 3.0, radius
+
     facing = [towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
-    facing = outermost(facing, lambda p: _by_angle(center, p), "outer", findings)
-    cloud = joined(facing)
+    cloud = joined(outermost(facing, by_angle, "outer", findings))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
         notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
@@ -121,17 +111,11 @@ def find_plateaus(
     findings: list[str],
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:
-    """Take the tibial cartilage apart into compartments.
+    """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
+    upwards.
 
-    Args:
-        sheets: of the tibial cartilage.
-        femur: what it meets.
-        tibia: pose of the tibia in the femur at which the meshes meet.
-        findings: to which sentences are added.
-        split_mm: lateral place, tibia frame, at which the compartments part, where it is known.
-
-    Returns:
-        Name (`medial`, `lateral`) -> sheet, facing upwards.
+    `tibia` is the pose in the femur at which the meshes meet, `split_mm` the lateral place, tibia
+    frame, at which the compartments part, where it is given.
 
     Raises:
         InputProblem: the meshes do not meet, or both parts lie on one side of the notch.
@@ -141,7 +125,8 @@ def find_plateaus(
         towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
         for sheet in sheets
     ]
-    facing = outermost(facing, _by_height, "upper", findings)
+    facing = outermost(
+        facing, lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
     parts = _parted(facing, split_mm, femur, tibia, findings)
     found: dict[str, Sheet] = {}
@@ -157,11 +142,6 @@ def find_plateaus(
     if len(found) == 1:
         findings.append(f"{Path(name).name}: only a {next(iter(found))} compartment was found.")
     return {side: found[side] for side in ("medial", "lateral") if side in found}
-
-
-def plateau_frame(cloud: Cloud) -> Frame:
-    """Frame in the middle of a plateau, its Y normal to the plane nearest to the points."""
-    return fit_plane(cloud.points, cloud.areas).surface.frame
 
 
 def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
@@ -182,13 +162,9 @@ def condyle_region(
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Angles, degrees, and widths, mm, over which a condyle can meet its plateau.
 
-    It begins a margin before the plateau's foremost point at the reference pose, since a knee may
-    extend further, and ends with the cartilage.
-
-    Args:
-        femur: both condyles.
-        cloud: the condyle, with the trochlea of its side.
-        tibial: points of the plateau at the reference pose, femur frame.
+    It begins a margin before the foremost of the plateau's points, `tibial`, at the reference pose,
+    since a knee may extend further, and ends with the cartilage. The condyle comes with the
+    trochlea of its side.
     """
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
@@ -200,8 +176,7 @@ def condyle_region(
 
 def moved(placement: Placement, points: np.ndarray) -> np.ndarray:
     """Points after a motion, shape `(n, 3)`."""
-    there = placement.apply(tuple(points.T))
-    return np.stack([np.broadcast_to(np.asarray(c), len(points)) for c in there], axis=1)
+    return _rows(placement.apply(tuple(points.T)), len(points))
 
 
 def joined(sheets: list[Sheet]) -> Cloud:
@@ -210,37 +185,21 @@ def joined(sheets: list[Sheet]) -> Cloud:
     return Cloud(*(np.concatenate(part) for part in parts))
 
 
-def _middle_circle(points: np.ndarray) -> Frame:
-    """A frame at the centre of the circle nearest to the points seen from the side."""
-    columns = np.c_[2.0 * points[:, :2], np.ones(len(points))]
-    solution, *_ = np.linalg.lstsq(columns, (points[:, :2] ** 2).sum(axis=1), rcond=None)
-    return Frame([solution[0], solution[1], 0.0])
+def _rows(vector, count: int) -> np.ndarray:
+    return np.stack([np.broadcast_to(np.asarray(c), count) for c in vector], axis=1)
 
 
 def _radial(axis: Frame, sheet: Sheet) -> np.ndarray:
     away = in_frame(axis, sheet.centers)
     away[:, 2] = 0.0
-    turned = axis.placement.turn(tuple(away.T))
-    away = np.stack([np.broadcast_to(np.asarray(c), len(away)) for c in turned], axis=1)
+    away = _rows(axis.placement.turn(tuple(away.T)), len(away))
     return away / np.linalg.norm(away, axis=1, keepdims=True)
-
-
-def _by_angle(axis: Frame, points: np.ndarray):
-    angle, radius, along = cylindrical(axis, points)
-    return angle * 10.0, along / 3.0, radius
-
-
-def _by_height(points: np.ndarray):
-    return points[:, 0] / 3.0, points[:, 2] / 3.0, points[:, 1]
 
 
 def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
     """The sheet with its articular side out; of a volume, its articular side alone.
 
-    Args:
-        sheet: as read.
-        direction: towards the joint, one unit vector a triangle.
-        findings: to which a sentence is added where something was done.
+    `direction` is towards the joint, one unit vector a triangle.
     """
     along = np.einsum("ij,ij->i", sheet.normals, direction)
     if not sheet.closed:
@@ -253,25 +212,17 @@ def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> S
 
 
 def outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
-    """Without sheets that lie behind another one.
+    """Sheets of one bone without those that lie behind another one.
 
-    Args:
-        sheets: all of one bone.
-        place: points -> two parameters, in units of a cell, and the height over them.
-        word: for the sheet that is kept, in the sentence.
-        findings: to which a sentence is added for each sheet that is left out.
+    `place` gives two parameters of points, in units of a cell, and the height over them; `word` is
+    for the sheet that is kept, in the sentence on the others.
     """
     kept: list[Sheet] = []
-    grids = {id(sheet): _heights(*place(sheet.corners()[0])) for sheet in sheets}
-    for sheet in sheets:
-        own, behind = grids[id(sheet)], False
-        for other in sheets:
-            shared = own.keys() & grids[id(other)].keys()
-            if other is sheet or 2 * len(shared) < len(own):
-                continue
-            higher = np.mean([grids[id(other)][c] - own[c] for c in shared])
-            behind = behind or higher > 0
-        if behind:
+    grids = [_heights(*place(sheet.corners()[0])) for sheet in sheets]
+    for sheet, own in zip(sheets, grids, strict=True):
+        shared = ((grid, own.keys() & grid.keys()) for grid in grids if grid is not own)
+        if any(2 * len(cells) >= len(own) and np.mean([grid[c] - own[c] for c in cells]) > 0
+               for grid, cells in shared):
             text = "a second sheet behind the first was left out"
             findings.append(f"{Path(sheet.name).name}: {text}: the {word} one carries contact.")
         else:

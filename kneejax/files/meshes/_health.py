@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections import deque
 from pathlib import Path
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from kneejax.files.meshes._points import MeshPoints, read_mesh_points
 from kneejax.files.reading import InputProblem, counted
@@ -26,19 +27,12 @@ _MOST_BRANCHING = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """A connected, consistently wound part of a mesh.
+    """A connected, consistently wound part of a mesh."""
 
-    Attributes:
-        points: corners of the whole mesh, shape `(n, 3)`, mm.
-        faces: rows of three corners, shape `(m, 3)`.
-        closed: whether it bounds a volume; its normals then point outwards.
-        name: the file.
-    """
-
-    points: np.ndarray
-    faces: np.ndarray
-    closed: bool
-    name: str
+    points: np.ndarray  # corners of the whole mesh, shape `(n, 3)`, mm
+    faces: np.ndarray  # rows of three corners, shape `(m, 3)`
+    closed: bool  # whether it bounds a volume; its normals then point outwards
+    name: str  # the file
 
     @property
     def area(self) -> float:
@@ -87,36 +81,25 @@ class Sheet:
 
 
 def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[Sheet], list[str]]:
-    """Read a mesh, repair it, and take it apart into connected sheets.
+    """Read a mesh (see `read_mesh_points`), repair it, and take it apart into connected sheets."""
+    return take_apart(read_mesh_points(path, unit), os.fspath(path))
 
-    Args:
-        path: as in `read_mesh_points`.
-        unit: see `read_mesh_points`.
+
+def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
+    """Repair a mesh, which findings call by a name, and take it apart into connected sheets.
 
     Returns:
         Sheets, the largest first, without fragments of less than a twentieth of the area; and what
         was found and repaired, one sentence each.
 
     Raises:
-        InputProblem: the file is not a mesh, or one beyond repair.
-    """
-    mesh = read_mesh_points(path, unit)
-    return take_apart(mesh, os.fspath(path))
-
-
-def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """As `read_sheets`, of a mesh in memory.
-
-    Args:
-        mesh: the mesh.
-        name: what findings call it.
+        InputProblem: the mesh is beyond repair.
     """
     findings: list[str] = []
     named = Path(name).name
     if mesh.scale != 1.0:
         findings.append(f"{named}: lengths were multiplied by {mesh.scale:g} to be in mm.")
-    points, faces = _merged(mesh, name, findings)
-    faces = _without_degenerate(points, faces, name, findings)
+    points, faces = _cleaned(mesh, name, findings)
     pairs, same_way, open_edges, branching = _edges(faces)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
         value = f"{branching} with more than two triangles"
@@ -135,12 +118,20 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
         turned += int(flipped.sum())
         own = np.where(flipped[:, None], faces[rows][:, ::-1], faces[rows])
         sheet = Sheet(points, own, not boundary[number], name)
-        if sheet.closed and _volume(sheet) < 0:
+        a, b, c = (points[own[:, k]] for k in range(3))
+        if sheet.closed and np.einsum("ij,ij->", a, np.cross(b, c)) < 0:  # six times its volume
             sheet, turned = sheet.turned(), turned + len(own)
         sheets.append(sheet)
     if turned:
         findings.append(f"{named}: {turned} of {len(faces)} triangles faced the other way; turned.")
-    return _large(sheets, name, findings), findings
+    sheets = sorted(sheets, key=lambda sheet: -sheet.area)
+    total = sum(sheet.area for sheet in sheets)
+    large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
+    if len(large) < len(sheets):
+        lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
+        fragments = counted(len(sheets) - len(large), "fragment")
+        findings.append(f"{named}: left out {fragments} with {lost:.1f} % of the area.")
+    return large, findings
 
 
 def borders(sheet: Sheet) -> list[np.ndarray]:
@@ -164,15 +155,8 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
 
 
 def check_holes(sheet: Sheet, findings: list[str]) -> None:
-    """Say which holes a sheet has, and refuse those that are too large to be bridged.
-
-    Args:
-        sheet: any sheet.
-        findings: to which sentences are added.
-
-    Raises:
-        InputProblem: a hole is wider than `LARGEST_HOLE_MM`.
-    """
+    """Add a sentence for each hole of a sheet; InputProblem for one wider than `LARGEST_HOLE_MM`,
+    which is too large to be bridged."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
     is_border = lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
@@ -192,23 +176,19 @@ def _length(line: np.ndarray) -> float:
     return float(np.linalg.norm(line - np.roll(line, -1, axis=0), axis=1).sum())
 
 
-def _merged(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Corners, those that coincide as one, and triangles with area, each once."""
     _, first, place = np.unique(
         np.round(mesh.points_mm / _SAME_MM), axis=0, return_index=True, return_inverse=True
     )
-    if len(first) < len(mesh.points_mm):
-        count, named = len(mesh.points_mm) - len(first), Path(name).name
+    count, named = len(mesh.points_mm) - len(first), Path(name).name
+    if count:
         findings.append(f"{named}: corners that coincide with others, merged: {count}.")
-    return mesh.points_mm[first], place.ravel()[mesh.faces]
-
-
-def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.ndarray:
+    points, faces = mesh.points_mm[first], place.ravel()[mesh.faces]
     a, b, c = (points[faces[:, k]] for k in range(3))
     flat = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) < _SMALLEST_MM2
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     twice = np.ones(len(faces), bool)
-    twice[first] = False
-    named = Path(name).name
+    twice[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = False
     for wrong, what in ((flat, "without area"), (twice & ~flat, "that stood there twice")):
         if wrong.any():
             findings.append(f"{named}: left out {counted(wrong.sum(), 'triangle')} {what}.")
@@ -216,7 +196,7 @@ def _without_degenerate(points, faces, name: str, findings: list[str]) -> np.nda
     if len(faces) < 4:
         value = f"{len(faces)} with area"
         raise InputProblem(name, "faces", value, "a mesh of triangles with area")
-    return faces
+    return points, faces
 
 
 def _edges(faces: np.ndarray):
@@ -237,52 +217,21 @@ def _edges(faces: np.ndarray):
 
 def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):
     """Number of the part of each face, and whether it is wound against the part's first face."""
-    both = np.r_[pairs, pairs[:, ::-1]]
-    turned = np.r_[same_way, same_way]
-    order = np.argsort(both[:, 0], kind="stable")
-    other, turned = both[order, 1].tolist(), turned[order].tolist()
-    start = np.searchsorted(both[order, 0], np.arange(count + 1)).tolist()
-    part, flip, number = [-1] * count, [False] * count, 0
-    for seed in range(count):
-        if part[seed] >= 0:
-            continue
-        part[seed], queue = number, deque([seed])
-        while queue:
-            face = queue.popleft()
-            for k in range(start[face], start[face + 1]):
-                if part[other[k]] < 0:
-                    part[other[k]] = number
-                    flip[other[k]] = flip[face] != turned[k]
-                    queue.append(other[k])
-        number += 1
-    return np.array(part), np.array(flip)
-
-
-def _volume(sheet: Sheet) -> float:
-    a, b, c = (sheet.points[sheet.faces[:, k]] for k in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6.0
-
-
-def _large(sheets: list[Sheet], name: str, findings: list[str]) -> list[Sheet]:
-    sheets = sorted(sheets, key=lambda sheet: -sheet.area)
-    total = sum(sheet.area for sheet in sheets)
-    large = [sheet for sheet in sheets if sheet.area >= _FRAGMENT * total]
-    if len(large) < len(sheets):
-        lost = 100.0 * (1.0 - sum(sheet.area for sheet in large) / total)
-        fragments = counted(len(sheets) - len(large), "fragment")
-        findings.append(f"{Path(name).name}: left out {fragments} with {lost:.1f} % of the area.")
-    return large
+    # A node for each face as it is, and one for it turned: an edge joins those wound alike.
+    first, second = pairs.T
+    ends = np.r_[first, first + count], np.r_[second + count * same_way, second + count * ~same_way]
+    labels = [
+        connected_components(coo_array((np.ones(len(a)), (a, b)), (size, size)), directed=False)[1]
+        for (a, b), size in (((first, second), count), (ends, 2 * count))
+    ]
+    part, wound = labels
+    leader = np.unique(part, return_index=True)[1][part]
+    return part, wound[:count] != wound[leader]
 
 
 def narrowest(sheet: Sheet) -> float | None:
-    """Where along Z a sheet of two compartments is narrowest between them, mm.
-
-    Args:
-        sheet: the sheet.
-
-    Returns:
-        The place; None where it is not narrower there.
-    """
+    """Where along Z a sheet of two compartments is narrowest between them, mm; None where it is
+    not narrower there."""
     z = sheet.centers[:, 2]
     edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
     width, _ = np.histogram(z, edges, weights=sheet.face_areas)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import os
 from pathlib import Path
 from typing import Any
@@ -12,22 +11,136 @@ import numpy as np
 
 from kneejax.files.knee import mirror_part
 from kneejax.files.meshes import _anatomy as anatomy
-from kneejax.files.meshes import _choices as choices
 from kneejax.files.meshes import _layer as layer
-from kneejax.files.meshes._choices import THICKNESSES as THICKNESSES
-from kneejax.files.meshes._documents import (
-    material_document,
-    patellofemoral_document,
-    tibiofemoral_document,
-)
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
-from kneejax.files.meshes._patella import fit_patella, fit_trochlea
-from kneejax.files.meshes._region import PATCH_MM, SheetFit, contact_regions, quality
+from kneejax.files.meshes._surfaces import PATCH_MM, SheetFit, fit_compartment, fit_patellofemoral
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Placement, Pose, fit_condyle_spline, fit_plateau_spline
+from kneejax.geometry import Condyle, Frame, Pose
+from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
 TARGET_RMS_MM, WORST_RMS_MM = 0.1, 0.5
+#: How the layer's thickness may be given over a compartment.
+THICKNESSES = ("constant", "field")
+_SIDES = {"r": "right", "l": "left", "right": "right", "left": "left"}
+_SMALLEST_ANGLE_DEG = 30.0
+_POINT_DISTANCE_MM = 1.7
+_DIGITS = 5
+_MIRROR = np.array([1.0, 1.0, -1.0])
+
+MeshPath = str | os.PathLike[str]
+
+
+@dataclasses.dataclass(frozen=True)
+class MeshOptions:
+    """How contacts are made of meshes. What is not given is found: the femoral axis, the notch, the
+    compartments, the region of contact, cells and smoothing.
+
+    Attributes:
+        patellar_cartilage: in the patella's frame.
+        femur_bone: for the layer's thickness, with `tibia_bone`.
+        tibia_bone: likewise.
+        youngs_modulus_MPa: of the layer.
+        poisson_ratio: of the layer.
+        law: pressure law.
+        layer_thickness_mm: both cartilages; from the bones if they are given, else 6 mm, which the
+            findings say.
+        thickness: `constant`, or `field` for a smooth thickness over each plateau.
+        onset_width_mm: rounding of the depth's corner at first touch.
+        reference_pose: of the tibia in the femur at which the meshes meet; all zero by default.
+        unit: of the files; see `read_mesh_points`.
+        axis_point_mm: a point of the femoral axis.
+        axis_rotation_deg: turn of that axis about X and Y, from the femur's Z.
+        notch_mm: the intercondylar notch, along the axis.
+        split_mm: where the tibial compartments part, along Z.
+        angle_deg: region of the condyles from anterior (0) through distal (90).
+        cell_mm: size of the splines' cells.
+        smoothing_mm: length below which bends are smoothed away.
+        source: where the meshes come from; the files' names by default.
+    """
+
+    patellar_cartilage: MeshPath | None = None
+    femur_bone: MeshPath | None = None
+    tibia_bone: MeshPath | None = None
+    youngs_modulus_MPa: float = 10.0
+    poisson_ratio: float = 0.45
+    law: str = "linear"
+    layer_thickness_mm: float | None = None
+    thickness: str = "constant"
+    onset_width_mm: float = 0.02
+    reference_pose: Pose | None = None
+    unit: str = "auto"
+    axis_point_mm: tuple[float, float, float] | None = None
+    axis_rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    notch_mm: float | None = None
+    split_mm: float | None = None
+    angle_deg: tuple[float, float] | None = None
+    cell_mm: float | None = None
+    smoothing_mm: float | None = None
+    source: str | None = None
+
+    @property
+    def splines(self) -> dict[str, float]:
+        """Options of the fits that were given."""
+        given = {"cell_mm": self.cell_mm, "smoothing_mm": self.smoothing_mm}
+        return {name: value for name, value in given.items() if value is not None}
+
+    @property
+    def material(self) -> dict[str, Any]:
+        """What all contacts of a knee have alike."""
+        return {
+            "form": QUADRATURE,
+            "law": self.law,
+            "youngs_modulus_MPa": float(self.youngs_modulus_MPa),
+            "poisson_ratio": float(self.poisson_ratio),
+            "onset_width_mm": float(self.onset_width_mm),
+        }
+
+    def check(self, femoral_cartilage: MeshPath, tibial_cartilage: MeshPath) -> None:
+        """Refuse options and files that cannot be meant, before the work begins."""
+        if (self.femur_bone is None) != (self.tibia_bone is None):
+            missing = "--femur-bone" if self.femur_bone is None else "--tibia-bone"
+            raise InputProblem(missing, "file", "missing", "both bone meshes, or neither")
+        seen: dict[str, str] = {}
+        for option, path in (
+            ("--femur-cartilage", femoral_cartilage), ("--tibia-cartilage", tibial_cartilage),
+            ("--patella-cartilage", self.patellar_cartilage), ("--femur-bone", self.femur_bone),
+            ("--tibia-bone", self.tibia_bone),
+        ):
+            place = "" if path is None else os.path.realpath(path)
+            if path is not None and place in seen:
+                expected = f"another file than that of {seen[place]}"
+                raise InputProblem(option, "file", os.fspath(path), expected)
+            seen[place] = option
+        for name, value, known in (("law", self.law, cartilage_law.LAWS),
+                                   ("thickness", self.thickness, THICKNESSES)):
+            if value not in known:
+                expected = f"one of {', '.join(known)}"
+                raise InputProblem(f"--{name}", name, value, expected, known)
+        for option, what, field in (
+            ("--modulus", "Young's modulus", "youngs_modulus_MPa"),
+            ("--poisson-ratio", "Poisson's ratio", "poisson_ratio"),
+            ("--layer-thickness", "thickness", "layer_thickness_mm"),
+        ):
+            value = getattr(self, field)
+            if value is not None and not RANGES[field].holds(value):
+                raise InputProblem(option, what, value, RANGES[field].expected(value))
+        if self.thickness != "constant" and self.layer_thickness_mm is not None:
+            expected = "constant, where --layer-thickness gives one number"
+            raise InputProblem("--thickness", "thickness", self.thickness, expected)
+        if self.thickness != "constant" and self.femur_bone is None:
+            expected = "both bone meshes, for a field"
+            raise InputProblem("--thickness", "thickness", self.thickness, expected)
+        if self.axis_point_mm is None and any(self.axis_rotation_deg):
+            expected = "a point of the axis too, where --axis-rotation is given"
+            raise InputProblem("--axis-point", "axis", "missing", expected)
+        lower, upper = self.angle_deg or (0.0, 180.0)
+        if not (-180 <= lower and upper <= 360 and upper - lower >= _SMALLEST_ANGLE_DEG):
+            expected = (
+                "two angles in degrees from anterior (0) through distal (90) to posterior (180), "
+                f"the second larger by {_SMALLEST_ANGLE_DEG:g} at least"
+            )
+            raise InputProblem("--angle", "region", f"{lower:g} {upper:g}", expected)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,59 +163,21 @@ class MeshImport:
 
 
 def import_meshes(
-    femoral_cartilage: str | os.PathLike[str],
-    tibial_cartilage: str | os.PathLike[str],
+    femoral_cartilage: MeshPath,
+    tibial_cartilage: MeshPath,
     *,
     side: str,
-    patellar_cartilage: str | os.PathLike[str] | None = None,
-    femur_bone: str | os.PathLike[str] | None = None,
-    tibia_bone: str | os.PathLike[str] | None = None,
-    youngs_modulus_MPa: float = 10.0,
-    poisson_ratio: float = 0.45,
-    law: str = "linear",
-    layer_thickness_mm: float | None = None,
-    thickness: str = "constant",
-    onset_width_mm: float = 0.02,
-    reference_pose: Pose | None = None,
-    unit: str = "auto",
-    axis_point_mm: tuple[float, float, float] | None = None,
-    axis_rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    notch_mm: float | None = None,
-    split_mm: float | None = None,
-    angle_deg: tuple[float, float] | None = None,
-    cell_mm: float | None = None,
-    smoothing_mm: float | None = None,
-    source: str | None = None,
+    options: MeshOptions | None = None,
 ) -> MeshImport:
     """Fit contacts to meshes of cartilage, in the frames of their bones.
 
-    Frames are X anterior, Y superior, Z to the person's right. What is not given is found: the
-    femoral axis, the notch, the compartments, the region of contact, cells and smoothing.
+    Frames are X anterior, Y superior, Z to the person's right.
 
     Args:
         femoral_cartilage: STL, PLY, OBJ or VTP file: an open sheet or a closed volume.
         tibial_cartilage: likewise, one sheet or two.
         side: `right` or `left` (or `r`, `l`).
-        patellar_cartilage: in the patella's frame.
-        femur_bone: for the layer's thickness.
-        tibia_bone: likewise.
-        youngs_modulus_MPa: of the layer.
-        poisson_ratio: of the layer.
-        law: pressure law.
-        layer_thickness_mm: both cartilages; from the bones if they are given, else 6 mm, which the
-            findings say.
-        thickness: `constant`, or `field` for a smooth thickness over each plateau.
-        onset_width_mm: rounding of the depth's corner at first touch.
-        reference_pose: of the tibia in the femur at which the meshes meet; all zero by default.
-        unit: of the files; see `read_mesh_points`.
-        axis_point_mm: a point of the femoral axis.
-        axis_rotation_deg: turn of that axis about X and Y, from the femur's Z.
-        notch_mm: the intercondylar notch, along the axis.
-        split_mm: where the tibial compartments part, along Z.
-        angle_deg: region of the condyles from anterior (0) through distal (90).
-        cell_mm: size of the splines' cells.
-        smoothing_mm: length below which bends are smoothed away.
-        source: where the meshes come from; the files' names by default.
+        options: further meshes, material, and what is not to be found; `MeshOptions()` by default.
 
     Returns:
         Contacts, that of the patella, findings and fits.
@@ -112,210 +187,108 @@ def import_meshes(
             cartilage is not thicker than zero, or the surfaces are none over these parameters.
 
     Example:
-        >>> found = import_meshes("femur.stl", "tibia.stl", side="r", poisson_ratio=0.5)
+        >>> wet = MeshOptions(poisson_ratio=0.5)
+        >>> found = import_meshes("femur.stl", "tibia.stl", side="r", options=wet)
         Traceback (most recent call last):
         kneejax.files.reading._problem.InputProblem: --poisson-ratio: Poisson's ratio: 0.5:
         expected between 0 and 0.4999
     """
-    side = choices.checked_side(side)
-    files = {
-        "--femur-cartilage": femoral_cartilage, "--tibia-cartilage": tibial_cartilage,
-        "--patella-cartilage": patellar_cartilage,
-        "--femur-bone": femur_bone, "--tibia-bone": tibia_bone,
-    }  # fmt: skip
-    choices.check_files(files)
-    choices.check_layer(
-        law, youngs_modulus_MPa, poisson_ratio, layer_thickness_mm, thickness,
-        bones=femur_bone is not None,
-    )  # fmt: skip
-    choices.check_region(axis_point_mm, axis_rotation_deg, angle_deg)
-    left, findings = side == "left", []
-    read = functools.partial(_read, unit=unit, left=left, findings=findings)
-    tibia = (Pose.from_table([0.0] * 6) if reference_pose is None else reference_pose).placement
-    femur, plateaus = _bones(
-        read(femoral_cartilage), read(tibial_cartilage), tibia,
-        _given_axis(axis_point_mm, axis_rotation_deg, left), notch_mm, split_mm, left, findings,
-    )  # fmt: skip
-    bones = None
-    if layer_thickness_mm is None and femur_bone is not None and tibia_bone is not None:
-        bones = read(femur_bone), read(tibia_bone)
-    wanted = _Wanted(
-        material_document(law, youngs_modulus_MPa, poisson_ratio, onset_width_mm),
-        _splines(cell_mm, smoothing_mm), angle_deg, layer_thickness_mm, thickness,
-        source or ", ".join(Path(p).name for p in (femoral_cartilage, tibial_cartilage)), left,
-    )  # fmt: skip
-    fits: dict[str, SheetFit] = {}
-    contacts = {
-        name: _tibiofemoral(name, sheet, femur, tibia, bones, wanted, fits, findings)
-        for name, sheet in plateaus.items()
-    }
+    if side not in _SIDES:
+        raise InputProblem("--side", "side", side, "right or left", _SIDES)
+    options = options or MeshOptions()
+    options.check(femoral_cartilage, tibial_cartilage)
+    left, findings, fits = _SIDES[side] == "left", [], {}
+    stated = options.source or ", ".join(
+        Path(path).name for path in (femoral_cartilage, tibial_cartilage))
+
+    def read(path: MeshPath) -> list[Sheet]:
+        return right_sheets(path, options.unit, left, findings)
+
+    femoral, tibial = read(femoral_cartilage), read(tibial_cartilage)
+    femur, plateaus = find_bones(femoral, tibial, options, left, findings)
+    bones, given_mm = None, options.layer_thickness_mm
+    if given_mm is None and options.femur_bone is not None and options.tibia_bone is not None:
+        bones = read(options.femur_bone), read(options.tibia_bone)
+    contacts, tibia = {}, _reference(options).placement
+    for name, sheet in plateaus.items():
+        condyle, plateau = fit_compartment(
+            name, sheet, femur, tibia, options.angle_deg, options.splines)
+        for kind, part in (("condyle", condyle), ("plateau", plateau)):
+            _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
+            fits[f"{name} {kind}"] = part
+        found = layer.Layer(float(given_mm or 0.0), "given at import")
+        if given_mm is None:
+            found = layer.find_layer(
+                name, condyle, plateau, femur, sheet, bones, options.thickness, findings)
+        varies = {} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}
+        contact = {
+            "points": _points(plateau),
+            "layer_thickness_mm": round(found.thickness_mm, 3),
+            **varies,
+            "femoral_surface": _surface(condyle, stated),
+            "tibial_surface": _surface(plateau, stated),
+        }
+        contacts[name] = _contact(options, contact, ["layer_thickness_mm", *varies], found.source,
+                                  left)
     patellofemoral = None
-    if patellar_cartilage is not None:
-        sheets, name = read(patellar_cartilage), Path(patellar_cartilage).name
-        patellofemoral = _patellofemoral(sheets, name, femur, wanted, fits, findings)
-    if layer_thickness_mm is None and bones is None:
+    if options.patellar_cartilage is not None:
+        on_patella, sheets = Path(options.patellar_cartilage).name, read(options.patellar_cartilage)
+        for sheet in sheets:
+            check_holes(sheet, findings)
+        patella, trochlea = fit_patellofemoral(sheets, femur, findings, options.splines)
+        for name, part in (("patella", patella), ("trochlea", trochlea)):
+            _judge(name, part, "everywhere", on_patella, findings)
+            fits[name] = part
+        contact = {
+            "points": _points(patella),
+            "layer_thickness_mm": float(given_mm or layer.ASSUMED_MM),
+            "femoral_surface": _surface(trochlea, stated),
+            "patellar_surface": _surface(patella, on_patella),
+        }
+        said = "given at import" if given_mm else "assumed"
+        patellofemoral = _contact(options, contact, ["layer_thickness_mm"], said, left)
+    if given_mm is None and bones is None:
         findings.append(
             f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
         )
-    if layer_thickness_mm is not None and femur_bone is not None:
+    if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
     return MeshImport(contacts, tuple(findings), fits, doubtful, patellofemoral)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Wanted:
-    """What is asked of every contact.
-
-    Attributes:
-        material: fields of the contact's document.
-        splines: options of their fits.
-        angle_deg: region of the condyles; None where it is to be found.
-        thickness_mm: of the layer; None where it is to be found.
-        thickness: `constant` or `field`.
-        stated: where the meshes come from.
-        left: whether the knee is a left one, which is fitted in a mirror.
-    """
-
-    material: dict[str, Any]
-    splines: dict[str, float]
-    angle_deg: tuple[float, float] | None
-    thickness_mm: float | None
-    thickness: str
-    stated: str
-    left: bool
-
-    def as_given(self, contact: dict[str, Any]) -> dict[str, Any]:
-        """A contact on the side that was given."""
-        return mirror_part(contact) if self.left else contact
-
-
-def _splines(cell_mm: float | None, smoothing_mm: float | None) -> dict[str, float]:
-    given = {"cell_mm": cell_mm, "smoothing_mm": smoothing_mm}
-    return {name: value for name, value in given.items() if value is not None}
-
-
-def _read(path, *, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
+def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
     """Sheets of a mesh; those of a left knee as in a mirror."""
     sheets, said = read_sheets(path, unit)
     findings.extend(said)
-    return [_mirrored(sheet) for sheet in sheets] if left else sheets
+    if left:
+        sheets = [dataclasses.replace(s, points=s.points * _MIRROR).turned() for s in sheets]
+    return sheets
 
 
-def _bones(
-    femoral: list[Sheet],
-    tibial: list[Sheet],
-    tibia: Placement,
-    axis: Frame | None,
-    notch_mm: float | None,
-    split_mm: float | None,
-    left: bool,
-    findings: list[str],
+def find_bones(
+    femoral: list[Sheet], tibial: list[Sheet], options: MeshOptions, left: bool, findings: list[str]
 ) -> tuple[anatomy.Femur, dict[str, Sheet]]:
-    """The femur and the tibia's compartments, by name."""
+    """The femur and the tibia's compartments, by name, of a right knee or the mirror of a left."""
     for sheet in (*femoral, *tibial):
         check_holes(sheet, findings)
-    sign = -1.0 if left else 1.0
-    notch, split = (None if at is None else sign * at for at in (notch_mm, split_mm))
+    sign, axis = -1.0 if left else 1.0, None
+    notch, split = (None if x is None else sign * x for x in (options.notch_mm, options.split_mm))
+    if options.axis_point_mm is not None:
+        point, turn = np.array(options.axis_point_mm, float), np.array(options.axis_rotation_deg)
+        point, turn = point * [1.0, 1.0, sign], np.deg2rad(turn * [sign, sign, 1.0])
+        axis = Frame(point.tolist(), turn if turn.any() else None)
     femur = anatomy.find_femur(femoral, findings, axis, notch)
+    tibia = _reference(options).placement
     plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
-    if split_mm is not None and len(plateaus) < 2:
+    if split is not None and len(plateaus) < 2:
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
-        raise InputProblem("--split", "compartments", split_mm, expected)
+        raise InputProblem("--split", "compartments", options.split_mm, expected)
     return femur, plateaus
 
 
-def _mirrored(sheet: Sheet) -> Sheet:
-    points = sheet.points * np.array([1.0, 1.0, -1.0])
-    return dataclasses.replace(sheet, points=points).turned()
-
-
-def _given_axis(point, rotation_deg, left: bool) -> Frame | None:
-    if point is None:
-        return None
-    x, y, z = (float(c) for c in point)
-    turn = np.deg2rad(np.asarray(rotation_deg, float))
-    if left:
-        z, turn = -z, turn * np.array([-1.0, -1.0, 1.0])
-    return Frame([x, y, z], turn if turn.any() else None)
-
-
-def _compartment(name, sheet: Sheet, femur: anatomy.Femur, tibia: Placement, angle_deg, options):
-    """Fits of a condyle and its plateau, and where they can touch."""
-    lateral = femur.cylindrical(femur.cloud.points)[2] > femur.notch_mm
-    cloud = femur.cloud.kept(lateral == (name == "lateral"))
-    tibial = anatomy.joined([sheet])
-    at_reference = anatomy.moved(tibia, tibial.points)
-    angle, width = anatomy.condyle_region(femur, cloud, at_reference)
-    angle = angle if angle_deg is None else tuple(float(a) for a in angle_deg)
-    try:
-        condyle = fit_condyle_spline(cloud.points, angle, width, femur.axis, cloud.areas, **options)
-        frame = anatomy.plateau_frame(tibial)
-        local = anatomy.in_frame(frame, tibial.points)
-        x, z = ((float(c.min()), float(c.max())) for c in (local[:, 0], local[:, 2]))
-        plateau = fit_plateau_spline(
-            tibial.points, x, z, frame, tibial.areas,
-            outline=np.round(anatomy.outline(sheet, frame), 3), **options,
-        )  # fmt: skip
-    except ValueError as error:
-        raise InputProblem(sheet.name, name, str(error), "enough of both cartilages") from None
-    on_condyle, on_plateau = contact_regions(femur, condyle, at_reference)
-    a, radius, along = femur.cylindrical(condyle.points)
-    mean = float(np.average(radius, weights=condyle.weights))
-    return (
-        SheetFit(condyle, on_condyle, quality(condyle, on_condyle, np.c_[mean * a, along])),
-        SheetFit(plateau, on_plateau, quality(plateau, on_plateau, local[:, [0, 2]])),
-    )
-
-
-def _tibiofemoral(
-    name: str,
-    sheet: Sheet,
-    femur: anatomy.Femur,
-    tibia: Placement,
-    bones: tuple[list[Sheet], list[Sheet]] | None,
-    wanted: _Wanted,
-    fits: dict[str, SheetFit],
-    findings: list[str],
-) -> dict[str, Any]:
-    """The contact of a compartment; its fits and what is to be said of them are added."""
-    condyle, plateau = _compartment(name, sheet, femur, tibia, wanted.angle_deg, wanted.splines)
-    for kind, part in (("condyle", condyle), ("plateau", plateau)):
-        _judge(f"{name} {kind}", part, "in the contact region", wanted.stated, findings)
-        fits[f"{name} {kind}"] = part
-    found = layer.find_layer(name, condyle, plateau, femur, sheet, bones, findings)
-    found = layer.chosen(found, wanted.thickness_mm, wanted.thickness, plateau, name, findings)
-    contact = tibiofemoral_document(condyle, plateau, found, wanted.material, wanted.stated)
-    return wanted.as_given(contact)
-
-
-def _patellofemoral(
-    sheets: list[Sheet],
-    on_patella: str,
-    femur: anatomy.Femur,
-    wanted: _Wanted,
-    fits: dict[str, SheetFit],
-    findings: list[str],
-) -> dict[str, Any]:
-    """The contact of the patella with the groove; likewise."""
-    for sheet in sheets:
-        check_holes(sheet, findings)
-    patella = fit_patella(sheets, findings, wanted.splines)
-    trochlea = fit_trochlea(femur, wanted.splines)
-    across = anatomy.in_frame(patella.surface.frame, patella.points)[:, [0, 2]]
-    angle, radius, along = femur.cylindrical(trochlea.points)
-    mean = float(np.average(radius, weights=trochlea.weights))
-    for name, fit, at in (
-        ("patella", patella, across), ("trochlea", trochlea, np.c_[mean * angle, along])
-    ):  # fmt: skip
-        everywhere = np.ones(len(fit.points), bool)
-        fits[name] = part = SheetFit(fit, everywhere, quality(fit, everywhere, at))
-        _judge(name, part, "everywhere", on_patella, findings)
-    contact = patellofemoral_document(
-        fits["patella"], fits["trochlea"], wanted.thickness_mm, wanted.material, wanted.stated,
-        on_patella,
-    )  # fmt: skip
-    return wanted.as_given(contact)
+def _reference(options: MeshOptions) -> Pose:
+    return Pose.from_table([0.0] * 6) if options.reference_pose is None else options.reference_pose
 
 
 def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
@@ -334,3 +307,42 @@ def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[st
         findings.append(f"{name}: misses the target of {TARGET_RMS_MM:g} mm rms.")
 
 
+def _contact(
+    options: MeshOptions, fields: dict[str, Any], of_layer: list[str], said: str, left: bool
+) -> dict[str, Any]:
+    """A contact of a knee document, on the side that was given, with its sources."""
+    source = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
+    contact = options.material | fields | {"source": source | dict.fromkeys(of_layer, said)}
+    return mirror_part(contact) if left else contact
+
+
+def _points(part: SheetFit) -> list[int]:
+    extents = [float(upper - lower) for lower, upper in part.fit.surface.bounds()]
+    return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
+
+
+def _surface(part: SheetFit, stated: str) -> dict[str, Any]:
+    """An entry of a knee document."""
+    surface = part.fit.surface
+    names = "plateau", "origin_mm", "rotation_deg"
+    if isinstance(surface, Condyle):
+        names = "condyle", "axis_point_mm", "axis_rotation_deg"
+        limits = {"angle_deg": np.rad2deg(surface.angle), "width_mm": surface.width}
+    else:
+        limits = {"outline_mm": surface.outline, "anterior_mm": surface.x, "lateral_mm": surface.z}
+    kind, origin, rotation = names
+    entry: dict[str, Any] = {"kind": kind, origin: _listed(surface.frame.origin)}
+    if surface.frame.rotation is not None:
+        entry[rotation] = _listed(np.rad2deg(surface.frame.rotation))
+    entry["basis"] = surface.basis
+    entry |= {name: _listed(value) for name, value in limits.items()}
+    return entry | {
+        "coefficients_mm": _listed(surface.coefficients),
+        "source": f"smoothed spline fitted to {stated}",
+        "fit_rms_mm": round(part.quality.rms, 4),
+        "fit_max_mm": round(part.quality.maximum, 4),
+    }
+
+
+def _listed(values) -> list:
+    return np.round(np.asarray(values, float), _DIGITS).tolist()

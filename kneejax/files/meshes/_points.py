@@ -1,17 +1,19 @@
-"""Meshes of bones and cartilage: STL, PLY, OBJ and, with VTK, VTP."""
+"""Meshes of bones and cartilage: STL, PLY, OBJ and, with VTK, VTP; whole ones alone."""
 
 from __future__ import annotations
 
 import dataclasses
+import importlib
 import io
 import os
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.meshes._complete import COMPLETE, check_complete
-from kneejax.files.meshes._vtk import read_vtp
-from kneejax.files.reading import InputProblem, counted, read_bytes
+from kneejax.files.reading import InputProblem, counted, plain_number, read_bytes
 
 #: Endings of the files that can be read.
 MESH_ENDINGS = (".stl", ".ply", ".obj", ".vtp")
@@ -19,6 +21,16 @@ MESH_ENDINGS = (".stl", ".ply", ".obj", ".vtp")
 MESH_UNITS = {"auto": None, "m": 1000.0, "mm": 1.0, "cm": 10.0}
 
 _FEWEST_TRIANGLES = 4
+#: Type of a number of a PLY file -> that of NumPy.
+_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+          "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2",
+          "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8"}
+_COUNTS = [name for name, kind in _TYPES.items() if kind[0] != "f"]
+_STL_HEAD, _STL_FACET = 84, 50
+_OBJ_CORNER = re.compile(rb"-?[0-9]+(?:/-?[0-9]*){0,2}")
+#: Corners whose triangles are asked: the nearest point lies on one of theirs, unless triangles are
+#: far larger than their distance from each other.
+_NEAREST = 24
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,8 +83,12 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
         expected = f"a triangle mesh ending in {', '.join(MESH_ENDINGS)}"
         raise InputProblem(path, "file", path.suffix or "no ending", expected)
     mesh = _load(path, data)
-    size = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0)))
-    scale = MESH_UNITS[unit] or _guessed_scale(path, size)
+    size, scale = float(np.linalg.norm(np.ptp(mesh.vertices, axis=0))), MESH_UNITS[unit]
+    if scale is None:
+        if not (0 < size < 1 or 10 <= size <= 2000):
+            expected = "a diagonal below 1 (metres) or between 10 and 2000 (mm), or a unit given"
+            raise InputProblem(path, "bounding box", f"diagonal {size:.4g}", expected)
+        scale = 1000.0 if size < 1 else 1.0
     return MeshPoints(
         points_mm=np.array(mesh.vertices, float) * scale,
         normals=np.array(mesh.vertex_normals, float),
@@ -81,15 +97,58 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
     )
 
 
+def bone_surface(
+    path: str | os.PathLike[str],
+) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The surface of a bone, on which points can be laid.
+
+    Args:
+        path: a mesh in the bone's frame of the knee, in m, cm or mm (`read_mesh_points`).
+
+    Returns:
+        A function of points `(n, 3)`, mm, that gives the nearest points of the mesh `(n, 3)`, the
+        unit normals of their triangles `(n, 3)`, and the distances `(n,)`, mm.
+
+    Raises:
+        InputProblem: the file is no mesh.
+    """
+    import trimesh
+    from scipy.spatial import KDTree
+
+    mesh = read_mesh_points(path, "auto")
+    corners = mesh.points_mm[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    size = np.linalg.norm(normals, axis=1)
+    flat = size > 0.0
+    faces, corners, normals = mesh.faces[flat], corners[flat], normals[flat] / size[flat, None]
+    tree, count = KDTree(mesh.points_mm), min(_NEAREST, len(mesh.points_mm))
+    around: list[list[int]] = [[] for _ in mesh.points_mm]
+    for face, three in enumerate(faces):
+        for corner in three:
+            around[corner].append(face)
+
+    def lay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        face, laid = np.zeros(len(points), int), np.zeros((len(points), 3))
+        nearest = np.asarray(tree.query(points, count)[1])
+        for k, (point, near) in enumerate(zip(points, nearest, strict=True)):
+            own = np.unique([face for corner in np.atleast_1d(near) for face in around[corner]])
+            at = trimesh.triangles.closest_point(corners[own], np.tile(point, (len(own), 1)))
+            best = int(np.argmin(np.linalg.norm(at - point, axis=1)))
+            face[k], laid[k] = own[best], at[best]
+        return laid, normals[face], np.linalg.norm(points - laid, axis=1)
+
+    return lay
+
+
 def _load(path: Path, data: bytes):
     import trimesh
 
     kind = path.suffix[1:].lower()
-    if kind in COMPLETE:
-        check_complete(path, data)
+    if kind in _COMPLETE:
+        _COMPLETE[kind](path, data)
     try:
         if kind == "vtp":
-            mesh = trimesh.Trimesh(*read_vtp(path), process=False)
+            mesh = trimesh.Trimesh(*_read_vtp(path), process=False)
         else:
             mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False)
         faces = np.asarray(mesh.faces)
@@ -111,10 +170,169 @@ def _load(path: Path, data: bytes):
     return mesh
 
 
-def _guessed_scale(path: Path, size: float) -> float:
-    if 0 < size < 1:
-        return 1000.0
-    if 10 <= size <= 2000:
-        return 1.0
-    expected = "a diagonal below 1 (metres) or between 10 and 2000 (mm), or a unit given"
-    raise InputProblem(path, "bounding box", f"diagonal {size:.4g}", expected)
+def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Corners `(n, 3)` and triangles of a `.vtp` file, in which most OpenSim models keep their
+    bones; polygons and strips are cut into triangles."""
+
+    def imported(name: str) -> Any:
+        try:
+            return importlib.import_module(f"vtkmodules.{name}")
+        except ImportError:
+            way = "VTK to read it (pip install 'kneejax[view]'), or the mesh as STL, PLY or OBJ"
+            raise InputProblem(path, "file", path.suffix, way) from None
+
+    # VTK would print paragraphs about a damaged file.
+    logger = imported("vtkCommonCore").vtkLogger
+    before = logger.GetCurrentVerbosityCutoff()
+    logger.SetStderrVerbosity(logger.VERBOSITY_OFF)
+    try:
+        reader = imported("vtkIOXML").vtkXMLPolyDataReader()
+        triangles = imported("vtkFiltersCore").vtkTriangleFilter()
+        reader.SetFileName(str(path))
+        triangles.SetInputConnection(reader.GetOutputPort())
+        triangles.PassLinesOff()
+        triangles.PassVertsOff()
+        triangles.Update()
+    finally:
+        logger.SetStderrVerbosity(before)
+    if reader.GetErrorCode():
+        raise InputProblem(path, "file", "not complete, or damaged", "a triangle mesh in VTP")
+    mesh = triangles.GetOutput()
+    if mesh.GetNumberOfPolys() == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3), int)
+    as_array = imported("util.numpy_support").vtk_to_numpy
+    corners = as_array(mesh.GetPolys().GetConnectivityArray())
+    points = as_array(mesh.GetPoints().GetData())
+    return np.array(points, float), np.array(corners, int).reshape(-1, 3)
+
+
+# Whether the file of a mesh is complete: parsers read a part without a word.
+
+
+class _Rows(NamedTuple):
+    """A kind of row of a PLY file: how many, and the type of each property, two for a list."""
+
+    name: str
+    count: int
+    properties: list[tuple[str, ...]]
+
+
+def _check_ply(path: Path, data: bytes) -> None:
+    form, elements, body = _ply_header(path, data)
+    expected = " and ".join(f"{one.count} rows of {one.name}" for one in elements)
+    expected += ", as the header says"
+    if form == "ascii":
+        rows = [line.split() for line in body.split(b"\n") if line.strip()]
+        first = 0
+        for one in elements:
+            for number, row in enumerate(rows[first : first + one.count], 1):
+                if len(row) != _numbers_of(row, one):
+                    found = counted(len(row), "number")
+                    raise InputProblem(path, f"{one.name}, row {number}", found, "a whole row")
+            first += one.count
+        if len(rows) != first:
+            raise InputProblem(path, "rows", len(rows), expected)
+        return
+    there, end, order = len(body), 0, "<" if form == "binary_little_endian" else ">"
+    for one in elements:
+        end = _end_of_rows(body, end, one, order)
+        if end > there:
+            raise InputProblem(path, "rows", f"the end of the file in {one.name}", expected)
+    if body[end:].strip():
+        raise InputProblem(path, "rows", counted(there - end, "byte") + " more", expected)
+
+
+def _ply_header(path: Path, data: bytes) -> tuple[str, list[_Rows], bytes]:
+    found = re.match(rb"ply\r?\n(?P<lines>.*?)end_header[ \t]*(\r\n|\n|\r)", data, re.DOTALL)
+    if found is None:
+        raise InputProblem(path, "header", "not complete", "a triangle mesh in PLY")
+    form, elements = "", []
+    for line in found["lines"].decode("ascii", "replace").splitlines():
+        match line.split():
+            case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian") as form, _]:
+                pass
+            case ["element", name, count] if re.fullmatch("[0-9]{1,9}", count):
+                elements.append(_Rows(name, int(count), []))
+            case ["property", "list", count, kind, _] if elements and count in _COUNTS:
+                elements[-1].properties.append((count, kind))
+            case ["property", kind, _] if elements and kind in _TYPES:
+                elements[-1].properties.append((kind,))
+            case [("comment" | "obj_info"), *_] | []:
+                pass
+            case _:
+                raise InputProblem(path, "header", line, "a line of the header of a PLY mesh")
+    if not form or not elements:
+        found_words = "no format" if not form else "no elements"
+        raise InputProblem(path, "header", found_words, "a triangle mesh in PLY")
+    return form, elements, data[found.end() :]
+
+
+def _numbers_of(row: list[bytes], rows: _Rows) -> int:
+    """Numbers that a row of an ASCII file should have; lists say how long they are."""
+    place = 0
+    for kinds in rows.properties:
+        if len(kinds) == 1:
+            place += 1
+        elif place < len(row) and row[place].isdigit():
+            place += 1 + int(row[place][:9])
+        else:
+            return -1
+    return place
+
+
+def _end_of_rows(body: bytes, begin: int, rows: _Rows, order: str) -> int:
+    """Where the rows of an element end in a binary file, if it is long enough."""
+    sizes = [[np.dtype(_TYPES.get(kind, "u1")).itemsize for kind in kinds]
+             for kinds in rows.properties]
+    if all(len(one) == 1 for one in sizes):
+        return begin + rows.count * sum(size for (size,) in sizes)
+    for _ in range(rows.count):
+        for kinds, size in zip(rows.properties, sizes, strict=True):
+            if len(kinds) == 2:
+                head = body[begin : begin + size[0]]
+                if len(head) < size[0]:
+                    return len(body) + 1
+                begin += max(int(np.frombuffer(head, order + _TYPES[kinds[0]])[0]), 0) * size[1]
+            begin += size[0]
+    return begin
+
+
+def _check_stl(path: Path, data: bytes) -> None:
+    """A binary file is as long as it says; one of text ends with the word for its end."""
+    says = int.from_bytes(data[80:_STL_HEAD], "little") if len(data) >= _STL_HEAD else -1
+    if says >= 0 and len(data) == _STL_HEAD + says * _STL_FACET:
+        return
+    words = [word.lower() for word in data.split()]
+    if words[:1] != [b"solid"] or b"\x00" in data:
+        expected = "a triangle mesh in STL"
+        if says >= 0:
+            expected += f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}"
+        raise InputProblem(path, "file", counted(len(data), "byte"), expected)
+    facets, loops, ends, corners = (
+        words.count(word) for word in (b"outer", b"endloop", b"endfacet", b"vertex"))
+    if facets and b"endsolid" not in words:
+        raise InputProblem(path, "file", "no endsolid at its end", "a whole triangle mesh in STL")
+    if not ends == loops == facets or corners != 3 * facets:
+        found = f"{corners} corners of {counted(facets, 'triangle')}"
+        raise InputProblem(path, "file", found, "three corners of each triangle")
+
+
+def _check_obj(path: Path, data: bytes) -> None:
+    for number, line in enumerate(data.splitlines(), 1):
+        words = line.split(b"#")[0].split()
+        if not words or words[0] not in (b"v", b"f"):
+            continue
+        good, expected = len(words) >= 4, "three coordinates of a corner"
+        if words[0] == b"v":
+            numbers = (plain_number(word.decode("ascii", "replace")) for word in words[1:4])
+            good = good and all(x is not None for x in numbers)
+        else:
+            good = good and all(_OBJ_CORNER.fullmatch(word) for word in words[1:])
+            expected = "three corners of a face or more"
+        if not good:
+            found = b" ".join(words).decode("utf-8", "replace")
+            raise InputProblem(path, f"line {number}", found, expected)
+
+
+#: Ending of a file that says how much it holds -> its check.
+_COMPLETE = {"ply": _check_ply, "stl": _check_stl, "obj": _check_obj}

@@ -1,16 +1,26 @@
-"""Contact settings of OpenSim JAM, as one layer between femur and tibia."""
+"""Contact of OpenSim JAM as one layer between two bones, and surfaces fitted to its meshes."""
 
 from __future__ import annotations
 
+import copy
 import dataclasses
+import os
+import tempfile
 from decimal import Decimal
-from pathlib import PurePosixPath, PureWindowsPath
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import TYPE_CHECKING, Any
 
-from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import Model, Offset
-from kneejax.files.opensim._numbers import METRES_TO_MM, PASCAL_TO_MPA, shifted
+import numpy as np
+
+from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Offset, shifted
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
+from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._xml import Element
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose
+
+if TYPE_CHECKING:
+    from kneejax.files.opensim._import import OsimImport
 
 FORCE = "Smith2018ArticularContactForce"
 MESH = "Smith2018ContactMesh"
@@ -19,118 +29,81 @@ _LAWS = {"linear": "linear", "nonlinear": "log"}
 
 @dataclasses.dataclass(frozen=True)
 class OsimMesh:
-    """A contact mesh.
-
-    Attributes:
-        name: of the element.
-        bone: `femur`, `tibia` or `patella`.
-        file: name of the surface's file, without folders.
-        back_file: likewise of its back; empty if none is named.
-        frame: from the mesh's coordinates to the bone's.
-        scale: factors of the vertices along x, y, z.
-        youngs_modulus_MPa: of its layer.
-        poisson_ratio: of its layer.
-        thickness_mm: of its layer, where it does not vary.
-        varies: whether the layer reaches from the surface to its back.
-    """
+    """A contact mesh."""
 
     name: str
-    bone: str
-    file: str
-    back_file: str
-    frame: Offset
-    scale: tuple[float, float, float]
-    youngs_modulus_MPa: float
-    poisson_ratio: float
-    thickness_mm: float
-    varies: bool
-
-    @property
-    def moved(self) -> bool:
-        """Whether the file's vertices are not already in the bone's frame."""
-        still = self.frame.rotation is None and not any(self.frame.translation)
-        return not still or self.scale != (1.0, 1.0, 1.0)
+    bone: str  # `femur`, `tibia` or `patella`
+    file: str  # name of the surface's file, without folders
+    back_file: str  # likewise of its back; empty if none is named
+    frame: Offset  # from the mesh's coordinates to the bone's
+    scale: tuple[float, float, float]  # factors of the vertices along x, y, z
+    youngs_modulus_MPa: float  # of its layer
+    poisson_ratio: float  # of its layer
+    thickness_mm: float  # of its layer, where it does not vary
+    varies: bool  # whether the layer reaches from the surface to its back
 
 
 @dataclasses.dataclass(frozen=True)
 class OsimContact:
-    """A contact of the femur with the tibia or the patella.
-
-    Attributes:
-        name: of the force.
-        femur: the femur's mesh.
-        other: the other bone's mesh.
-        law: of `kneejax.mechanics.cartilage_law`.
-        youngs_modulus_MPa: of the one layer that stands for both.
-        poisson_ratio: likewise.
-        layer_thickness_mm: both together.
-        findings: what was taken from where.
-        doubts: where the one layer is not the model's.
-        element: the force in the file.
-    """
+    """A contact of the femur with the tibia or the patella."""
 
     name: str
-    femur: OsimMesh
-    other: OsimMesh
-    law: str
-    youngs_modulus_MPa: float
+    femur: OsimMesh  # the femur's mesh
+    other: OsimMesh  # the other bone's mesh
+    law: str  # of `kneejax.mechanics.cartilage_law`
+    youngs_modulus_MPa: float  # of the one layer that stands for both
     poisson_ratio: float
-    layer_thickness_mm: float
-    findings: tuple[str, ...]
-    doubts: tuple[str, ...]
-    element: Element
+    layer_thickness_mm: float  # both together
+    findings: tuple[str, ...]  # what was taken from where
+    doubts: tuple[str, ...]  # where the one layer is not the model's
+    element: Element  # the force in the file
 
 
 def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
     """Contacts between the knee's bones.
 
-    Args:
-        model: the model.
-        knee: its bones.
-
     Raises:
         InputProblem: a contact names a mesh that does not exist, or numbers are none.
     """
-    forces = [e for e in model.elements() if e.tag == FORCE]
-    meshes = {e.name: e for e in model.elements() if e.tag == MESH}
+    meshes = {e.name: e for e in model.elements if e.tag == MESH}
     contacts = []
-    for force in forces:
-        pair = [_mesh(model, force, role, meshes) for role in ("target", "casting")]
-        bodies = [model.socket(mesh, "frame") for mesh, _ in pair]
-        bones = [knee.rigid.get(body, ("", Offset()))[0] for body, _ in bodies]
+    for force in model.elements:
+        if force.tag != FORCE:
+            continue
+        pair = [_of_role(model, force, role, meshes) for role in ("target", "casting")]
+        places = [model.socket(mesh, "frame") for mesh, _ in pair]
+        bones = [knee.bone_of(body) for body, _ in places]
         if model.applied(force) and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
             found = {
-                bone: _read(model, mesh, settings, knee, bone, place)
-                for (mesh, settings), bone, place in zip(pair, bones, bodies, strict=True)
+                bone: _read(model, mesh, settings, bone, knee.rigid[body][1].after(frame))
+                for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
             }
-            second = TIBIA if TIBIA in found else PATELLA
-            contacts.append(_contact(model, force, found[FEMUR], found[second]))
+            other = found[TIBIA if TIBIA in found else PATELLA]
+            contacts.append(_contact(model, force, found[FEMUR], other))
     return contacts
 
 
-def _mesh(
+def _of_role(
     model: Model, force: Element, role: str, meshes: dict[str, Element]
 ) -> tuple[Element, Element]:
     """The mesh of a role, and the element that holds its material."""
     tag = f"socket_{role}_mesh"
-    word = force.word(tag, f"{tag}_connectee_name")
-    name = word.rstrip("/").rsplit("/", 1)[-1]
+    tags = tag, f"{tag}_connectee_name"
+    name = force.last_word(*tags)
     if name not in meshes:
-        raise model.file.problem(force, tag, word or "missing", f"a {MESH} of the model", meshes)
+        word = force.word(*tags) or "missing"
+        raise model.file.problem(force, tag, word, f"a {MESH} of the model", meshes)
     # Earlier versions of JAM keep the material with the force.
-    held = next((c for c in force.children if c.tag == f"{role}_mesh_contact_params"), None)
+    held = force.child(f"{role}_mesh_contact_params")
     if held is not None and meshes[name].child("elastic_modulus") is None:
-        inner = next((e for e in held.walk() if e.child("elastic_modulus") is not None), None)
-        return meshes[name], meshes[name] if inner is None else inner
+        inner = (e for e in held.iter("*") if e.child("elastic_modulus") is not None)
+        return meshes[name], next(inner, meshes[name])
     return meshes[name], meshes[name]
 
 
-def _read(
-    model: Model, mesh: Element, settings: Element, knee: OsimKneeJoint, bone: str, place
-) -> OsimMesh:
-    body, frame = place
+def _read(model: Model, mesh: Element, settings: Element, bone: str, carrier: Offset) -> OsimMesh:
     own = Offset.of(model.point(mesh, "location"), model.point(mesh, "orientation"))
-    scale = tuple(float(x) for x in model.numbers(mesh, "scale_factors", 3, "1 1 1"))
+    x, y, z = (float(x) for x in model.numbers(mesh, "scale_factors", 3, "1 1 1"))
     modulus = model.numbers(settings, "elastic_modulus", 1, "1000000")[0]
     ratio = model.numbers(settings, "poissons_ratio", 1, "0.5")[0]
     thickness = model.numbers(settings, "thickness", 1, "0.005")[0]
@@ -140,24 +113,19 @@ def _read(
     if not 0 <= ratio <= Decimal("0.5"):
         word = settings.word("poissons_ratio")
         raise model.file.problem(settings, "poissons_ratio", word, "a ratio from 0 to 0.5")
+    file, back_file = (PurePosixPath(PureWindowsPath(word).as_posix()).name for word in (
+        mesh.word("mesh_file", "filename"), mesh.word("mesh_back_file")))
     return OsimMesh(
-        mesh.name,
-        bone,
-        _file_name(mesh.word("mesh_file", "filename")),
-        _file_name(mesh.word("mesh_back_file")),
-        knee.rigid[body][1].after(frame).after(own),
-        scale,
-        shifted(modulus, PASCAL_TO_MPA),
-        float(ratio),
-        shifted(thickness, METRES_TO_MM),
+        mesh.name, bone, file, back_file, carrier.after(own), (x, y, z),
+        shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM),
         model.truth(settings, "use_variable_thickness", False),
     )
 
 
 def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
-    word = force.word("elastic_foundation_formulation", default="linear")
+    tag = "elastic_foundation_formulation"
+    word = force.word(tag, default="linear")
     if word not in _LAWS:
-        tag = "elastic_foundation_formulation"
         raise model.file.problem(force, tag, word, f"one of {', '.join(_LAWS)}")
     law, pair = _LAWS[word], (femur, other)
     findings = [f"Formulation {word}: the {law} law of kneejax."]
@@ -169,15 +137,17 @@ def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> 
             f"nu {mesh.poisson_ratio:g}, layer {layer}."
         )
     thickness = float(sum(Decimal(repr(mesh.thickness_mm)) for mesh in pair))
-    moduli = [mesh.youngs_modulus_MPa for mesh in pair]
     ratio = float(sum(Decimal(repr(mesh.poisson_ratio)) for mesh in pair) / 2)
-    same = moduli[0] == moduli[1] and femur.poisson_ratio == other.poisson_ratio
-    modulus = float(sum(Decimal(repr(x)) for x in moduli) / 2)
+    modulus = float(sum(Decimal(repr(mesh.youngs_modulus_MPa)) for mesh in pair) / 2)
+    same = len({(mesh.youngs_modulus_MPa, mesh.poisson_ratio) for mesh in pair}) == 1
     if not same and model.truth(force, "use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
-            modulus = _in_series(femur, other, thickness, ratio)
+            # One layer that is as stiff as both in a row.
+            soft = sum(m.thickness_mm / (m.youngs_modulus_MPa * _confined(m.poisson_ratio))
+                       for m in pair)
+            modulus = thickness / soft / _confined(ratio)
         findings.append(
             "The layers are springs in series: E is that of one layer of both thicknesses and the "
             "mean nu with the same pressure."
@@ -195,21 +165,135 @@ def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> 
     return OsimContact(
         force.name, femur, other, law, modulus, ratio, thickness, tuple(findings), tuple(doubts),
         force,
-    )  # fmt: skip
-
-
-def _in_series(femur: OsimMesh, other: OsimMesh, thickness: float, ratio: float) -> float:
-    """Young's modulus of one layer that is as stiff as both in a row."""
-
-    def stiffer(nu: float) -> float:
-        return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
-
-    soft = sum(
-        mesh.thickness_mm / (mesh.youngs_modulus_MPa * stiffer(mesh.poisson_ratio))
-        for mesh in (femur, other)
     )
-    return thickness / soft / stiffer(ratio)
 
 
-def _file_name(word: str) -> str:
-    return PurePosixPath(PureWindowsPath(word).as_posix()).name
+def _confined(nu: float) -> float:
+    """Confined modulus over Young's."""
+    return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimGeometry:
+    """Contacts of an imported knee.
+
+    Attributes:
+        document: the knee document with its contacts.
+        findings: sentences about the fit.
+        doubtful: whether a surface misses its target.
+    """
+
+    document: dict[str, Any]
+    findings: tuple[str, ...]
+    doubtful: bool
+
+
+def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimGeometry:
+    """Fit the contacts of an imported knee to the model's meshes.
+
+    Args:
+        read: what a model gave.
+        folder: where its meshes are.
+
+    Returns:
+        The knee document with contacts, and what the fit found.
+
+    Raises:
+        InputProblem: the model has not exactly one contact of femur and tibia, a mesh is not in
+            the folder, or it cannot be fitted.
+
+    Example:
+        >>> from kneejax.files import SMALLEST_MODEL, import_osim
+        >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
+        >>> add_osim_contacts(read, "no-such-folder")
+        Traceback (most recent call last):
+        kneejax.files.reading._problem.InputProblem: --geometry: folder: no-such-folder: expected
+        a folder
+        of meshes
+    """
+    folder, file = Path(folder), read.model.file.path
+    if not folder.is_dir():
+        raise InputProblem("--geometry", "folder", str(folder), "a folder of meshes")
+    if len(read.contacts) != 1:
+        names = ", ".join(contact.name for contact in read.contacts) or "none"
+        expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
+        raise InputProblem(file, "contacts", names, expected)
+    (contact,) = read.contacts
+    if contact.poisson_ratio >= 0.5:
+        raise InputProblem(file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
+    pair = (contact.femur, contact.other)
+    varies = any(mesh.varies for mesh in pair)
+    joint = _on_patella(read, contact) if "patella" in read.document else None
+    with tempfile.TemporaryDirectory() as scratch:
+        sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
+        backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
+        # Takes a while, and few need it.
+        from kneejax.files.meshes import MeshOptions, import_meshes
+
+        options = MeshOptions(
+            patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
+            femur_bone=backs[0] if varies else None,
+            tibia_bone=backs[1] if varies else None,
+            youngs_modulus_MPa=contact.youngs_modulus_MPa,
+            poisson_ratio=contact.poisson_ratio,
+            layer_thickness_mm=None if varies else contact.layer_thickness_mm,
+            thickness="field" if varies else "constant",
+            law=contact.law,
+            reference_pose=Pose.from_table(read.knee.pose),
+            source=", ".join(mesh.file for mesh in pair),
+        )
+        found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
+    document = copy.deepcopy(read.document)
+    document["contacts"] = dict(found.contacts)
+    stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
+    for part in document["contacts"].values():
+        part["source"] |= dict.fromkeys(stated, f"{file.name}, {contact.name}")
+    if joint is not None and found.patellofemoral is not None:
+        # Its material is the model's own, not that of femur and tibia.
+        own = ("law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm")
+        entry = found.patellofemoral | {field: getattr(joint, field) for field in own}
+        entry["source"] = dict.fromkeys(entry["source"], f"{file.name}, {joint.name}")
+        document["patella"]["contacts"] = {"patellofemoral": entry}
+    return OsimGeometry(document, tuple(found.findings), found.doubtful)
+
+
+def _on_patella(read: OsimImport, contact: OsimContact) -> OsimContact:
+    """The one contact of the patella, on the same femur."""
+    file, found = read.model.file.path, read.patellofemoral
+    if len(found) != 1:
+        names = ", ".join(one.name for one in found) or "none"
+        expected = "one contact of femur and patella, or --without-patella"
+        raise InputProblem(file, "contacts of the patella", names, expected)
+    if found[0].femur.file != contact.femur.file:
+        expected = f"the femur's mesh of {contact.name}, {contact.femur.file}"
+        raise InputProblem(file, found[0].name, found[0].femur.file, expected)
+    return found[0]
+
+
+def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Path:
+    """The file of a mesh with its vertices in the bone's frame."""
+    name = mesh.back_file if back else mesh.file
+    by_lower = {path.name.lower(): path for path in sorted(folder.iterdir())}
+    path = by_lower.get(name.lower())
+    if path is None:
+        present = ", ".join(sorted(by_lower)[:6]) or "nothing"
+        without = "; --without-patella does without it" if mesh.bone == PATELLA else ""
+        expected = f"this file; there is {present}{without}"
+        known = sorted(path.name for path in by_lower.values())
+        raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
+    still = mesh.frame.rotation is None and not any(mesh.frame.translation)
+    if still and mesh.scale == (1.0, 1.0, 1.0):
+        return path
+    import trimesh
+
+    loaded = trimesh.load_mesh(path)
+    scaled = np.asarray(loaded.vertices) * np.asarray(mesh.scale)
+    size = float(np.max(np.ptp(scaled, axis=0)))
+    unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
+    shift = np.asarray(mesh.frame.translation, float) * unit
+    loaded.vertices = scaled @ mesh.frame.matrix.T + shift
+    # What is said about it names the file that a person knows.
+    moved = scratch / mesh.bone / ("back" if back else "front") / f"{path.stem}.stl"
+    moved.parent.mkdir(parents=True, exist_ok=True)
+    loaded.export(moved)
+    return moved

@@ -30,10 +30,32 @@ def main(file: str) -> None:
     osim.Logger.removeFileSink()
     osim.Logger.setLevelString("Error")
     folder = Path(settings["folder"])
-    _inverse_dynamics(osim, settings)
-    text = _static_optimisation(osim, settings).read_text(encoding="utf-8")
-    (folder / FORCES).write_text(named_once(text), encoding="utf-8")
-    _joint_reaction(osim, settings, folder / FORCES).rename(folder / REACTIONS)
+    dynamics = osim.InverseDynamicsTool()
+    dynamics.setModelFileName(settings["model"])
+    dynamics.setCoordinatesFileName(settings["motion"])
+    if settings["loads"]:
+        dynamics.setExternalLoadsFileName(settings["loads"])
+    dynamics.setStartTime(settings["begin_s"])
+    dynamics.setEndTime(settings["end_s"])
+    dynamics.setExcludedForces(_words(osim, "Muscles"))
+    dynamics.setResultsDir(settings["folder"])
+    dynamics.setOutputGenForceFileName(MOMENTS)
+    _run(dynamics, "inverse dynamics")
+    optimisation = osim.StaticOptimization()
+    optimisation.setUseModelForceSet(True)
+    optimisation.setActivationExponent(2)
+    optimisation.setUseMusclePhysiology(True)
+    forces = _analysed(osim, settings, optimisation, "StaticOptimization_force")
+    text = named_once(forces.read_text(encoding="utf-8"))
+    (folder / FORCES).write_text(text, encoding="utf-8")
+    reaction = osim.JointReaction()
+    reaction.setName("JointReaction")
+    reaction.setForcesFileName(str(folder / FORCES))
+    reaction.setJointNames(_words(osim, settings["joint"]))
+    reaction.setOnBody(_words(osim, settings["tibia"]))
+    reaction.setInFrame(_words(osim, settings["tibia"]))
+    table = _analysed(osim, settings, reaction, "JointReaction_ReactionLoads")
+    table.rename(folder / REACTIONS)
     for other in folder.glob(f"{_NAME}_*"):
         other.unlink()
 
@@ -57,43 +79,10 @@ def named_once(table: str) -> str:
     return "\n".join([*head, *("\t".join(row[k] for k in kept) for row in rows)]) + "\n"
 
 
-def _inverse_dynamics(osim: Any, settings: dict[str, Any]) -> None:
-    tool = osim.InverseDynamicsTool()
-    tool.setModelFileName(settings["model"])
-    tool.setCoordinatesFileName(settings["motion"])
-    if settings["loads"]:
-        tool.setExternalLoadsFileName(settings["loads"])
-    tool.setStartTime(settings["begin_s"])
-    tool.setEndTime(settings["end_s"])
-    excluded = osim.ArrayStr()
-    excluded.append("Muscles")
-    tool.setExcludedForces(excluded)
-    tool.setResultsDir(settings["folder"])
-    tool.setOutputGenForceFileName(MOMENTS)
-    _run(tool, "inverse dynamics")
-
-
-def _static_optimisation(osim: Any, settings: dict[str, Any]) -> Path:
-    analysis = osim.StaticOptimization()
-    analysis.setUseModelForceSet(True)
-    analysis.setActivationExponent(2)
-    analysis.setUseMusclePhysiology(True)
-    return _analysed(osim, settings, analysis, "StaticOptimization_force")
-
-
-def _joint_reaction(osim: Any, settings: dict[str, Any], forces: Path) -> Path:
-    analysis = osim.JointReaction()
-    analysis.setName("JointReaction")
-    analysis.setForcesFileName(str(forces))
-    for give, word in (
-        (analysis.setJointNames, settings["joint"]),
-        (analysis.setOnBody, settings["tibia"]),
-        (analysis.setInFrame, settings["tibia"]),
-    ):
-        words = osim.ArrayStr()
-        words.append(word)
-        give(words)
-    return _analysed(osim, settings, analysis, "JointReaction_ReactionLoads")
+def _words(osim: Any, word: str) -> Any:
+    words = osim.ArrayStr()
+    words.append(word)
+    return words
 
 
 def _analysed(osim: Any, settings: dict[str, Any], analysis: Any, ending: str) -> Path:
@@ -108,9 +97,7 @@ def _analysed(osim: Any, settings: dict[str, Any], analysis: Any, ending: str) -
     tool.setCoordinatesFileName(settings["motion"])
     if settings["loads"]:
         tool.setExternalLoadsFileName(settings["loads"])
-    actuators = osim.ArrayStr()
-    actuators.append(settings["actuators"])
-    tool.setForceSetFiles(actuators)
+    tool.setForceSetFiles(_words(osim, settings["actuators"]))
     tool.setReplaceForceSet(False)
     tool.setSolveForEquilibrium(False)
     tool.setInitialTime(settings["begin_s"])

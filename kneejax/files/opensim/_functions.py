@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
-from scipy.linalg import solve_banded
 
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import plain_number
@@ -28,17 +27,10 @@ class UnknownFunction(Exception):
 
 
 def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
-    """A function's value.
-
-    Args:
-        function: one of `FUNCTIONS`.
-        arguments: values of its coordinates, rad or m; numbers, or arrays of one shape `(n,)`.
-
-    Returns:
-        The value, rad or m: a number, or an array where the arguments are and it depends on them.
+    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`.
 
     Raises:
-        UnknownFunction: its kind is not understood.
+        UnknownFunction: its kind is not one of `FUNCTIONS`.
         ValueError: its numbers are not what that kind needs.
     """
     x = arguments[0] if arguments else 0.0
@@ -77,20 +69,14 @@ def function_of(owner: Element) -> Element | None:
 
     It is the child of `<function>` and the like, or a child itself: classes have capitals,
     properties have none.
-
-    Args:
-        owner: the element.
     """
     held = owner.child(*_HOLDERS)
-    return next((child for child in (held or owner).children if child.tag[:1].isupper()), None)
+    inside = (owner if held is None else held).children
+    return next((child for child in inside if child.tag[:1].isupper()), None)
 
 
 def describe(function: Element) -> str:
-    """A function in a few words, for a report.
-
-    Args:
-        function: of any kind.
-    """
+    """A function of any kind in a few words, for a report."""
     if function.tag == "Constant":
         return f"constant {_number(function.word('value', default='0')):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
@@ -104,12 +90,9 @@ def describe(function: Element) -> str:
 
 
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
-    """The cubic spline of SIMM and OpenSim at one place or several; see `simm_splines`.
+    """The cubic spline of SIMM and OpenSim at a number or several `(m,)`; see `simm_splines`.
 
-    Args:
-        knots: shape `(n,)`, increasing; where they are not, or are two, lines join them.
-        values: shape `(n,)`.
-        x: where; a number or `(m,)`.
+    Where knots do not increase, or are two, lines join them.
 
     Example:
         >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
@@ -137,33 +120,13 @@ def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.nda
 
     Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
     """
-    count = len(knots)
-    wide = (-1, *[1] * (values.ndim - 1))
-    step = np.diff(knots)
-    slope = np.diff(values, axis=0) / step.reshape(wide)
-    # Three diagonals: above, on and below the main one, each at the column that it multiplies.
-    above, main, below = np.zeros((3, count))
-    above[2:], below[:-2] = step[1:], step[:-1]
-    main[1:-1] = 2.0 * (step[:-1] + step[1:])
-    above[1], main[0], main[-1], below[-2] = 1.0, -1.0, 1.0, -1.0
-    wanted = np.zeros(values.shape)
-    wanted[1:-1] = np.diff(slope, axis=0)
-    if count > 3:
-        wanted[0] = step[0] * _third_difference(knots[:4], values[:4])
-        wanted[-1] = step[-1] * _third_difference(knots[-4:], values[-4:])
-    # A sixth of the second derivative at the knots.
-    bend = solve_banded((1, 1), np.stack([above, main, below]), wanted.reshape(count, -1))
-    bend = bend.reshape(values.shape)
-    last = slope[-1] + step[-1] * (bend[-2] + 2.0 * bend[-1])
+    ends = [(3, np.zeros(values.shape[1:]))] * 2
+    if len(knots) > 3:
+        ends = [(3, _third_derivative(knots[k], values[k])) for k in (slice(4), slice(-4, None))]
+    spline = make_interp_spline(knots, values, k=3, bc_type=([ends[0]], [ends[1]]))
     inside = np.clip(x, knots[0], knots[-1])
-    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, count - 2)
-    t, width = (inside - knots[i]).reshape(wide), step[i].reshape(wide)
-    tangent = slope[i] - width * (bend[i + 1] + 2.0 * bend[i])
-    third = (bend[i + 1] - bend[i]) / width
-    within = values[i] + t * (tangent + t * (3.0 * bend[i] + t * third))
-    first = slope[0] - step[0] * (bend[1] + 2.0 * bend[0])
-    beyond = (x - inside).reshape(wide)
-    return within + beyond * np.where(beyond < 0, first, last)
+    beyond = (x - inside).reshape(-1, *[1] * (values.ndim - 1))
+    return spline(inside) + beyond * spline(inside, 1)
 
 
 def _natural(function: Element, x: Any) -> Any:
@@ -182,11 +145,11 @@ def _natural(function: Element, x: Any) -> Any:
     return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
 
 
-def _third_difference(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Divided difference of four points."""
+def _third_derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Of the cubic through four points."""
     for order in range(1, 4):
         y = np.diff(y, axis=0) / (x[order:] - x[:-order]).reshape(-1, *[1] * (y.ndim - 1))
-    return y[0]
+    return 6.0 * y[0]
 
 
 def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:

@@ -8,16 +8,13 @@ import fnmatch
 import hashlib
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from kneejax.files.knee import ENDS, check_knee
-from kneejax.files.opensim._acting import ACTS, ELSEWHERE, Untaken, listed, untaken
-from kneejax.files.opensim._axes import anatomical, turned
-from kneejax.files.opensim._beyond import posed, standing, with_pelvis_and_foot
+from kneejax.files.knee import check_knee
 from kneejax.files.opensim._contact import OsimContact, find_contacts
-from kneejax.files.opensim._joints import Joint
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim._frames import anatomical, turned
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
 from kneejax.files.opensim._ligaments import (
     Found,
     OsimLigament,
@@ -26,21 +23,22 @@ from kneejax.files.opensim._ligaments import (
     outside_obstacles,
 )
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._muscles import find_muscles
-from kneejax.files.opensim._names import file_names
-from kneejax.files.opensim._numbers import METRES_TO_MM, shifted
-from kneejax.files.opensim._patella import PatellaSection, patella_section
-from kneejax.files.opensim._wraps import OsimWrap, wrap_document
+from kneejax.files.opensim._muscles import PatellaSection, find_muscles, patella_section
+from kneejax.files.opensim._paths import OsimWrap, file_names
+from kneejax.files.opensim._untaken import (
+    ACTS,
+    ELSEWHERE,
+    OFF,
+    Untaken,
+    listed,
+    numbers_of_kinds,
+    untaken,
+)
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
-from kneejax.mechanics import FAILURE_SOURCE, usual_failure_strain
 
-#: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
-#: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
-TRANSITION_WIDTH = 1e-4
 #: Fibres are hardly ever softer: N per unit strain.
 SOFT_N = 50.0
-_TO_MM = {"slack_length_mm"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,6 +55,7 @@ class OsimImport:
         contacts: contacts of femur and tibia.
         untaken: forces and constraints of the model that are no part of the knee.
         without: names that were left out because a person asked for it.
+        bodies: at the knee that are part of none of its bones, as menisci.
         patellofemoral: contacts of femur and patella.
         patella_notes: what was assumed or left out of the patella and the muscles.
         patella_doubts: where they are not the model's.
@@ -71,6 +70,7 @@ class OsimImport:
     contacts: tuple[OsimContact, ...]
     untaken: tuple[Untaken, ...]
     without: tuple[str, ...]
+    bodies: tuple[str, ...] = ()
     patellofemoral: tuple[OsimContact, ...] = ()
     patella_notes: tuple[str, ...] = ()
     patella_doubts: tuple[str, ...] = ()
@@ -88,7 +88,7 @@ class OsimImport:
         return (
             *unsupported, *others, *self.patella_doubts, *self.knee.doubts, *contact,
             *_soft(self.document),
-        )  # fmt: skip
+        )
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -99,7 +99,23 @@ class OsimImport:
                 groups[one.how].append(one)
         asked = [f"{', '.join(self.without)}: as asked by --without"] if self.without else []
         return (*(f"{line}: {how}" for how, many in groups.items() for line in listed(many)),
-                *asked)  # fmt: skip
+                *asked)
+
+    @property
+    def numbers_left_out(self) -> str:
+        """How many of which kind the knee has not: of what acts on it, is switched off, or is
+        elsewhere in the model."""
+        fibres = [e.tag for e in self.found.answered if e.name not in self.without]
+        tags = collections.defaultdict(list, {ACTS: fibres})
+        for one in self.untaken:
+            tags[one.how if one.how in (OFF, ELSEWHERE) else ACTS].append(one.element.tag)
+        parts = {
+            "left out": numbers_of_kinds(tags[ACTS], self.bodies),
+            "as asked by --without": f"{len(self.without)}" if self.without else "",
+            "switched off in the model": numbers_of_kinds(tags[OFF]),
+            "not at this knee": numbers_of_kinds(tags[ELSEWHERE]),
+        }
+        return "; ".join(f"{what}: {numbers}" for what, numbers in parts.items() if numbers)
 
 
 def import_osim(
@@ -155,40 +171,44 @@ def import_osim(
     whole = with_pelvis_and_foot(model, knee, at)
     found = find_ligaments(model, whole)
     left_out = _leave_out(model, found, without)
-    knee = _with_small_bones(model, knee, whole, found.ligaments)
-    if not any(_of_two_bones(x, knee) for x in found.ligaments):
-        raise _no_ligament(path, knee, found)
-    knee, turn = anatomical(model, knee, [x for x in found.ligaments if _of_two_bones(x, knee)])
+    knee = _with_small_bones(knee, whole, found.ligaments)
+    own = [x for x in found.ligaments if not _beside(x, knee)]
+    if not own:
+        why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
+        shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
+        raise InputProblem(
+            path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
+            f"a ligament that spans the {SIDES[knee.side]} knee ({shown or 'all were left out'})",
+        )
+    knee, turn = anatomical(model, knee, own)
     whole = turned(whole, turn)
-    found.ligaments[:] = outside_obstacles(model, whole, found, inside)
-    beside = [x for x in found.ligaments if not _of_two_bones(x, knee)]
-    found.ligaments[:] = [x for x in found.ligaments if _of_two_bones(x, knee)]
-    keys = [ligament.key for ligament in found.ligaments]
-    ligaments = dict(zip(file_names(keys, "L"), found.ligaments, strict=True))
-    used = {id(x.wrap.element): x.wrap for x in found.ligaments if x.wrap is not None}
-    wraps = dict(zip(file_names([w.key for w in used.values()], "W"), used.values(), strict=True))
-    every = find_contacts(model, knee)
-    contacts = tuple(c for c in every if c.other.bone != PATELLA)
-    on_patella = tuple(c for c in every if c.other.bone == PATELLA)
-    section = PatellaSection({}, ())
-    if patella:
-        section = _patella(model, whole, beside, set(knee.rigid), posed(at))
-    taken = [x.element for x in (*found.ligaments, *contacts)] + found.answered
+    every = outside_obstacles(model, whole, found, inside)
+    beside = [x for x in every if _beside(x, knee)]
+    found.ligaments[:] = [x for x in every if not _beside(x, knee)]
+    names = file_names((ligament.key for ligament in found.ligaments), "L")
+    ligaments = dict(zip(names, found.ligaments, strict=True))
+    wraps = {name: wrap for wrap, name in _wrap_names(found.ligaments)}
+    contacts = find_contacts(model, knee)
+    of_tibia, of_patella = (tuple(c for c in contacts if (c.other.bone == PATELLA) == there)
+                            for there in (False, True))
+    section = _patella(model, whole, beside, knee, at or {}) if patella else PatellaSection({}, ())
+    taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
     if section.document:
-        taken += [x.element for x in (*beside, *section.muscles, *on_patella)]
+        taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
     else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-    others = [
-        one for one in untaken(model, knee, taken)
-        if one.element.name not in left_out and (patella or not one.muscle_or_patella)
-    ]  # fmt: skip
+    others, bodies = untaken(model, knee, taken)
+    others = [one for one in others if one.element.name not in left_out
+              and (patella or not one.muscle_or_patella)]
+    bodies = [body for body in bodies if patella or "menisc" in body.lower()]
+    bodies += [knee.patella] if patella and knee.patella and not section.document else []
     doubts = section.doubts
     if not section.document and any(x.muscle_or_patella and x.how == ACTS for x in others):
         doubts += (f"{section.notes[0]} --without-patella does without it and its muscles.",)
     answer = OsimImport(
-        {}, model, knee, ligaments, wraps, found, contacts, tuple(others), left_out, on_patella,
-        section.notes, doubts,
-    )  # fmt: skip
+        {}, model, knee, ligaments, wraps, found, of_tibia, tuple(others), left_out,
+        tuple(bodies), of_patella, section.notes, doubts,
+    )
     check_lengths(model, whole, [*found.ligaments, *beside])
     answer.document.update(_document(answer))
     if section.document:
@@ -213,13 +233,13 @@ def _soft(document: dict[str, Any]) -> list[str]:
 
 
 def _with_small_bones(
-    model: Model, knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[OsimLigament]
+    knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> OsimKneeJoint:
     """The knee with what its fibres end on below the tibia, held where the defaults have it."""
     ends: dict[str, list[str]] = collections.defaultdict(list)
     for ligament in ligaments:
         bodies = {point.body for point in ligament.points} - {*knee.rigid}
-        if all(whole.rigid[body][0] == TIBIA for body in bodies):
+        if all(whole.bone_of(body) == TIBIA for body in bodies):
             for body in bodies:
                 ends[body].append(ligament.key)
     doubts = tuple(
@@ -231,114 +251,81 @@ def _with_small_bones(
     return dataclasses.replace(knee, rigid=rigid, doubts=(*knee.doubts, *doubts))
 
 
-def _no_ligament(path, knee: OsimKneeJoint, found: Found) -> InputProblem:
-    why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
-    shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
-    return InputProblem(
-        path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
-        f"a ligament that spans the {SIDES[knee.side]} knee ({shown or 'all were left out'})",
-    )  # fmt: skip
-
-
-def _of_two_bones(ligament: OsimLigament, knee: OsimKneeJoint) -> bool:
-    """Whether it joins femur and tibia themselves: no patella, nothing beyond them."""
-    return not _beside(ligament, knee)
-
-
 def _beside(ligament: OsimLigament, knee: OsimKneeJoint) -> str:
     """The body of a fibre that is neither of femur nor of tibia; empty without one."""
     bodies = (point.body for point in ligament.points)
-    others = (x for x in bodies if x not in knee.rigid or knee.rigid[x][0] == PATELLA)
-    return next(others, "")
+    return next((x for x in bodies if knee.bone_of(x) in ("", PATELLA)), "")
+
+
+def _wrap_names(fibres: Sequence[Any]) -> list[tuple[OsimWrap, str]]:
+    """What fibres or muscles go around, each once, with its name in a knee file."""
+    used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}
+    return [*zip(used.values(), file_names((w.key for w in used.values()), "W"), strict=True)]
 
 
 def _patella(
-    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament], own: set[str], where: str
+    model: Model,
+    whole: OsimKneeJoint,
+    beside: list[OsimLigament],
+    knee: OsimKneeJoint,
+    at: Mapping[str, float],
 ) -> PatellaSection:
-    """The section of the patella, with the muscles over the knee and ligaments from the pelvis.
-
-    `own` are the bodies of the knee itself, `where` says how pelvis and foot are posed.
-    """
-    muscles, file = find_muscles(model, knee), f"{model.file.path.name}{where}"
-    every = (*ligaments, *muscles.muscles)
-    if any(point.body not in own for one in every for point in one.points):
-        muscles = muscles.noted(standing(where))
-    used = {id(x.wrap.element): x.wrap for x in every if x.wrap is not None}
-    names = dict(zip(used, file_names([w.key for w in used.values()], "W"), strict=True))
-    entries = {
-        name: _ligament(one, knee, file, names)
-        for name, one in zip(file_names([x.key for x in ligaments], "L"), ligaments, strict=True)
-    }
-    return patella_section(model, knee, entries, muscles, [*used.values()], names, file)
+    """The section of the patella, with the muscles over the knee and ligaments from the pelvis."""
+    where = f" at {', '.join(f'{name}={value:g}' for name, value in at.items())}" if at else ""
+    notes, doubts, file = [], [], f"{model.name}{where}"
+    muscles = find_muscles(model, whole, notes, doubts)
+    every = (*beside, *muscles)
+    if any(point.body not in knee.rigid for one in every for point in one.points):
+        notes.append(
+            "Pelvis and foot stand where the model's default coordinates have them"
+            + (f", but for{where.removeprefix(' at')}" if where else "")
+            + ": what comes from there begins or ends at a fixed point of the femur or the tibia."
+        )
+    names = {wrap.element: name for wrap, name in _wrap_names(every)}
+    keys = file_names((x.key for x in beside), "L")
+    entries = {name: one.document(whole, file, names)
+               for name, one in zip(keys, beside, strict=True)}
+    section = patella_section(model, whole, entries, muscles, names, file, notes)
+    return dataclasses.replace(section, doubts=tuple(doubts) if section.document else ())
 
 
 def _document(read: OsimImport) -> dict[str, Any]:
-    model, knee, file = read.model, read.knee, read.model.file.path.name
+    model, knee, file = read.model, read.knee, read.model.name
     side = SIDES[knee.side]
-    wrap_names = {id(wrap.element): name for name, wrap in read.wraps.items()}
+    names = {wrap.element: name for name, wrap in read.wraps.items()}
+    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}."
+             for joint in knee.joints]
+    for contact in read.contacts:
+        lines += [f"Contact {contact.name} of the model:", *contact.findings]
+    source = f"{file}: {knee.tibia} in {knee.femur} at the coordinates' default values"
+    origin = {
+        "file": file,
+        "sha256": hashlib.sha256(model.file.original).hexdigest(),
+        "side": knee.side,
+        "femur": knee.femur,
+        "tibia": knee.tibia,
+        # Only names that a knee file does not allow differ from the model's.
+        "ligaments": {n: x.key for n, x in read.ligaments.items() if n != x.key},
+        "wraps": {n: x.key for n, x in read.wraps.items() if n != x.key},
+    }
     document: dict[str, Any] = {
         "kneejax": 1,
         "name": model.root.name or model.file.path.stem,
         "side": side,
         "description": f"The {side} knee of the OpenSim model {model.root.name or file} ({file})",
-        "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True))
-        | {"source": f"{file}: {knee.tibia} in {knee.femur} at the coordinates' default values"},
-        "ligaments": {
-            name: _ligament(ligament, knee, file, wrap_names)
-            for name, ligament in read.ligaments.items()
-        },
+        "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True)) | {"source": source},
+        "ligaments": {name: one.document(knee, file, names)
+                      for name, one in read.ligaments.items()},
         "contacts": {},
-        "wraps": {
-            name: wrap_document(
-                model, wrap, knee, f"{file}, {wrap.element.tag} {wrap.key} of {wrap.body}"
-            )
-            for name, wrap in read.wraps.items()
-        },
+        "wraps": {name: wrap.document(model, knee, file) for name, wrap in read.wraps.items()},
         "groups": _groups(list(read.ligaments)),
-        "notes": " ".join((*knee.unusual, _notes(knee.joints, read.contacts))),
-        "imported_from": {
-            "file": file,
-            "sha256": hashlib.sha256(model.file.original).hexdigest(),
-            "side": knee.side,
-            "femur": knee.femur,
-            "tibia": knee.tibia,
-            # Only names that a knee file does not allow differ from the model's.
-            "ligaments": {n: x.key for n, x in read.ligaments.items() if n != x.key},
-            "wraps": {n: x.key for n, x in read.wraps.items() if n != x.key},
-        },
+        "notes": " ".join((*knee.unusual, "Knee joint of the model.", *lines)),
+        "imported_from": {name: value for name, value in origin.items() if value != {}},
     }
-    for part, section in (
-        (document, "wraps"), (document, "groups"),
-        (document["imported_from"], "ligaments"), (document["imported_from"], "wraps"),
-    ):  # fmt: skip
-        if not part[section]:
-            del part[section]
+    for section in ("wraps", "groups"):
+        if not document[section]:
+            del document[section]
     return document
-
-
-def _ligament(
-    ligament: OsimLigament, knee: OsimKneeJoint, file: str, wraps: dict[int, str]
-) -> dict[str, Any]:
-    bones = [knee.rigid[point.body][0] for point in ligament.points]
-    places = [[shifted(x, METRES_TO_MM) for x in point.in_bone(knee)] for point in ligament.points]
-    ends = {bone: field for field, bone in ENDS.items()}
-    entry: dict[str, Any] = {ends[bones[0]]: places[0]}
-    if len(places) > 2:
-        entry["via_points"] = [
-            {"bone": bone, "point_mm": place}
-            for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
-        ]
-    entry[ends[bones[-1]]] = places[-1]
-    if ligament.wrap is not None:
-        entry["wrap"] = wraps[id(ligament.wrap.element)]
-    for field, value in ligament.numbers.items():
-        entry[field] = shifted(value, METRES_TO_MM) if field in _TO_MM else float(value)
-    entry["transition_width"] = TRANSITION_WIDTH
-    entry["failure_strain"] = float(usual_failure_strain([ligament.key])[0])
-    source = f"{file}, {ligament.element.tag} {ligament.key}; failure_strain: {FAILURE_SOURCE}"
-    if ligament.assumed:
-        source += f"; OpenSim's default: {', '.join(ligament.assumed)}"
-    return entry | {"source": source}
 
 
 def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:
@@ -376,10 +363,3 @@ def _groups(names: list[str]) -> dict[str, list[str]]:
             seen.append(many)
             answer[name] = many
     return answer
-
-
-def _notes(joints: tuple[Joint, ...], contacts: tuple[OsimContact, ...]) -> str:
-    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}." for joint in joints]
-    for contact in contacts:
-        lines += [f"Contact {contact.name} of the model:", *contact.findings]
-    return "Knee joint of the model. " + " ".join(lines)

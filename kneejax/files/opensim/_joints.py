@@ -1,14 +1,15 @@
-"""Joints of an OpenSim model: coordinates, axes, and where the child stands at their defaults."""
+"""Joints of an OpenSim model, and where its bodies are at coordinates: forward kinematics."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim._exact import Offset, Rigid, turn_about
 from kneejax.files.opensim._functions import (
     FUNCTIONS,
     UnknownFunction,
@@ -16,8 +17,9 @@ from kneejax.files.opensim._functions import (
     evaluate,
     function_of,
 )
-from kneejax.files.opensim._model import Model, Offset, turn_about
+from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._xml import Element
+from kneejax.files.tables import Storage, last_word
 
 #: Kinds of joint -> axes along or about which their coordinates go, in order: R rotation, T
 #: translation. A custom joint states its own.
@@ -31,72 +33,43 @@ _AXES = {
     "PlanarJoint": ("Rz", "Tx", "Ty"),
     "FreeJoint": ("Rx", "Ry", "Rz", "Tx", "Ty", "Tz"),
 }
-_UNIT = {"x": np.eye(3)[0], "y": np.eye(3)[1], "z": np.eye(3)[2]}
 
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """A coordinate of a joint.
-
-    Attributes:
-        name: its name.
-        default: rad or m; what a function of time has at its beginning, where one prescribes it.
-        range: rad or m; None if the file states none.
-        locked: whether it cannot move.
-        clamped: whether it stays within its range.
-        prescribed: whether a function of time prescribes it.
-    """
+    """A coordinate of a joint."""
 
     name: str
+    # rad or m; what a function of time has at its beginning, where one prescribes it
     default: float
-    range: tuple[float, float] | None
-    locked: bool
-    clamped: bool
-    prescribed: bool = False
+    range: tuple[float, float] | None  # rad or m; None if the file states none
+    locked: bool  # whether it cannot move
+    clamped: bool  # whether it stays within its range
+    prescribed: Element | None = None  # the function of time that prescribes it; None without
 
 
 @dataclasses.dataclass(frozen=True)
 class Axis:
-    """A rotation or translation of a joint.
+    """A rotation or translation of a joint."""
 
-    Attributes:
-        turns: whether it is a rotation.
-        direction: unit vector in the axes that the rotations before it have turned.
-        coordinates: names of the function's arguments.
-        function: amount as a function of them; None for the coordinate itself.
-    """
-
-    turns: bool
-    direction: np.ndarray
-    coordinates: tuple[str, ...]
-    function: Element | None
+    turns: bool  # whether it is a rotation
+    direction: np.ndarray  # unit vector in the axes that the rotations before it have turned
+    coordinates: tuple[str, ...]  # names of the function's arguments
+    function: Element | None  # amount as a function of them; None for the coordinate itself
 
 
 @dataclasses.dataclass(frozen=True)
 class Joint:
-    """A joint between two bodies.
-
-    Attributes:
-        element: in the file.
-        kind: e.g. `CustomJoint`.
-        parent: body.
-        child: body.
-        parent_frame: from the joint's frame on the parent to the parent.
-        child_frame: likewise on the child.
-        coordinates: in order.
-        axes: in order, rotations first.
-        reverse: whether the axes state the parent's motion in the child.
-    """
+    """A joint between two bodies."""
 
     element: Element
-    kind: str
     parent: str
     child: str
-    parent_frame: Offset
-    child_frame: Offset
+    parent_frame: Offset  # from the joint's frame on the parent to the parent
+    child_frame: Offset  # likewise on the child
     coordinates: tuple[Coordinate, ...]
-    axes: tuple[Axis, ...]
-    reverse: bool = False
+    axes: tuple[Axis, ...]  # in order, rotations first
+    reverse: bool = False  # whether the axes state the parent's motion in the child
 
     @property
     def name(self) -> str:
@@ -104,42 +77,56 @@ class Joint:
         return self.element.name
 
     @property
+    def kind(self) -> str:
+        """Its class, e.g. `CustomJoint`."""
+        return self.element.tag
+
+    @property
     def fixed(self) -> bool:
         """Whether nothing can move in it: a weld, or every coordinate locked."""
         return all(coordinate.locked for coordinate in self.coordinates)
 
-    def placement(self, model: Model) -> Offset:
-        """The motion from the child's to the parent's coordinates, at the coordinates' defaults.
+    @property
+    def ends(self) -> tuple[tuple[str, Offset], tuple[str, Offset]]:
+        """Both bodies, and the joint's frame on each."""
+        return (self.parent, self.parent_frame), (self.child, self.child_frame)
 
-        Args:
-            model: the model, for errors.
+    def other(self, body: str) -> str:
+        """The body that it joins to this one; empty where it does not."""
+        return {self.parent: self.child, self.child: self.parent}.get(body, "")
+
+    def motion(self, model: Model, values: Mapping[str, Any], shape: tuple[int, ...] = ()) -> Rigid:
+        """The motion between the joint's frames at coordinates, rad or m, arrays of a shape.
 
         Raises:
             InputProblem: an axis has a function that is not supported, or its numbers are wrong.
         """
-        values = {coordinate.name: coordinate.default for coordinate in self.coordinates}
-        rotation, shift = np.eye(3), np.zeros(3)
+        turn, shift = np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3))
         for axis in self.axes:
-            amount = float(self.amount(axis, values, model))
-            if axis.turns:
-                rotation = rotation @ turn_about(axis.direction, amount)
+            arguments = [values.get(name, 0.0) for name in axis.coordinates]
+            if axis.function is not None:
+                amount = function_value(model, axis.function, arguments, self.name)
             else:
-                shift = shift + amount * axis.direction
-        moved = Offset(
-            None if np.array_equal(rotation, np.eye(3)) else rotation,
-            tuple(Decimal(repr(float(x))) for x in shift),
-        )
-        if self.reverse:
-            moved = moved.inverse()
+                amount = arguments[0] if arguments else 0.0
+            amount = np.broadcast_to(np.asarray(amount, float), shape)
+            if axis.turns:
+                turn = turn @ turn_about(axis.direction, amount)
+            else:
+                shift = shift + amount[..., None] * axis.direction
+        return Rigid(turn, shift).inverse() if self.reverse else Rigid(turn, shift)
+
+    def placement(self, model: Model) -> Offset:
+        """The motion from the child's to the parent's coordinates, at the coordinates' defaults."""
+        own = self.motion(model, {c.name: c.default for c in self.coordinates})
+        x, y, z = (Decimal(repr(float(value) + 0.0)) for value in own.shift)
+        moved = Offset(None if np.array_equal(own.turn, np.eye(3)) else own.turn, (x, y, z))
         return self.parent_frame.after(moved).after(self.child_frame.inverse())
 
     def describe(self) -> list[str]:
         """Its coordinates and axes, a sentence each, for a report."""
-        turning = {name for axis in self.axes if axis.turns for name in axis.coordinates}
         lines = []
         for coordinate in self.coordinates:
-            angle = coordinate.name in turning
-            scale, unit = (180.0 / np.pi, "degrees") if angle else (1e3, "mm")
+            scale, unit = unit_of([self], coordinate.name)
             text = f"coordinate {coordinate.name}: default {coordinate.default * scale:.6g} {unit}"
             if coordinate.range is not None:
                 lower, upper = (x * scale for x in coordinate.range)
@@ -155,21 +142,95 @@ class Joint:
             lines.append(f"{kind} ({direction}): {amount}{of}")
         return lines
 
-    def amount(self, axis: Axis, values: Mapping[str, Any], model: Model) -> Any:
-        """How far an axis turns or shifts, rad or m.
 
-        Args:
-            axis: one of the joint's.
-            values: coordinate -> its value, rad or m, a number or an array.
-            model: the model, for errors.
-        """
-        arguments = [values.get(name, 0.0) for name in axis.coordinates]
-        if axis.function is None:
-            return arguments[0] if arguments else 0.0
-        return _value(model, axis.function, arguments, self.name)
+@dataclasses.dataclass(frozen=True)
+class Movement:
+    """A model that moves."""
+
+    model: Model
+    joints: tuple[Joint, ...]
+    values: dict[str, np.ndarray]  # coordinate -> rad or m, one shape `(...)`
+    placed: dict[str, Rigid]  # body -> where it is in the ground
+
+    def between(self, first: str, second: str) -> Rigid:
+        """Where a body is in another: from the second's coordinates to the first's."""
+        return self.placed[first].inverse().after(self.placed[second])
+
+    def at(self, row: int) -> Movement:
+        """At one of the instants along the first axis."""
+        values = {name: x[row] for name, x in self.values.items()}
+        placed = {name: there.at(row) for name, there in self.placed.items()}
+        return Movement(self.model, self.joints, values, placed)
 
 
-def _value(model: Model, function: Element, arguments: list, of: str) -> Any:
+def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
+    """Bodies of a model at coordinates, rad or m, all of one shape; others follow these where they
+    are coupled to them, and have their defaults where not.
+
+    Raises:
+        InputProblem: a joint moves by a function that is not known.
+    """
+    joints = read_joints(model)
+    shape = np.shape(next(iter(values.values())))
+    every = {
+        c.name: np.broadcast_to(values.get(c.name, c.default), shape)
+        for joint in joints for c in joint.coordinates
+    }
+    every = {x: np.broadcast_to(y, shape) for x, y in _followed(model, every, values).items()}
+    still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
+    placed, waiting = {GROUND: still}, list(joints)
+    while waiting:
+        ready = [joint for joint in waiting if joint.parent in placed]
+        if not ready:
+            # A body that no joint carries begins at the ground, as in OpenSim.
+            free = {joint.parent for joint in waiting} - {joint.child for joint in waiting}
+            if not free:
+                break
+            placed |= dict.fromkeys(free, still)
+        for joint in ready:
+            there = placed[joint.parent].after(Rigid.of(joint.parent_frame))
+            there = there.after(joint.motion(model, every, shape))
+            placed[joint.child] = there.after(Rigid.of(joint.child_frame).inverse())
+        waiting = [joint for joint in waiting if joint not in ready]
+    return Movement(model, tuple(joints), every, placed)
+
+
+def placed_above(model: Model, above: Mapping[str, Joint], body: str) -> Offset:
+    """The motion from a body's coordinates to the uppermost body's above it, at the defaults.
+
+    `above` has the joint by which each body hangs on another one.
+    """
+    motion, seen = Offset(), set()
+    while body in above and body not in seen:
+        seen.add(body)
+        motion = above[body].placement(model).after(motion)
+        body = above[body].parent
+    return motion
+
+
+def turning(joints: Iterable[Joint]) -> set[str]:
+    """Coordinates that are angles."""
+    return {name for j in joints for axis in j.axes if axis.turns for name in axis.coordinates}
+
+
+def unit_of(joints: Iterable[Joint], name: str) -> tuple[float, str]:
+    """Degrees in a rad or mm in a m, and what that unit of a coordinate is called."""
+    return (180.0 / np.pi, "degrees") if name in turning(joints) else (1e3, "mm")
+
+
+def coordinates_of(joints: Iterable[Joint]) -> list[Coordinate]:
+    """All coordinates of joints."""
+    return [coordinate for joint in joints for coordinate in joint.coordinates]
+
+
+def coordinate_columns(model: Model, table: Storage) -> dict[str, str]:
+    """Coordinate of a model -> the column of a table that has it."""
+    known = {c.name for c in coordinates_of(read_joints(model))}
+    return {last_word(name): name for name in table.columns if last_word(name) in known}
+
+
+def function_value(model: Model, function: Element, arguments: Sequence[Any], of: str) -> Any:
+    """A function's value; InputProblem where its kind is not known or its numbers are wrong."""
     try:
         return evaluate(function, arguments)
     except UnknownFunction as kind:
@@ -181,31 +242,15 @@ def _value(model: Model, function: Element, arguments: list, of: str) -> Any:
 
 
 def couplers(model: Model) -> Iterator[tuple[Element, str, tuple[str, ...]]]:
-    """Constraints by which a coordinate follows others.
-
-    Args:
-        model: the model.
-
-    Yields:
-        The constraint, the coordinate that follows, and those that it follows.
-    """
-    for element in model.elements():
+    """Constraints that hold, the coordinate that follows others by each, and those others."""
+    for element in model.elements:
         if element.tag == "CoordinateCouplerConstraint" and model.applied(element):
             leading = tuple(model.word(element, "independent_coordinate_names").split())
             yield element, model.word(element, "dependent_coordinate_name"), leading
 
 
-def follow(model: Model, values: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Values of coordinates where couplers hold.
-
-    Args:
-        model: the model.
-        values: coordinate -> rad or m, at its default where it is not given.
-        given: coordinates that were said; these follow nothing.
-
-    Returns:
-        `values`, those that follow others renewed.
-    """
+def _followed(model: Model, values: Mapping[str, Any], given: Iterable[str]) -> dict[str, Any]:
+    """Coordinates, rad or m, where couplers hold; those that are given follow nothing."""
     values, known = dict(values), list(couplers(model))
     for _ in known:  # one may follow another
         for element, name, leading in known:
@@ -213,74 +258,52 @@ def follow(model: Model, values: Mapping[str, Any], given: Mapping[str, Any]) ->
             if name in given or name not in values or function is None:
                 continue
             arguments = [values.get(one, 0.0) for one in leading]
-            scale = float(model.numbers(element, "scale_factor", 1, "1")[0])
-            values[name] = scale * _value(model, function, arguments, element.name)
+            scale = model.number(element, "scale_factor", "1")
+            values[name] = scale * function_value(model, function, arguments, element.name)
     return values
 
 
 def read_joints(model: Model) -> list[Joint]:
-    """Every joint of a model.
-
-    Args:
-        model: the model.
+    """Every joint of a model, its coordinates at defaults that obey the couplers.
 
     Raises:
         InputProblem: a joint names a body or frame that does not exist, or its numbers are not
             numbers.
     """
     if model.joints is None:
-        model.joints = _read(model)
-    return [*model.joints]
+        joints = [_joint(model, element) for element in model.elements
+                  if element.tag.endswith("Joint") and element.tag != "Joint"]
+        every = coordinates_of(joints)
+        fixed = {c.name for c in every if c.prescribed is not None or c.locked}
+        values = _followed(model, {c.name: c.default for c in every}, fixed)
+        model.joints = [at_defaults(joint, values) for joint in joints]
+    return model.joints
 
 
-def _read(model: Model) -> list[Joint]:
-    joints = [
-        _joint(model, element)
-        for element in model.elements()
-        if element.tag.endswith("Joint") and element.tag != "Joint"
-    ]
-    if not any(True for _ in couplers(model)):
-        return joints
-    every = [c for joint in joints for c in joint.coordinates]
-    fixed = {c.name: c.default for c in every if c.prescribed or c.locked}
-    values = follow(model, {c.name: c.default for c in every}, fixed)
-    return [
-        dataclasses.replace(
-            joint,
-            coordinates=tuple(
-                dataclasses.replace(c, default=float(values[c.name])) for c in joint.coordinates
-            ),
-        )
-        for joint in joints
-    ]
+def at_defaults(joint: Joint, values: Mapping[str, Any]) -> Joint:
+    """A joint with other defaults of those coordinates that are given, rad or m."""
+    return dataclasses.replace(joint, coordinates=tuple(
+        dataclasses.replace(c, default=float(values.get(c.name, c.default)))
+        for c in joint.coordinates))
 
 
 def _joint(model: Model, element: Element) -> Joint:
-    outer = next((e for e in element.ancestors() if e.tag == "Body"), None)
+    outer = next((e for e in element.iterancestors() if e.tag == "Body"), None)
     if element.child("parent_body") is not None and outer is not None:
         parent, child = model.body_of(element, "parent_body"), outer.name
         parent_frame, child_frame = (
-            Offset.of(model.point(element, place), model.point(element, turn))
-            for place, turn in (
-                ("location_in_parent", "orientation_in_parent"), ("location", "orientation"),
-            )
-        )  # fmt: skip
+            Offset.of(model.point(element, f"location{where}"),
+                      model.point(element, f"orientation{where}"))
+            for where in ("_in_parent", "")
+        )
     else:
         parent, parent_frame = model.socket(element, "parent_frame")
         child, child_frame = model.socket(element, "child_frame")
     listed = element.inside("coordinates") or element.inside("CoordinateSet", "objects")
     coordinates = tuple(_coordinate(model, c) for c in listed if c.tag == "Coordinate")
-    return Joint(
-        element,
-        element.tag,
-        parent,
-        child,
-        parent_frame,
-        child_frame,
-        coordinates,
-        _axes(model, element, coordinates),
-        model.truth(element, "reverse", False),
-    )
+    axes = _axes(model, element, coordinates)
+    reverse = model.truth(element, "reverse", False)
+    return Joint(element, parent, child, parent_frame, child_frame, coordinates, axes, reverse)
 
 
 def _coordinate(model: Model, element: Element) -> Coordinate:
@@ -288,21 +311,21 @@ def _coordinate(model: Model, element: Element) -> Coordinate:
     if model.word(element, "range"):
         lower, upper = model.numbers(element, "range", 2)
         limits = float(lower), float(upper)
-    default = float(model.numbers(element, "default_value", 1, "0")[0])
+    default = model.number(element, "default_value", "0")
     locked, function = model.truth(element, "locked", False), function_of(element)
-    prescribed = model.truth(element, "prescribed", False) and function is not None and not locked
-    if prescribed:
-        assert function is not None
-        default = float(_value(model, function, [0.0], element.name))
-    return Coordinate(
-        element.name, default, limits, locked, model.truth(element, "clamped", False), prescribed
-    )
+    if locked or not model.truth(element, "prescribed", False):
+        function = None
+    if function is not None:
+        default = float(function_value(model, function, [0.0], element.name))
+    clamped = model.truth(element, "clamped", False)
+    return Coordinate(element.name, default, limits, locked, clamped, function)
 
 
 def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
     if element.tag in _AXES:
         pairs = zip(_AXES[element.tag], coordinates, strict=False)
-        return tuple(Axis(a[0] == "R", _UNIT[a[1]], (c.name,), None) for a, c in pairs)
+        return tuple(
+            Axis(a[0] == "R", np.eye(3)["xyz".index(a[1])], (c.name,), None) for a, c in pairs)
     answer = []
     for axis in element.inside("SpatialTransform"):
         if axis.tag != "TransformAxis":
@@ -310,11 +333,10 @@ def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -
         direction = np.array(model.point(axis, "axis"), float)
         size = float(np.linalg.norm(direction))
         function, names = function_of(axis), tuple(axis.word("coordinates").split())
+        if function is None and not names:
+            continue
         if size == 0:
-            if function is None and not names:
-                continue
             raise model.file.problem(axis, "axis", axis.word("axis") or "missing", "a direction")
-        if function is not None or names:
-            turns = axis.name.lower().startswith("rotation")
-            answer.append(Axis(turns, direction / size, names, function))
+        turns = axis.name.lower().startswith("rotation")
+        answer.append(Axis(turns, direction / size, names, function))
     return tuple(sorted(answer, key=lambda axis: not axis.turns))

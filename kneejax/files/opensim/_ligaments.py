@@ -5,23 +5,30 @@ from __future__ import annotations
 import collections
 import dataclasses
 from decimal import Decimal
+from typing import Any
 
 import numpy as np
 
+from kneejax.files.knee import ENDS
+from kneejax.files.opensim._exact import METRES_TO_MM, shifted
 from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import Model, Offset, Point
-from kneejax.files.opensim._wraps import (
+from kneejax.files.opensim._model import Model
+from kneejax.files.opensim._paths import (
+    Counted,
+    OsimPoint,
     OsimWrap,
-    depth_inside,
+    in_order,
+    path_objects,
+    path_points,
     read_wraps,
-    unsupported,
-    wrap_document,
 )
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import counted
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
-from kneejax.mechanics import RANGES
+from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
 
+#: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
+#: forces, see `kneejax.mechanics.ligament_law.largest_tension_error`.
+TRANSITION_WIDTH = 1e-4
 #: A point this little inside an obstacle is a matter of digitising.
 SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
@@ -35,71 +42,58 @@ NUMBERS = {
 
 
 @dataclasses.dataclass(frozen=True)
-class OsimPoint:
-    """A point of a path.
-
-    Attributes:
-        element: in the file.
-        body: that carries its frame.
-        frame: from the coordinates that it is stated in to the body's.
-        location: m, as stated.
-    """
-
-    element: Element
-    body: str
-    frame: Offset
-    location: Point
-
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
-        """The motion from the coordinates that it is stated in to its bone's."""
-        return knee.rigid[self.body][1].after(self.frame)
-
-    def in_bone(self, knee: OsimKneeJoint) -> Point:
-        """The point in its bone's frame, m."""
-        return self.carrier_in_bone(knee).point(self.location)
-
-
-@dataclasses.dataclass(frozen=True)
 class OsimLigament:
-    """A fibre that spans the knee.
-
-    Attributes:
-        element: in the file.
-        key: its name; with `#2` if another fibre before it has the same.
-        points: from the first of two bones to the second: femur, patella, tibia.
-        wrap: what it goes around; None if nothing.
-        numbers: field of a knee file -> number of the model, in SI.
-        assumed: fields that stand neither at the fibre nor in <defaults>.
-    """
+    """A fibre that spans the knee."""
 
     element: Element
-    key: str
+    key: str  # its name; with `#2` if another fibre before it has the same
+    # from the first of two bones to the second: femur, patella, tibia
     points: tuple[OsimPoint, ...]
-    wrap: OsimWrap | None
-    numbers: dict[str, Decimal]
-    assumed: tuple[str, ...]
+    wrap: OsimWrap | None  # what it goes around; None if nothing
+    numbers: dict[str, Decimal]  # field of a knee file -> number of the model, in SI
+    assumed: tuple[str, ...]  # fields that stand neither at the fibre nor in <defaults>
+
+    def document(
+        self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
+    ) -> dict[str, Any]:
+        """The entry of a knee file, whose source is a model by this name and whose wrap objects
+        have these names."""
+        bones = [knee.bone_of(point.body) for point in self.points]
+        places = [point.in_bone_mm(knee) for point in self.points]
+        ends = {bone: field for field, bone in ENDS.items()}
+        entry: dict[str, Any] = {ends[bones[0]]: places[0]}
+        if len(places) > 2:
+            entry["via_points"] = [
+                {"bone": bone, "point_mm": place}
+                for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
+            ]
+        entry[ends[bones[-1]]] = places[-1]
+        if self.wrap is not None:
+            entry["wrap"] = wraps[self.wrap.element]
+        for field, value in self.numbers.items():
+            entry[field] = shifted(value, METRES_TO_MM if field == "slack_length_mm" else 0)
+        entry["transition_width"] = TRANSITION_WIDTH
+        entry["failure_strain"] = float(usual_failure_strain([self.key])[0])
+        source = f"{file}, {self.element.tag} {self.key}; failure_strain: {FAILURE_SOURCE}"
+        if self.assumed:
+            source += f"; OpenSim's default: {', '.join(self.assumed)}"
+        return entry | {"source": source}
 
 
 @dataclasses.dataclass
 class Found:
-    """What was found on looking for fibres.
+    """What was found on looking for fibres."""
 
-    Attributes:
-        ligaments: those that span the knee and are supported.
-        outside: name -> why it does not belong to this knee.
-        unsupported: name -> why it cannot be read though it belongs to the knee.
-        notes: what else should be said, a sentence each.
-        answered: elements of those that are not supported.
-    """
-
+    # those that span the knee and are supported
     ligaments: list[OsimLigament] = dataclasses.field(default_factory=list)
+    # name -> why it does not belong to this knee
     outside: dict[str, str] = dataclasses.field(default_factory=dict)
+    # name -> why it cannot be read though it belongs to the knee
     unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
+    # what else should be said, a sentence each
     notes: list[str] = dataclasses.field(default_factory=list)
+    # elements of those that are not supported
     answered: list[Element] = dataclasses.field(default_factory=list)
-
-
-_ORDER = FEMUR, PATELLA, TIBIA
 
 
 class _Outside(Exception):
@@ -111,31 +105,21 @@ class _Unsupported(Exception):
 
 
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres.
-
-    Args:
-        model: the model.
-        knee: its bones.
-
-    Returns:
-        The fibres of the knee, and the others with the reason.
+    """Sort a model's fibres: those of the knee, and the others with the reason.
 
     Raises:
         InputProblem: the model has no fibre at all, a fibre names a body or wrap object that does
             not exist, or has numbers that are none.
     """
-    found, seen = Found(), {}
-    wraps = read_wraps(model)
-    elements = [e for e in model.elements() if e.tag in (KIND, "Ligament")]
+    found, keys, wraps = Found(), Counted(), read_wraps(model)
+    elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
         others = collections.Counter(e.tag for e in model.forces() if _pulls(e))
         listed = ", ".join(f"{n} of class {tag}" for tag, n in others.items())
         plain = f"none that is supported, but {listed}" if others else "none"
         raise model.file.problem(model.root, "ligaments", plain, f"at least one {KIND}")
     for element in elements:
-        seen[element.name] = seen.get(element.name, 0) + 1
-        count = seen[element.name]
-        key = (element.name or "ligament") + (f"#{count}" if count > 1 else "")
+        key = keys(element.name, "ligament")
         try:
             points = _points(model, element, knee)
             if element.tag != KIND:
@@ -154,65 +138,39 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     return found
 
 
+def _pulls(element: Element) -> bool:
+    """Whether a force that is no muscle and no actuator runs along a path, or is called so."""
+    driven = element.tag.endswith(("Muscle", "Actuator"))
+    path = any(child.tag.endswith("Path") for child in element.children)
+    return not driven and (path or "Ligament" in element.tag)
+
+
 def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
     """Points from the first of two bones to the second."""
-    path = element.child("GeometryPath")
-    if path is None:
+    if element.child("GeometryPath") is None:
         kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
         raise _Unsupported(f"its path is no GeometryPath ({kinds})")
-    points = [path_point(model, e) for e in path_objects(path, "PathPointSet")]
+    points = path_points(model, element)
     if len(points) < 2:
         raise _Unsupported(f"its path has {counted(len(points), 'point')}")
     bodies = dict.fromkeys(point.body for point in points)
     strange = [body for body in bodies if body not in knee.rigid]
-    bones = [knee.rigid[body][0] for body in bodies if body in knee.rigid]
+    bones = list(dict.fromkeys(knee.bone_of(body) for body in bodies))
     if strange:
         raise _Outside(f"attached to {', '.join(strange)}")
-    if len(set(bones)) < 2:
+    if len(bones) < 2:
         raise _Outside(f"does not leave the {bones[0]}")
-    if len(set(bones)) > 2:
+    if len(bones) > 2:
         raise _Unsupported("runs over three bones")
     if not model.applied(element):
         raise _Outside("switched off in the model (appliesForce or isDisabled)")
     for point in points:
         if point.element.tag != "PathPoint":
             raise _Unsupported(f"its point {point.element.name} is a {point.element.tag}")
-    ends = [knee.rigid[points[i].body][0] for i in (0, -1)]
+    ends = [knee.bone_of(points[i].body) for i in (0, -1)]
     if ends[0] == ends[1]:
         raise _Unsupported(f"begins and ends on the {ends[0]}")
     return tuple(points if in_order(*ends) else reversed(points))
-
-
-def in_order(first: str, last: str) -> bool:
-    """Whether one bone comes before another: femur, patella, tibia."""
-    return _ORDER.index(first) < _ORDER.index(last)
-
-
-def path_point(model: Model, element: Element) -> OsimPoint:
-    """A point of a path with the body that carries it."""
-    if element.child("body") is not None:
-        body, frame = model.body_of(element, "body"), Offset()
-    else:
-        body, frame = model.socket(element, "parent_frame")
-    moving = element.tag == "MovingPathPoint"
-    location = model.point(element, "location") if not moving else (Decimal(0),) * 3
-    return OsimPoint(element, body, frame, location)
-
-
-def path_objects(path: Element | None, name: str) -> list[Element]:
-    """What a set of a path holds."""
-    held = None if path is None else path.child(name)
-    if held is None:
-        return []
-    objects = held.child("objects")
-    return (held if objects is None else objects).children
-
-
-def _pulls(element: Element) -> bool:
-    """Whether a force that is no muscle and no actuator runs along a path, or is called so."""
-    driven = element.tag.endswith(("Muscle", "Actuator"))
-    path = any(child.tag.endswith("Path") for child in element.children)
-    return not driven and (path or "Ligament" in element.tag)
 
 
 def _wrap(
@@ -226,16 +184,15 @@ def _wrap(
 ) -> OsimWrap | None:
     """What a fibre goes around."""
     found: list[OsimWrap] = []
-    for path_wrap in path_objects(element.child("GeometryPath"), "PathWrapSet"):
-        word = path_wrap.word("wrap_object")
-        name = word.rstrip("/").rsplit("/", 1)[-1]
+    for path_wrap in path_objects(element, "PathWrapSet"):
+        name = path_wrap.last_word("wrap_object")
         same = [wrap for wrap in wraps if wrap.element.name == name]
         if not same:
             raise model.file.problem(
-                path_wrap, "wrap_object", word or "missing",
+                path_wrap, "wrap_object", path_wrap.word("wrap_object") or "missing",
                 f"a wrap object of the model ({element.tag} {element.name} goes around it)",
                 [wrap.element.name for wrap in wraps],
-            )  # fmt: skip
+            )
         # OpenSim takes the first of that name; one on the knee's bones is what is meant here.
         wrap = next((wrap for wrap in same if wrap.body in knee.rigid), same[0])
         if not wrap.active:
@@ -243,10 +200,15 @@ def _wrap(
             continue
         if wrap.body not in knee.rigid:
             raise _Unsupported(f"its wrap object {wrap.key} is on {wrap.body}")
-        reason = unsupported(wrap)
-        if reason:
-            raise _Unsupported(reason)
-        _check_range(path_wrap, points, wrap)
+        if wrap.unsupported:
+            raise _Unsupported(wrap.unsupported)
+        words = path_wrap.word("range").split()
+        try:
+            first, last = (int(float(word)) for word in words) if words else (-1, -1)
+        except ValueError:
+            first, last = 0, 0
+        if first not in (-1, 1) or last not in (-1, len(points)):
+            raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
         if all(wrap.element is not other.element for other in found):
             found.append(wrap)
     if len(found) > 1:
@@ -260,17 +222,6 @@ def _wrap(
     return found[0] if found else None
 
 
-def _check_range(path_wrap: Element, points: tuple[OsimPoint, ...], wrap: OsimWrap) -> None:
-    words = path_wrap.word("range").split()
-    try:
-        first, last = (int(float(word)) for word in words) if words else (-1, -1)
-    except ValueError:
-        first, last = 0, 0
-    whole = first in (-1, 1) and last in (-1, len(points))
-    if not whole:
-        raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
-
-
 def _numbers(model: Model, element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
     values, assumed = {}, []
     for field, (tag, own) in NUMBERS.items():
@@ -280,10 +231,8 @@ def _numbers(model: Model, element: Element) -> tuple[dict[str, Decimal], tuple[
         limit = ">= 0" if field == "damping_N_s" else "> 0"
         if values[field] < 0 or (values[field] == 0 and field != "damping_N_s"):
             unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
-            raise model.file.problem(
-                element, tag, model.word(element, tag) or f"{own} (OpenSim's default)",
-                f"a number {limit}{unit}",
-            )  # fmt: skip
+            word = model.word(element, tag) or f"{own} (OpenSim's default)"
+            raise model.file.problem(element, tag, word, f"a number {limit}{unit}")
     return values, tuple(assumed)
 
 
@@ -294,47 +243,36 @@ def outside_obstacles(
 
     OpenSim itself leaves out an obstacle as long as a point lies inside it.
     """
-    femur_from = knee.in_femur
     answer = []
     for ligament in found.ligaments:
-        if ligament.wrap is None:
+        depth, point = 0.0, None
+        if ligament.wrap is not None:
+            depth, point = ligament.wrap.deepest(model, knee, ligament.points)
+        if ligament.wrap is None or point is None:
             answer.append(ligament)
             continue
-        obstacle = wrap_document(model, ligament.wrap, knee, "")
-        to_obstacle = femur_from[obstacle["bone"]].inverse()
-        deepest, where, at_pose = 0.0, "", ""
-        for point in ligament.points:
-            bone = knee.rigid[point.body][0]
-            place = to_obstacle.after(femur_from[bone]).point(point.in_bone(knee))
-            depth = depth_inside(obstacle, np.array(place, float) * 1e3)
-            if depth > max(deepest, 1e-9):
-                deepest, where = depth, point.element.name or "a path point"
-                at_pose = "" if bone == obstacle["bone"] else " at the reference pose"
-        if deepest > 0:
-            shape = f"the {obstacle['kind']} {ligament.wrap.key}{at_pose}"
-            if inside != "straight" and deepest > SHALLOW_MM:
-                raise model.file.problem(
-                    ligament.element, where, f"{deepest:.3g} mm inside {shape}",
-                    "a point outside what the fibre goes around; --inside straight leaves the "
-                    f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
-                )  # fmt: skip
-            found.notes.append(
-                f"{ligament.key}: {where} lies {deepest:.2g} mm inside {shape}; the fibre runs "
-                "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
+        there = knee.bone_of(point.body) == knee.bone_of(ligament.wrap.body)
+        where, kind = point.element.name or "a path point", ligament.wrap.element.tag
+        shape = f"the {kind.removeprefix('Wrap').lower()} {ligament.wrap.key}"
+        shape += "" if there else " at the reference pose"
+        if inside != "straight" and depth > SHALLOW_MM:
+            raise model.file.problem(
+                ligament.element, where, f"{depth:.3g} mm inside {shape}",
+                "a point outside what the fibre goes around; --inside straight leaves the "
+                f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
             )
-            ligament = dataclasses.replace(ligament, wrap=None)
-        answer.append(ligament)
+        found.notes.append(
+            f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre runs "
+            "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
+        )
+        answer.append(dataclasses.replace(ligament, wrap=None))
     return answer
 
 
 def check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
     """Attachments closer or farther than any are in another unit or frame."""
     for ligament in ligaments:
-        ends = [ligament.points[i] for i in (0, -1)]
-        first, last = (
-            np.array(knee.in_femur[knee.rigid[end.body][0]].point(end.in_bone(knee)), float)
-            for end in ends
-        )
+        first, last = (np.array(ligament.points[i].in_femur(knee), float) for i in (0, -1))
         length = 1e3 * float(np.linalg.norm(last - first))
         allowed = RANGES["length_mm"]
         if not allowed.holds(length):
@@ -342,4 +280,4 @@ def check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigamen
                 ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
                 f"{allowed}: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
-            )  # fmt: skip
+            )

@@ -7,11 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.opensim._functions import UnknownFunction, evaluate, function_of
-from kneejax.files.opensim._joints import Joint, couplers, read_joints
-from kneejax.files.opensim._knee import OsimKneeJoint
+from kneejax.files.opensim._functions import UnknownFunction, evaluate
+from kneejax.files.opensim._joints import (
+    Joint,
+    coordinate_columns,
+    coordinates_of,
+    couplers,
+    read_joints,
+    turning,
+)
+from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected
 from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._movement import coordinate_columns, turning
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, last_word
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
@@ -32,36 +38,20 @@ _REACTION_NM, _REACTION_M = 1000.0, 1.0
 
 
 def bodies_below(joints: tuple[Joint, ...], bones: OsimKneeJoint) -> set[str]:
-    """Bodies of the leg below the knee: what joints other than the knee's join to the tibia.
-
-    Args:
-        joints: of the model, whichever of their two bodies is the parent.
-        bones: the knee.
-    """
+    """Bodies of the leg below the knee: what joints other than the knee's join to the tibia,
+    whichever of their two bodies is the parent."""
     knee = {joint.name for joint in bones.joints}
-    rigid = {name: bone for name, (bone, _) in bones.rigid.items()}
-    above = {name for name, bone in rigid.items() if bone in (FEMUR, PATELLA)} | {GROUND}
-    above |= {bones.femur, bones.patella}
-    found = {name for name, bone in rigid.items() if bone == TIBIA} - above
-    while True:
-        ends = [{j.parent, j.child} for j in joints if j.name not in knee]
-        more = set().union(*(both for both in ends if both & found)) - found - above
-        if not more:
-            return found
-        found |= more
+    above = {name for name in bones.rigid if bones.bone_of(name) in (FEMUR, PATELLA)}
+    above |= {GROUND, bones.femur, bones.patella}
+    found = {name for name in bones.rigid if bones.bone_of(name) == TIBIA} - above
+    return connected(joints, found, lambda joint: joint.name not in knee
+                     and not {joint.parent, joint.child} & above)
 
 
 def check_tensions(model: Model, table: Storage) -> None:
-    """Refuse a table of muscles whose numbers are no forces in N.
-
-    Args:
-        model: with the muscles.
-        table: with a column for each.
-
-    Raises:
-        InputProblem: activations, negative tensions, or more than any muscle pulls with.
-    """
-    muscles = {e.name for e in model.elements() if e.tag.endswith("Muscle")}
+    """Refuse a table of muscles whose numbers are no forces in N: activations, negative tensions,
+    or more than any muscle pulls with."""
+    muscles = {e.name for e in model.muscles()}
     names = [name for name in table.columns if last_word(name) in muscles]
     least = min(names, key=lambda name: table.columns[name].min())
     most = max(names, key=lambda name: table.columns[name].max())
@@ -79,17 +69,9 @@ def check_tensions(model: Model, table: Storage) -> None:
 
 
 def check_movement(bones: OsimKneeJoint, table: Storage) -> None:
-    """Refuse translations of a knee that are in mm.
-
-    Args:
-        bones: the knee.
-        table: of coordinates.
-
-    Raises:
-        InputProblem: a translation is larger than a knee.
-    """
+    """Refuse translations of a knee that are larger than a knee: in mm."""
     angles, columns = turning(bones.joints), {last_word(name): name for name in table.columns}
-    for name in {c.name for joint in bones.joints for c in joint.coordinates} - angles:
+    for name in {c.name for c in coordinates_of(bones.joints)} - angles:
         if name in columns:
             values = table.columns[columns[name]]
             largest = float(values[np.abs(values).argmax()])
@@ -98,31 +80,15 @@ def check_movement(bones: OsimKneeJoint, table: Storage) -> None:
                 raise InputProblem(table.file, columns[name], f"{largest:g}", expected)
 
 
-def check_reaction(
-    table: Storage,
-    force: np.ndarray,
-    moment: np.ndarray,
-    point: np.ndarray,
-    columns: Mapping[str, str],
-) -> None:
-    """Refuse a joint reaction in other units than N, N m and m.
-
-    Args:
-        table: of reactions.
-        force: `(n, 3)`; likewise the moment and the point.
-        moment: N m.
-        point: m.
-        columns: of `fx`, `mx`, `px`, ...
-
-    Raises:
-        InputProblem: a number is larger than a knee's.
-    """
+def check_reaction(table: Storage, parts: np.ndarray, columns: Mapping[str, str]) -> None:
+    """Refuse a joint reaction in other units than N, N m and m: force, moment and point,
+    `(3, n, 3)`, from the columns of `fx`, `mx`, `px`, ..."""
     limits = (
-        ("f", force, RANGES["force_N"].upper, "a force, N"),
-        ("m", moment, _REACTION_NM, "a moment, N m; N mm are suspected"),
-        ("p", point, _REACTION_M, "a point of the tibia, m; mm are suspected"),
+        ("f", RANGES["force_N"].upper, "a force, N"),
+        ("m", _REACTION_NM, "a moment, N m; N mm are suspected"),
+        ("p", _REACTION_M, "a point of the tibia, m; mm are suspected"),
     )
-    for kind, values, most, expected in limits:
+    for (kind, most, expected), values in zip(limits, parts, strict=True):
         row, axis = np.unravel_index(np.abs(values).argmax(), values.shape)
         if abs(values[row, axis]) > most:
             found = f"{values[row, axis]:g}"
@@ -132,22 +98,12 @@ def check_reaction(
 def record_doubts(
     model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
 ) -> Iterator[str]:
-    """What looks wrong in a table of coordinates.
-
-    Args:
-        model: that moves.
-        bones: its knee.
-        below: bodies below the knee.
-        table: of coordinates.
-
-    Yields:
-        A sentence for times in another unit, and one for each joint that places the leg below the
-        knee in space and of which no coordinate has a column.
-    """
+    """What looks wrong in a table of coordinates: times in another unit, and each joint that places
+    the leg below the knee in space and of which no coordinate has a column."""
     file, columns = Path(table.file).name, coordinate_columns(model, table)
     steps = np.diff(table.time)
     angles = turning(bones.joints)
-    for name in [c.name for joint in bones.joints for c in joint.coordinates][:1]:
+    for name in [c.name for c in coordinates_of(bones.joints)][:1]:
         if name in columns and name in angles:
             change = np.abs(np.diff(table.columns[columns[name]])) / steps
             fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
@@ -161,10 +117,8 @@ def record_doubts(
             f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
             "inertia counts for nothing then."
         )
-    known = {*columns} | _stated(model)
-    for joint in _that_place(model, bones, below):
-        free = [c.name for c in joint.coordinates if not c.locked]
-        if free and not known & {*free}:
+    for free, missing in _missing(model, bones, below, table):
+        if free and free == missing:
             yield (
                 f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which "
                 "decide how weight, inertia and ground act on the leg."
@@ -175,56 +129,43 @@ def missing_words(
     model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
 ) -> Iterator[str]:
     """Coordinates that a table leaves out of joints of which it has others, as of a movement in
-    one plane; arguments as of `record_doubts`."""
-    known = {*coordinate_columns(model, table)} | _stated(model)
-    free = [[c.name for c in joint.coordinates if not c.locked]
-            for joint in _that_place(model, bones, below)]  # fmt: skip
-    missing = [name for names in free if known & {*names} for name in names if name not in known]
-    if missing:
-        yield f"At the model's defaults, for want of columns: {', '.join(missing)}."
+    one plane."""
+    found = [name for free, missing in _missing(model, bones, below, table) if free != missing
+             for name in missing]
+    if found:
+        yield f"At the model's defaults, for want of columns: {', '.join(found)}."
 
 
-def _that_place(model: Model, bones: OsimKneeJoint, below: set[str]) -> list[Joint]:
-    """Joints but the knee's between the ground and the bodies below the knee."""
-    above = {joint.child: joint for joint in read_joints(model)}
+def _missing(
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
+) -> Iterator[tuple[list[str], list[str]]]:
+    """Of each joint but the knee's between the ground and the bodies below the knee, coordinates
+    that are free, and those of them which neither the table nor the model states."""
+    joints = read_joints(model)
+    above = {joint.child: joint for joint in joints}
+    known = {*coordinate_columns(model, table), *(name for _, name, _ in couplers(model)),
+             *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
     own = {joint.name for joint in bones.joints}
-    on_way: dict[str, Joint] = {}
-    for body in sorted(below):
-        while body in above and above[body].name not in on_way:
-            on_way[above[body].name] = above[body]
-            body = above[body].parent
-    return [joint for name, joint in on_way.items() if name not in own]
-
-
-def _stated(model: Model) -> set[str]:
-    """Coordinates that follow others, or time, by functions of the model."""
-    followers = {name for _, name, _ in couplers(model)}
-    return followers | {c.name for joint in read_joints(model) for c in joint.coordinates
-                        if c.prescribed}  # fmt: skip
+    on_way = {joint.name: joint for body in sorted(below) for joint in chain(above, body)}
+    for name, joint in on_way.items():
+        free = [c.name for c in joint.coordinates if not c.locked]
+        if name not in own:
+            yield free, [c for c in free if c not in known]
 
 
 def with_prescribed(
     model: Model, values: Mapping[str, np.ndarray], time: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Coordinates of a table with those that it leaves out and the model prescribes over time.
-
-    Args:
-        model: with prescribed coordinates.
-        values: coordinate -> rad or m, all of the shape of `time`.
-        time: s.
-
-    Raises:
-        InputProblem: a function is not known.
-    """
+    """Coordinates of a table, rad or m, of the shape of `time`, s, with those that it leaves out
+    and the model prescribes over time."""
     found = dict(values)
-    names = {c.name for joint in read_joints(model) for c in joint.coordinates if c.prescribed}
-    for element in model.elements():
-        if element.tag == "Coordinate" and element.name in names - {*values}:
-            function = function_of(element)
-            try:
-                amount = 0.0 if function is None else evaluate(function, [time])
-            except UnknownFunction as kind:
-                expected = "a function that kneejax knows, or a column of this coordinate"
-                raise model.file.problem(element, element.name, str(kind), expected) from None
-            found[element.name] = np.broadcast_to(np.asarray(amount, float), time.shape)
+    for c in coordinates_of(read_joints(model)):
+        if c.prescribed is None or c.name in values:
+            continue
+        try:
+            amount = np.asarray(evaluate(c.prescribed, [time]), float)
+        except UnknownFunction as kind:
+            expected = "a function that kneejax knows, or a column of this coordinate"
+            raise model.file.problem(c.prescribed, c.name, str(kind), expected) from None
+        found[c.name] = np.broadcast_to(amount, time.shape)
     return found

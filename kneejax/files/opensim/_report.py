@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import collections
 
-from kneejax.files.opensim._acting import ELSEWHERE, listed
 from kneejax.files.opensim._contact import FORCE
-from kneejax.files.opensim._import import TRANSITION_WIDTH, OsimImport
+from kneejax.files.opensim._import import OsimImport
 from kneejax.files.opensim._knee import SIDES
-from kneejax.files.opensim._ligaments import KIND
+from kneejax.files.opensim._ligaments import KIND, TRANSITION_WIDTH
+from kneejax.files.opensim._untaken import ELSEWHERE, listed
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import ligament_law
 
@@ -29,19 +29,16 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
         >>> print(format_import_report(read).splitlines()[6])
         - femur_r was taken as the femur.
     """
-    model, knee = read.model, read.knee
-    name = model.root.name or model.file.path.name
+    model = read.model
     lines = [
-        f"# Import of {name}, {SIDES[knee.side]} knee",
+        f"# Import of {model.root.name or model.name}, {SIDES[read.knee.side]} knee",
         "",
-        f"File {model.file.path.name}, version {model.version} of OpenSim's format.",
+        f"File {model.name}, version {model.version} of OpenSim's format.",
     ]
-    sections = import_sections(read, geometry)
-    for title in ("What was taken as what", "Joint"):
-        _section(lines, title, sections.pop(title))
-    _ligaments(lines, read)
-    for title, items in sections.items():
-        _section(lines, title, items)
+    for title, items in import_sections(read, geometry).items():
+        lines += ["", f"## {title}", "", *([f"- {item}" for item in items] or ["None."])]
+        if title == "Joint":
+            lines += _ligaments(read)
     return "\n".join(lines) + "\n"
 
 
@@ -72,10 +69,13 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
             f"The model has no {FORCE} between femur and tibia; `kneejax import stl --knee "
             "knee.yaml ...` adds contacts to this knee."
         )
+    section = read.document.get("patella", {})
+    patella = [f"{name.capitalize()}: {', '.join(section[name])}."
+               for name in ("ligaments", "muscles") if section]
     return {
         "What was taken as what": [*knee.findings, *knee.unusual, *model.notes],
         "Joint": [f"Reference pose, from the coordinates' defaults: {', '.join(pose)}", *joints],
-        "Patella and muscles read": _patella(read),
+        "Patella and muscles read": [*patella, *read.patella_notes],
         "Wrap objects read": [_wrap(read, wrap) for wrap in read.wraps],
         "Contact": contacts,
         "Not supported": list(read.doubts),
@@ -84,13 +84,8 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     }
 
 
-def _section(lines: list[str], title: str, items: list[str]) -> None:
-    lines += ["", f"## {title}", ""]
-    lines += [f"- {item}" for item in items] or ["None."]
-
-
-def _ligaments(lines: list[str], read: OsimImport) -> None:
-    lines += ["", f"## Ligaments read: {len(read.ligaments)} fibres of class {KIND}", ""]
+def _ligaments(read: OsimImport) -> list[str]:
+    lines = ["", f"## Ligaments read: {len(read.ligaments)} fibres of class {KIND}", ""]
     lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
     lines.append("|---|---|---|---|---|---|")
     for name, entry in read.document["ligaments"].items():
@@ -105,50 +100,36 @@ def _ligaments(lines: list[str], read: OsimImport) -> None:
         lines.append(f"| {' | '.join(row)} |")
     groups = read.document.get("groups", {})
     if groups:
-        listed = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
-        lines += ["", f"Groups made from their names: {listed}."]
-
-
-def _patella(read: OsimImport) -> list[str]:
-    section = read.document.get("patella", {})
-    lines = [
-        f"{title}: {', '.join(section[name])}."
-        for name, title in (("ligaments", "Ligaments"), ("muscles", "Muscles"))
-        if section
-    ]
-    return [*lines, *read.patella_notes]
+        names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
+        lines += ["", f"Groups made from their names: {names}."]
+    return lines
 
 
 def _wrap(read: OsimImport, name: str) -> str:
     entry = read.document["wraps"][name]
-    sizes = ", ".join(
-        f"{field} {entry[field]}" for field in ("radius_mm", "length_mm", "semi_axes_mm")
-        if field in entry
-    )  # fmt: skip
+    sizes = ", ".join(f"{field} {entry[field]}" for field in (
+        "radius_mm", "length_mm", "semi_axes_mm") if field in entry)
     users = [n for n, x in read.document["ligaments"].items() if x.get("wrap") == name]
     return f"{name}: {entry['kind']} on the {entry['bone']}, {sizes}, for {', '.join(users)}"
 
 
 def _left_out(read: OsimImport) -> list[str]:
+    lines = [f"In all, {read.numbers_left_out}."] if read.numbers_left_out else []
+    if read.bodies:
+        lines.append(f"Bodies, part of neither bone: {', '.join(read.bodies)}.")
     by_reason = collections.defaultdict(list)
     for name, reason in read.found.outside.items():
         by_reason[reason].append(name)
-    lines = [f"Ligaments, {reason}: {', '.join(names)}." for reason, names in by_reason.items()]
+    lines += [f"Ligaments, {reason}: {', '.join(names)}." for reason, names in by_reason.items()]
     lines += [f"{text}." for text in read.left_out]
     elsewhere = [x for x in read.untaken if x.how == ELSEWHERE and x.element.tag != KIND]
     return [*lines, *(f"{line}: {ELSEWHERE}." for line in listed(elsewhere))]
 
 
 def _notes(read: OsimImport) -> list[str]:
-    entries = read.document["ligaments"].values()
-    error = max(
-        float(
-            ligament_law.largest_tension_error(
-                e["stiffness_N"], e["transition_strain"], TRANSITION_WIDTH
-            )
-        )
-        for e in {(e["stiffness_N"], e["transition_strain"]): e for e in entries}.values()
-    )
+    laws = {(x["stiffness_N"], x["transition_strain"])
+            for x in read.document["ligaments"].values()}
+    error = max(float(ligament_law.largest_tension_error(*law, TRANSITION_WIDTH)) for law in laws)
     notes = [
         f"The corners of OpenSim's force law are rounded (transition_width {TRANSITION_WIDTH:g}): "
         f"forces differ by at most {error:.2g} N.",

@@ -15,12 +15,11 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
-from kneejax.files.opensim._external_loads import read_external_loads
-from kneejax.files.opensim._joints import read_joints
+from kneejax.files.opensim._frames import flexion_coordinate
+from kneejax.files.opensim._ground import read_external_loads
+from kneejax.files.opensim._joints import coordinate_columns, read_joints
 from kneejax.files.opensim._knee import SIDES, find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
-from kneejax.files.opensim._movement import coordinate_columns
-from kneejax.files.opensim._registration import flexion_coordinate
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
 from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
@@ -129,7 +128,7 @@ def whole_body(
         tables.append(read_external_loads(loads, model).table)
     if actuators is not None:
         file = parse_xml(actuators, _ACTUATORS)
-        if all(element.tag != "ForceSet" for element in file.root.walk()):
+        if all(element.tag != "ForceSet" for element in file.root.iter("*")):
             raise file.problem(file.root, "", file.root.tag, _ACTUATORS)
     common_times(tables)
     begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
@@ -141,7 +140,7 @@ def whole_body(
     coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
     rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
-    lower = {name for name, (bone, _) in bones.rigid.items() if bone == TIBIA}
+    lower = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
     joint = next(x for x in bones.joints[::-1] if {x.parent, x.child} & lower)
     return WholeBody(
         Path(model_path), Path(motion), coordinates, None if loads is None else Path(loads), side,
@@ -155,7 +154,7 @@ def _coordinates(model: Model, flexion: str, table: Storage) -> Storage:
     """The coordinates of a table of these or of states; at even times, as analyses take rows."""
     columns = coordinate_columns(model, table)
     if flexion not in columns:
-        expected = f"a column of the coordinate {flexion} of {model.file.path.name}"
+        expected = f"a column of the coordinate {flexion} of {model.name}"
         raise InputProblem(table.file, "columns", f"no {flexion}", expected, table.columns)
     angles_rad(table, columns[flexion])
     time = table.time

@@ -1,82 +1,57 @@
-"""XML that remembers where each byte of it stands, so that a number can be replaced in place."""
+"""XML of OpenSim by lxml: words of elements, errors with lines, changes written back."""
 
 from __future__ import annotations
 
-import bisect
 import codecs
 import dataclasses
+import itertools
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Sequence
 from pathlib import Path
-from xml.parsers import expat
+
+import lxml.etree as etree
 
 from kneejax.files.reading import InputProblem, read_bytes
 
 _DECLARED = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-_START_TAG = re.compile(rb"<(?:[^\"'>]|\"[^\"]*\"|'[^']*')*>")
-_NOT_TEXT = re.compile(rb"<!--.*?-->|<!\[CDATA\[|\]\]>|<\?.*?\?>", re.DOTALL)
-_SPACE = re.compile(rb"\s*\Z")
-_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
-_BARE = re.compile(rb"&(?!#\d+;|#x[0-9A-Fa-f]+;|(?:amp|lt|gt|apos|quot);)")
-#: Marks that begin a file in UTF-16; a UTF-8 mark is a character that stays where it is.
+_MARKS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),
+          (codecs.BOM_UTF16_BE, "utf-16"))
 #: Codecs of Python that no document is written in: names of hosts, escapes, and slow ones.
 _NO_ENCODINGS = ("punycode", "idna", "unicode_escape", "raw_unicode_escape", "undefined", "utf-7")
-_MARKS = ((codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_BEFORE_ROOT = re.compile(r"(?:\s|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(?:\[.*?\]\s*)?>)*", re.S)
+_COMMENT = re.compile(r"<!--.*?-->", re.S)
+_BARE = re.compile(r"&(?!#\d+;|#x[0-9A-Fa-f]+;|(?:amp|lt|gt|apos|quot);)")
+_MISMATCH = re.compile(r"Opening and ending tag mismatch: (\S+) line (\d+) and (\S+)")
+_EMPTY = re.compile(r"<([\w.:-]+)([^<>]*[^<>/])?></\1>")
+# What stands in lxml's tree for a bare `&` and for hyphens in a comment, which OpenSim's parser
+# lets pass, and for nothing between two tags, which lxml would write as one.
+_AMPERSAND, _HYPHEN, _NOTHING = "\ue000", "\ue001", "\ue002"
+_AS_IT_WAS = str.maketrans({_AMPERSAND: "&", _HYPHEN: "-", _NOTHING: None})
 
 
-class Element:
-    """An element, its place in the file, and its children.
-
-    Attributes:
-        tag: kind of element.
-        attributes: name -> value.
-        parent: the element around it; None for the root.
-        children: in their order.
-        line: where it begins, from 1.
-        start: first byte of its start tag.
-        inner: first byte and end of what stands between its tags.
-        end: first byte after its end tag.
-    """
-
-    __slots__ = (
-        "tag",
-        "attributes",
-        "parent",
-        "children",
-        "line",
-        "start",
-        "inner",
-        "end",
-        "pieces",
-    )
-
-    def __init__(self, tag: str, attributes: dict[str, str], parent: Element | None, line: int):
-        self.tag = tag
-        self.attributes = attributes
-        self.parent = parent
-        self.children: list[Element] = []
-        self.line = line
-        self.start, self.inner, self.end = 0, (0, 0), 0
-        self.pieces: list[str] = []
+class Element(etree.ElementBase):
+    """An element of lxml, with the words that OpenSim's properties are."""
 
     @property
     def name(self) -> str:
         """The attribute `name`, without surrounding space; empty if there is none."""
-        return self.attributes.get("name", "").strip()
+        return self.get("name", "").translate(_AS_IT_WAS).strip()
 
     @property
-    def text(self) -> str:
-        """Its own text, without surrounding space."""
-        return "".join(self.pieces).strip()
+    def content(self) -> str:
+        """Its own text, without comments and surrounding space."""
+        pieces = [self.text, *(child.tail for child in self)]
+        return "".join(x for x in pieces if x).translate(_AS_IT_WAS).strip()
+
+    @property
+    def children(self) -> list[Element]:
+        """Elements within it, without comments."""
+        return [*self.iterchildren("*")]
 
     def child(self, *tags: str) -> Element | None:
         """The first child with the first of these tags that any child has."""
-        for tag in tags:
-            for child in self.children:
-                if child.tag == tag:
-                    return child
-        return None
+        return next((x for x in map(self.find, tags) if x is not None), None)
 
     def inside(self, *tags: str) -> list[Element]:
         """Children of the element reached by following one tag after the other."""
@@ -88,205 +63,159 @@ class Element:
     def word(self, *tags: str, default: str = "") -> str:
         """Text of a child; `default` if it is absent or empty."""
         child = self.child(*tags)
-        return (child.text if child is not None else "") or default
+        return (child.content if child is not None else "") or default
 
-    def walk(self) -> Iterator[Element]:
-        """It and everything within it, in the order of the file."""
-        yield self
-        for child in self.children:
-            yield from child.walk()
+    def last_word(self, *tags: str) -> str:
+        """The last name of a path that is the text of a child."""
+        return self.word(*tags).rstrip("/").rsplit("/", 1)[-1]
 
-    def ancestors(self) -> Iterator[Element]:
-        """The elements around it, from the nearest."""
-        here = self.parent
-        while here is not None:
-            yield here
-            here = here.parent
+    def set_words(self, words: Sequence[str], changed: Collection[int]) -> None:
+        """Put those words that changed in the place of its own, or all where it has not as many.
+
+        Space between words and comments stay.
+        """
+        if len(self.content.split()) != len(words):
+            del self[:]
+            self.text = " ".join(words)
+            return
+        number = itertools.count()
+
+        def word(found: re.Match[str]) -> str:
+            return words[k] if (k := next(number)) in changed else found[0]
+
+        self.text = re.sub(r"\S+", word, self.text or "") or None
+        for comment in self:
+            comment.tail = re.sub(r"\S+", word, comment.tail or "") or None
+
+    def add(self, tag: str, text: str) -> None:
+        """Add a child at the end, indented like the last one."""
+        new = self.makeelement(tag)
+        new.text = text
+        if len(self):
+            self[-1].add_after(new)
+        else:
+            self.append(new)
+
+    def add_after(self, new: etree.ElementBase) -> None:
+        """Put an element behind this one, indented like it."""
+        before = self.getprevious()
+        lead = (self.getparent().text if before is None else before.tail) or ""
+        lead = lead if not lead.strip() else ""
+        for one in new.iter():
+            one.text = (one.text or "").replace("\n", lead) or None
+            one.tail = (one.tail or "").replace("\n", lead) or None
+        tail = self.tail
+        self.addnext(new)
+        self.tail, new.tail = lead or None, tail
+
+    def take_out(self) -> None:
+        """Remove it from the tree, with the space before it."""
+        before, parent, tail = self.getprevious(), self.getparent(), self.tail
+        parent.remove(self)
+        if before is not None:
+            before.tail = tail
+        else:
+            parent.text = tail
 
 
 @dataclasses.dataclass(frozen=True)
 class XmlFile:
-    """A parsed file.
-
-    Attributes:
-        path: the file.
-        original: its bytes.
-        data: the same text in UTF-8; places of elements count its bytes.
-        encoding: how to encode `data` again.
-        mark: bytes before the text.
-        root: the outermost element.
-    """
+    """A parsed file: its path, its bytes, their text and encoding, and the outermost element."""
 
     path: Path
     original: bytes
-    data: bytes
+    text: str
     encoding: str
-    mark: bytes
     root: Element
 
     def problem(self, element: Element, field: str, value, expected: str, nearest=None):
         """The error at an element: its kind, name, line, and a field of it."""
         name = f" {element.name}" if element.name else ""
-        place = f"{element.tag}{name} (line {element.line})"
+        place = f"{element.tag}{name} (line {element.sourceline})"
         return InputProblem(
             self.path, f"{place}: {field}" if field else place, value, expected, nearest
         )
 
-    def spliced(self, edits: list[tuple[int, int, bytes]]) -> bytes:
-        """The file with some bytes replaced, in its own encoding.
+    def written(self) -> bytes:
+        """The file with the elements as they are now, in its own encoding.
 
-        Args:
-            edits: first byte and end of what is replaced in `data`, and what replaces it.
+        What stands before and after the root, comments, space between elements, ends of lines and
+        the way to close an empty element stay.
         """
-        if not edits:
-            return self.original
-        pieces, last = [], 0
-        for start, end, new in sorted(edits, key=lambda edit: edit[:2]):
-            pieces += [self.data[last:start], new]
-            last = end
-        pieces.append(self.data[last:])
-        return self.mark + b"".join(pieces).decode("utf-8").encode(self.encoding)
+        text, closed = self.text, f"</{self.root.tag}"
+        new = etree.tostring(self.root, encoding="unicode", with_tail=False)
+        if 2 * text.count(" />") > text.count("/>"):
+            spaced = lambda found: " />" if found[0] == "/>" else found[0]  # noqa: E731
+            new = re.sub(r"<!--.*?-->|(?<=\S)/>", spaced, new, flags=re.S)
+        ends = "\r\n" if "\r\n" in text else "\r" if "\n" not in text else "\n"
+        before = _BEFORE_ROOT.match(text)
+        assert before is not None  # it matches nothing too
+        new = before[0] + new.translate(_AS_IT_WAS).replace("\n", ends)
+        new += text[text.index(">", text.rindex(closed)) + 1 :]
+        return new.encode(self.encoding, "xmlcharrefreplace")
 
 
 def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None) -> XmlFile:
-    """Parse an XML file.
-
-    Args:
-        path: the file.
-        kind: what it should be, for the error.
-        data: its bytes, if they are at hand.
-
-    Returns:
-        The root with everything in it.
+    """Parse a file that should be of a kind, or its bytes.
 
     Raises:
-        InputProblem: it cannot be read or is not well-formed XML (with line and column).
+        InputProblem: it cannot be read or is not well-formed XML (with line and column), or has
+            entities of its own.
     """
     original = read_bytes(path, kind) if data is None else data
-    text, encoding, mark = _decoded(original, path, kind)
+    text, encoding = _decoded(original, path, kind)
+    if "<!ENTITY" in text:
+        place = f"line {text[: text.index('<!ENTITY')].count(chr(10)) + 1}"
+        raise InputProblem(path, place, "<!ENTITY", f"{kind} without entities of its own")
+    root, error = _parsed(text)
+    if error is not None and "<!DOCTYPE" not in text:
+        root, error = _parsed(_BARE.sub(_AMPERSAND, _COMMENT.sub(
+            lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)))
+    if error is not None or root is None:
+        line, column, found = 1, 1, "no element"
+        if error is not None:
+            line, column = error.line, error.column
+            found = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
+        expected = f"{kind} in well-formed XML"
+        raise InputProblem(path, f"line {line}, column {column}", found, expected)
+    return XmlFile(Path(path), original, text, encoding, root)
+
+
+def element_of(text: str) -> Element:
+    """An element of a text that kneejax wrote."""
+    root, error = _parsed(text)
+    assert root is not None and error is None
+    return root
+
+
+def _parsed(text: str):
+    """The root of a text, and the first error in it. No file but it is read, no entity expanded.
+
+    Names with `::`, which OpenSim has, are no error.
+    """
+    parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True,
+                             load_dtd=False, huge_tree=False, strip_cdata=False, recover=True)
+    parser.set_element_class_lookup(etree.ElementDefaultClassLookup(element=Element))
     try:
-        try:
-            root = _parsed(text, text, [])
-        except expat.ExpatError:
-            root = _parsed(text, *_tolerated(text))
-    except expat.ExpatError as error:
-        place = f"line {error.lineno}, column {error.offset + 1}"
-        found = expat.ErrorString(error.code)
-        raise InputProblem(path, place, found, f"{kind} in well-formed XML") from None
-    return XmlFile(Path(path), original, text, encoding, mark, root)
+        text = _EMPTY.sub(lambda found: found[0].replace("><", f">{_NOTHING}<"), text)
+        root = etree.fromstring(text.encode(), parser)
+    except etree.XMLSyntaxError:
+        root = None
+    fatal = (one for one in parser.error_log if one.level == etree.ErrorLevels.FATAL)
+    return root, next(fatal, None)
 
 
-def tokens(file: XmlFile, leaf: Element) -> list[tuple[int, int]]:
-    """First byte and end of each word of an element's text; comments are no words."""
-    start, end = leaf.inner
-    plain = _NOT_TEXT.sub(lambda found: b" " * len(found.group()), file.data[start:end])
-    return [(start + m.start(), start + m.end()) for m in re.finditer(rb"\S+", plain)]
-
-
-def inserted(file: XmlFile, parent: Element, tag: str, text: str) -> tuple[int, int, bytes]:
-    """The edit that gives an element one more child at its end, indented like its last one.
-
-    Args:
-        file: the file.
-        parent: the element.
-        tag: of the new child.
-        text: of the new child.
-    """
-    child = f"<{tag}>{text}</{tag}>".encode()
-    if parent.children:
-        last = parent.children[-1]
-        space = _SPACE.search(file.data, 0, last.start)
-        lead = file.data[space.start() : last.start] if space else b""
-        return last.end, last.end, lead + child
-    start, end = parent.inner
-    if file.data[start:end] == b"/":  # <X/> has no inside yet
-        return start, parent.end, b">" + child + f"</{parent.tag}>".encode()
-    return start, start, child
-
-
-def _tolerated(text: bytes) -> tuple[bytes, list[int]]:
-    """The text without what OpenSim's parser lets pass, and where it is four bytes longer.
-
-    That is a bare `&`, and `--` in a comment.
-    """
-    if b"<!DOCTYPE" in text or b"<![CDATA[" in text:
-        return text, []
-    plain = _COMMENT.sub(lambda found: re.sub(rb"[^\r\n]", b" ", found.group()), text)
-    places = [found.start() + 4 * i for i, found in enumerate(_BARE.finditer(plain))]
-    return _BARE.sub(b"&amp;", plain), places
-
-
-def _parsed(text: bytes, well_formed: bytes, longer: list[int]) -> Element:
-    """The root of a text; places are counted in the text itself."""
-    parser = expat.ParserCreate(encoding="UTF-8")
-    parser.buffer_text = True
-    reader = _Reader(parser, text, longer)
-    parser.StartElementHandler = reader.begin
-    parser.EndElementHandler = reader.finish
-    parser.CharacterDataHandler = reader.characters
-    parser.Parse(well_formed, True)
-    assert reader.root is not None  # expat refuses a file without an element
-    return reader.root
-
-
-class _Reader:
-    """Builds elements from the parser's events."""
-
-    def __init__(self, parser, data: bytes, longer: list[int]):
-        self.parser, self.data, self.longer = parser, data, longer
-        self.root: Element | None = None
-        self.here: Element | None = None
-
-    def begin(self, tag: str, attributes: dict[str, str]) -> None:
-        element = Element(tag, attributes, self.here, self.parser.CurrentLineNumber)
-        element.start = self.place()
-        found = _START_TAG.match(self.data, element.start)
-        end = found.end() if found else element.start
-        element.inner = (end, end)
-        if self.here is None:
-            self.root = element
-        else:
-            self.here.children.append(element)
-        self.here = element
-
-    def finish(self, tag: str) -> None:
-        element = self.here
-        assert element is not None
-        start = element.inner[0]
-        if self.data[start - 2 : start] == b"/>":
-            element.inner, element.end = (start - 2, start - 1), start
-        else:
-            close = self.place()
-            element.inner, element.end = (start, close), self.data.index(b">", close) + 1
-        self.here = element.parent
-
-    def place(self) -> int:
-        at = self.parser.CurrentByteIndex
-        return at - 4 * bisect.bisect_left(self.longer, at)
-
-    def characters(self, text: str) -> None:
-        if self.here is not None:
-            self.here.pieces.append(text)
-
-
-def _decoded(original: bytes, path, kind: str) -> tuple[bytes, str, bytes]:
-    """The text in UTF-8, how it was encoded, and the mark before it."""
-    encoding, mark = "", b""
-    if b"\x00" in original and not original.startswith((_MARKS[0][0], _MARKS[1][0])):
+def _decoded(original: bytes, path, kind: str) -> tuple[str, str]:
+    """The text, and Python's name of its encoding."""
+    encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
+    if b"\x00" in original and encoding != "utf-16":
         raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
-    for bytes_, name in _MARKS:
-        if original.startswith(bytes_):
-            encoding, mark = name, bytes_
     if not encoding:
-        found = _DECLARED.match(original.removeprefix(codecs.BOM_UTF8).lstrip())
+        found = _DECLARED.match(original.lstrip())
         encoding = found.group(1).decode("ascii") if found else "utf-8"
     try:
         if codecs.lookup(encoding).name in _NO_ENCODINGS:
             raise LookupError(f"{encoding} is no encoding of a document")
-        text = original.removeprefix(mark).decode(encoding)
-        faithful = text.encode(encoding) == original.removeprefix(mark)
+        return original.decode(encoding), encoding
     except (UnicodeError, LookupError) as error:
         raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None
-    if not faithful:
-        raise InputProblem(path, "encoding", encoding, f"{kind} in UTF-8")
-    return text.encode("utf-8"), encoding, mark

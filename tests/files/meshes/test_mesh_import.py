@@ -6,17 +6,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kneejax.files import InputProblem, import_meshes
+from kneejax.files import InputProblem, MeshOptions, import_meshes
 from kneejax.files.knee import build_surface, mirror_part
 from kneejax.files.meshes._health import read_sheets
-from kneejax.files.meshes._import import _bones, _read
-from kneejax.files.meshes._patella import fit_patella
-from kneejax.geometry import Frame, Pose
+from kneejax.files.meshes._import import find_bones, right_sheets
+from kneejax.files.meshes._surfaces import fit_patella
+from kneejax.geometry import Frame
 from kneejax.report import surface_fit_figure
 from tests.files.meshes import meshed_knee as made
 
 LENHART = Path(__file__).parents[3] / "../shared/data/lenhart2015/meshes"
 QUICK = {"cell_mm": 6.0, "smoothing_mm": 0.3}
+
+
+def imported(*meshes, side, **options):
+    return import_meshes(*meshes, side=side, options=MeshOptions(**options))
 
 
 def files(folder, femur=None, tibia=None, scale=1.0):
@@ -42,11 +46,10 @@ def test_a_plate_under_both_condyles_is_two_compartments_and_one_under_one_is_on
         meshes = [made.femoral(), insert(*ends)]
         meshes = [made.mirrored(mesh) for mesh in meshes] if side == "left" else meshes
         read = (
-            _read(path, unit="auto", left=side == "left", findings=findings)
+            right_sheets(path, "auto", side == "left", findings)
             for path in files(tmp_path, *meshes)
         )
-        _, parts[name] = _bones(*read, Pose.from_table([0.0] * 6).placement, None, None, None,
-                                side == "left", findings)  # fmt: skip
+        _, parts[name] = find_bones(*read, MeshOptions(), side == "left", findings)
     assert list(parts["both"]) == ["medial", "lateral"] and list(parts["medial"]) == ["medial"]
     areas = {name: sheet.face_areas.sum() for name, sheet in parts["both"].items()}
     assert areas["medial"] == pytest.approx(areas["lateral"], rel=0.1)
@@ -61,7 +64,7 @@ def right(tmp_path_factory):
         "femur_bone": made.written(folder / "femur_bone.stl", made.femoral(inwards=2.0)),
         "tibia_bone": made.written(folder / "tibia_bone.stl", made.tibial(down=3.0)),
     }
-    return import_meshes(*files(folder), side="r", **bones)
+    return imported(*files(folder), side="r", **bones)
 
 
 @pytest.mark.long
@@ -111,7 +114,7 @@ def test_a_left_knee_is_the_mirrored_twin(right, tmp_path):
         "femur_bone": made.written(tmp_path / "a.stl", made.mirrored(made.femoral(inwards=2.0))),
         "tibia_bone": made.written(tmp_path / "b.stl", made.mirrored(made.tibial(down=3.0))),
     }
-    found = import_meshes(*left, side="l", source="femur.stl, tibia.stl", **bones)
+    found = imported(*left, side="l", source="femur.stl, tibia.stl", **bones)
     assert list(found.contacts) == list(right.contacts)
     for name, contact in found.contacts.items():
         twin, expected = mirror_part(contact), right.contacts[name]
@@ -125,7 +128,7 @@ def test_a_left_knee_is_the_mirrored_twin(right, tmp_path):
 
 def test_metres_and_flipped_normals_are_repaired(right, tmp_path):
     points, faces = made.femoral()
-    found = import_meshes(*files(tmp_path, (points, faces[:, ::-1]), scale=1e-3), side="r", **QUICK)
+    found = imported(*files(tmp_path, (points, faces[:, ::-1]), scale=1e-3), side="r", **QUICK)
     text = " ".join(found.findings)
     assert "multiplied by 1000" in text and "normals faced the bone" in text
     for name, fit in found.fits.items():
@@ -136,7 +139,7 @@ def test_metres_and_flipped_normals_are_repaired(right, tmp_path):
 
 def test_a_bone_behind_the_cartilage_in_one_file_is_left_out(tmp_path):
     both = made.joined(made.femoral(), made.femoral(inwards=2.5))
-    found = import_meshes(*files(tmp_path, both), side="r", **QUICK)
+    found = imported(*files(tmp_path, both), side="r", **QUICK)
     assert any("a second sheet behind the first" in line for line in found.findings)
     surface = build_surface(found.contacts["lateral"]["femoral_surface"])
     here = (0.0, -made.condyle_radius("lateral", np.pi / 2, 22.0), 22.0)
@@ -151,7 +154,7 @@ def test_an_axis_that_leans_is_found(right, tmp_path):
         points = np.stack([np.asarray(c) for c in turn.apply(tuple(part[0].T))], axis=1)
         return points, part[1]
 
-    found = import_meshes(*files(tmp_path, moved(made.femoral()), moved(made.tibial())),
+    found = imported(*files(tmp_path, moved(made.femoral()), moved(made.tibial())),
                           side="r", **QUICK)  # fmt: skip
     surface = found.contacts["medial"]["femoral_surface"]
     # One condyle is larger, so even the straight knee's nearest cylinder leans.
@@ -173,7 +176,7 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
     grid = np.meshgrid(np.arange(-11.0, 14, 4), np.arange(-18.0, 20, 4))
     femur, tibia = files(tmp_path)
     sheet = made.written(tmp_path / "patella.ply", made.patellar())
-    right = import_meshes(femur, tibia, patellar_cartilage=sheet, side="r", **QUICK)
+    right = imported(femur, tibia, patellar_cartilage=sheet, side="r", **QUICK)
     assert right.fits["patella"].region.all() and not right.doubtful
     assert any(line.startswith("patella: ") for line in right.findings)
     surface = right.patellofemoral["patellar_surface"]
@@ -185,7 +188,7 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
 
     both = made.joined(made.patellar(), made.patellar(forwards=3.0))
     turned = both[0], both[1][:, ::-1]
-    left = import_meshes(
+    left = imported(
         *files(tmp_path, made.mirrored(made.femoral()), made.mirrored(made.tibial())), side="l",
         patellar_cartilage=made.written(tmp_path / "left.ply", made.mirrored(turned)), **QUICK,
     )  # fmt: skip
@@ -199,7 +202,7 @@ def test_a_patella_is_fitted_and_kept(tmp_path):
 
 def refusal(folder, *parts, **options):
     with pytest.raises(InputProblem) as caught:
-        import_meshes(*files(folder, *parts), side=options.pop("side", "r"), **options, **QUICK)
+        imported(*files(folder, *parts), side=options.pop("side", "r"), **options, **QUICK)
     line = str(caught.value)
     assert "\n" not in line and "expected " in line
     return line
@@ -257,7 +260,7 @@ def test_a_field_of_thickness(tmp_path):
         "femur_bone": made.written(tmp_path / "a.stl", made.femoral(inwards=2.0)),
         "tibia_bone": made.written(tmp_path / "b.stl", thinning(made.tibial(down=3.0))),
     }
-    found = import_meshes(*files(tmp_path), side="r", thickness="field", **bones, **QUICK)
+    found = imported(*files(tmp_path), side="r", thickness="field", **bones, **QUICK)
     contact = found.contacts["medial"]
     table = np.array(contact["layer_variation_mm"])
     half = 0.5 * np.ptp(contact["tibial_surface"]["anterior_mm"])
@@ -284,7 +287,7 @@ def test_bad_choices_are_refused(tmp_path, options, words):
 @pytest.mark.skipif(not LENHART.is_dir(), reason="the public meshes are not here")
 def test_a_real_knee_is_met_within_the_target():
     names = (LENHART / f"lenhart2015-R-{bone}-cartilage.stl" for bone in ("femur", "tibia"))
-    found = import_meshes(*names, side="r", cell_mm=4.5, smoothing_mm=0.2)
+    found = imported(*names, side="r", cell_mm=4.5, smoothing_mm=0.2)
     assert list(found.contacts) == ["medial", "lateral"] and not found.doubtful
     for name, fit in found.fits.items():
         assert fit.quality.rms < 0.1 and abs(fit.quality.mean) < 2e-3, name

@@ -7,12 +7,12 @@ import pytest
 
 from kneejax.cli import main
 from kneejax.files import SMALLEST_MODEL, InputProblem, coupled_motion, read_poses, write_poses
-from kneejax.files.opensim._coupled_joint import couple_knee
-from kneejax.files.opensim._edits import Edits
+from kneejax.files.opensim._coupled import couple_knee
+from kneejax.files.opensim._exact import Rigid, poses_of
+from kneejax.files.opensim._frames import SAME, Registration
+from kneejax.files.opensim._joints import moved
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
-from kneejax.files.opensim._movement import Rigid, moved
-from kneejax.files.opensim._registration import SAME, Registration, in_knee, poses_of
 from kneejax.geometry import FEMUR, TIBIA
 from tests.files.opensim.test_opensim_reference import FOREIGN
 
@@ -58,12 +58,11 @@ def walker(side="r", sign="1", more=CONSTRAINT):
 
 
 def coupled(data, side, motion, shifts=SAME):
-    """The model with the motion, and its knee."""
+    """The model with the motion, its knee, and what changed."""
     model = read_model("walker.osim", data)
-    edits = Edits(model)
-    couple_knee(edits, find_knee(model, side), motion, shifts)
-    again = read_model("walker.osim", model.file.spliced(edits.splices))
-    return again, find_knee(again, side), edits
+    changes = couple_knee(model, find_knee(model, side), motion, shifts)
+    again = read_model("walker.osim", model.file.written())
+    return again, find_knee(again, side), changes
 
 
 @pytest.mark.parametrize("side", ["r", "l"])
@@ -80,7 +79,7 @@ def test_the_model_moves_as_the_poses(side, sign, away):
     # Rotation by 1 about Z extends: flexion is minus the angle.
     angle = np.deg2rad(flexion) * (-1.0 if sign == "1" else 1.0)
     there = moved(model, {f"knee_angle_{side}": angle})
-    frames = [in_knee(there.placed[body], bone, shifts, side)
+    frames = [shifts.in_knee(there.placed[body], bone, side)
               for body, bone in ((bones.femur, FEMUR), (bones.tibia, TIBIA))]  # fmt: skip
     found = frames[0].after(frames[1].inverse())
     table = poses_of(Rigid(found.turn, found.shift / 1e3), "r")
@@ -88,9 +87,9 @@ def test_the_model_moves_as_the_poses(side, sign, away):
 
 
 def test_what_acts_on_coordinates_that_go_goes_too():
-    model, _, edits = coupled(walker(), "r", coupled_motion(POSES))
-    assert "CoordinateCouplerConstraint drives: taken out" in edits.changes
-    assert not [e for e in model.elements() if e.tag == "CoordinateCouplerConstraint"]
+    model, _, changes = coupled(walker(), "r", coupled_motion(POSES))
+    assert "CoordinateCouplerConstraint drives: taken out" in changes
+    assert not [e for e in model.elements if e.tag == "CoordinateCouplerConstraint"]
 
 
 def test_what_depends_on_them_otherwise_is_refused():

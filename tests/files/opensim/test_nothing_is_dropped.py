@@ -12,7 +12,7 @@ from kneejax.files import (
     import_osim,
     write_knee,
 )
-from kneejax.files.opensim._geometry import _mesh
+from kneejax.files.opensim._contact import _mesh
 
 FORCES, CONSTRAINTS, JOINTS, BODIES, MODEL = (
     "    </objects></ForceSet>", "  </Model>", "    </objects></JointSet>",
@@ -193,6 +193,10 @@ def test_menisci_and_their_contacts_and_horns_are_counted():
         "Smith2018ArticularContactForce (1): femur_on_meniscus",
     ]
     assert list(found.document["ligaments"]) == ["LCL"]
+    assert found.numbers_left_out == "left out: 1 contact, 1 fibre, 1 meniscus"
+    report = format_import_report(found)
+    assert "- In all, left out: 1 contact, 1 fibre, 1 meniscus.\n- Bodies" in report
+    assert read(SMALLEST_MODEL).numbers_left_out == ""
 
 
 def test_a_ligament_on_a_fibula_that_can_move_is_read_and_doubted(tmp_path, capsys):
@@ -241,13 +245,21 @@ def test_bare_ampersands_dashes_in_comments_and_a_model_without_ground_are_read(
     document["ligaments"]["LCL"]["stiffness_N"] = 2150.5
     write_knee(document, file)
     assert export_osim(file, model).data.decode() == odd.replace(">2000<", ">2150.5<")
-    with pytest.raises(InputProblem, match="line 7, column 68: mismatched tag"):
+    mismatch = "line 7, column 73: mismatched tag Bodi for Body of line 7"
+    with pytest.raises(InputProblem, match=mismatch):
         read(odd.replace("</Body", "</Bod").replace('"tibia_r"/>', '"tibia_r"></Bodi>'))
     weld = (
         '<WeldJoint name="root"><socket_parent_frame>/ground</socket_parent_frame>'
         "<socket_child_frame>/bodyset/femur_r</socket_child_frame></WeldJoint>"
     )
     assert list(read(text_of((JOINTS, weld + JOINTS))).document["ligaments"]) == ["LCL"]
+
+
+def test_entities_are_refused_before_anything_is_read():
+    own = "<!DOCTYPE a [<!ENTITY name SYSTEM 'file:///etc/hostname'>]>\n<OpenSimDocument"
+    model = SMALLEST_MODEL.replace("<OpenSimDocument", own).replace("smallest", "&name;")
+    with pytest.raises(InputProblem, match="line 2: <!ENTITY: expected .* without entities"):
+        read(model)
 
 
 def test_a_mesh_in_millimetres_that_the_model_scales_is_shifted_in_metres(tmp_path):

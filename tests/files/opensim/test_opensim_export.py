@@ -152,6 +152,18 @@ def test_the_difference_is_the_changed_numbers():
     assert len(written.changes) == 3
 
 
+def test_names_with_colons_and_both_kinds_of_empty_elements_stay(tmp_path):
+    text = LEFT.read_text(encoding="utf-8")
+    odd = "<A::B name='it'><c></c><d /><!-- <e/> -- --></A::B>\n\t\t<defaults>"
+    text = text.replace("<defaults>", odd.replace("'", '"'), 1)
+    path = tmp_path / LEFT.name
+    path.write_text(text, encoding="utf-8")
+    document = import_osim(path, side="l").document
+    document["ligaments"]["cross1"]["stiffness_N"] = 1235.5
+    new = export_osim(_file(document), path).data.decode()
+    assert new == text.replace(">1234.5<", ">1235.5<")
+
+
 def test_a_number_that_the_file_leaves_out_is_added():
     document = import_osim(LEFT, side="l").document
     document["ligaments"]["cross2"]["transition_strain"] = 0.045

@@ -17,9 +17,9 @@ from kneejax.files import (
     write_knee,
 )
 from kneejax.files.opensim._contact import OsimMesh
-from kneejax.files.opensim._model import Offset
-from kneejax.files.opensim._numbers import (
+from kneejax.files.opensim._exact import (
     METRES_TO_MM,
+    Offset,
     degrees,
     radians,
     read_decimal,
@@ -240,9 +240,9 @@ def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_pa
 
     called = {}
 
-    def record(femur, tibia, **settings):
+    def record(femur, tibia, side, options):
         meshes = [trimesh.load_mesh(path).centroid for path in (femur, tibia)]
-        called.update(settings, meshes=meshes)
+        called.update(vars(options), side=side, meshes=meshes)
         entry = {"source": {"youngs_modulus_MPa": "given"}}
         return _mesh_import.MeshImport({"medial": entry}, ("fitted",), {}, False)
 

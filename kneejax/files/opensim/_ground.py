@@ -9,14 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._movement import Movement
 from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, read_storage
 
 KIND = "external loads of OpenSim (.xml)"
-_AXES = "xyz"
 #: Parts of the largest force above which a force's point is looked at: below, points are noise.
 _SOME_FORCE = 0.1
 #: A heel is no farther than this from the toes on which it presses: a point farther from the body
@@ -30,68 +29,58 @@ _LEAST_N, _MOST_N, _MOST_NM = 5.0, 2e4, 300.0
 
 @dataclasses.dataclass(frozen=True)
 class ExternalForce:
-    """A force of a table on a body.
-
-    Attributes:
-        name: of the force.
-        body: on which it acts.
-        force_in: body whose axes the force and the torque are along.
-        point_in: body in whose frame the point is.
-        force: columns, three; likewise point and torque, or none.
-    """
+    """A force of a table on a body."""
 
     name: str
-    body: str
-    force_in: str
-    point_in: str
-    force: tuple[str, ...]
+    body: str  # on which it acts
+    force_in: str  # body whose axes the force and the torque are along
+    point_in: str  # body in whose frame the point is
+    force: tuple[str, ...]  # columns, three; likewise point and torque, or none
     point: tuple[str, ...]
     torque: tuple[str, ...]
+
+    def rows(self, table: Storage) -> tuple[np.ndarray, ...]:
+        """Force, point and torque, N, m, N m, `(rows, 3)` each; zeros for those it has not."""
+        none = np.zeros((len(table.time), 3))
+        return tuple(
+            np.stack([table.named(name) for name in names], axis=1) if names else none
+            for names in (self.force, self.point, self.torque)
+        )
 
 
 @dataclasses.dataclass(frozen=True)
 class ExternalLoads:
-    """Forces from the ground over time.
+    """Forces from the ground over time."""
 
-    Attributes:
-        table: with the columns.
-        forces: of the file, those that apply.
-        doubts: what looks wrong in the file, a sentence each.
-    """
-
-    table: Storage
-    forces: tuple[ExternalForce, ...]
-    doubts: tuple[str, ...]
+    table: Storage  # with the columns
+    forces: tuple[ExternalForce, ...]  # of the file, those that apply
+    doubts: tuple[str, ...]  # what looks wrong in the file, a sentence each
 
 
 def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalLoads:
     """Read which force acts on which body of a model, and the table that it names.
 
-    Args:
-        path: the file of OpenSim; its table is sought beside it.
-        model: with the bodies.
+    The table is sought beside the file.
 
     Raises:
         InputProblem: the file or its table cannot be read, or a body or column does not exist.
     """
     file = parse_xml(path, KIND)
-    top = next((e for e in file.root.walk() if e.tag == "ExternalLoads"), None)
+    top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
     if top is None:
         raise file.problem(file.root, "", file.root.tag, f"{KIND}: an element ExternalLoads")
     word = top.word("datafile")
     if not word:
         raise file.problem(top, "datafile", "missing", "the table of forces")
     table = read_storage(Path(path).parent / word)
-    found = [_force(file, e, model, table) for e in top.inside("objects")
-             if e.tag == "ExternalForce" and _applies(e)]  # fmt: skip
+    found = [
+        _force(file, e, model, table) for e in top.inside("objects")
+        if e.tag == "ExternalForce" and e.word("isDisabled").lower() != "true"
+        and e.word("appliesForce").lower() != "false"
+    ]
     if not found:
         raise file.problem(top, "objects", "none", "at least one ExternalForce")
     return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
-
-
-def _applies(element: Element) -> bool:
-    off = element.word("isDisabled").lower() == "true"
-    return not off and element.word("appliesForce").lower() != "false"
 
 
 def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> ExternalForce:
@@ -105,9 +94,7 @@ def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> Ext
 
     def columns(tag: str, needed: bool) -> tuple[str, ...]:
         word = element.word(tag)
-        if not word and not needed:
-            return ()
-        names = tuple(f"{word}{axis}" for axis in _AXES)
+        names = tuple(f"{word}{axis}" for axis in "xyz") if word or needed else ()
         for name in names:
             table.named(name, f"a column of {tag} of {element.name}")
         return names
@@ -123,58 +110,49 @@ def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> Ext
     )
 
 
-def _doubts(file: str, forces: list[ExternalForce], table: Storage):
+def _doubts(file: str, forces: list[ExternalForce], table: Storage) -> Iterator[str]:
     """Torques that look like another force's: another one of the table is called more alike."""
     spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
     for one in forces:
-        if one.torque:
-            likeness = {name: _like(name, one.force[0]) for name in [one.torque[0], *spins]}
-            nearest = max(likeness, key=lambda name: likeness[name])
-            if likeness[nearest] > likeness[one.torque[0]]:
-                own = one.torque[0][:-1].rstrip("_")
-                yield (
-                    f"{file}: force {one.name} takes its torque from {own}; "
-                    f"{nearest[:-1].rstrip('_')} would fit its force."
-                )
-
-
-def _like(torque: str, force: str) -> int:
-    """How many letters two columns begin with together, but for the word that says which it is."""
-    return len(os.path.commonprefix([torque.lower().replace("torque", "force"), force.lower()]))
+        if not one.torque:
+            continue
+        # How many letters the two begin with together, but for the word that says which it is.
+        likeness = {
+            name: len(os.path.commonprefix(
+                [name.lower().replace("torque", "force"), one.force[0].lower()]))
+            for name in (one.torque[0], *spins)
+        }
+        nearest = max(likeness, key=lambda name: likeness[name])
+        if likeness[nearest] > likeness[one.torque[0]]:
+            own = one.torque[0][:-1].rstrip("_")
+            yield (
+                f"{file}: force {one.name} takes its torque from {own}; "
+                f"{nearest[:-1].rstrip('_')} would fit its force."
+            )
 
 
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment of the ground on some bodies.
+    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s.
 
-    Args:
-        loads: from `read_external_loads`.
-        movement: at these times.
-        bodies: on which the forces that count act.
-        time: within the table, `(n,)`, s.
-
-    Returns:
-        In the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
-        straight: forces jump where a foot meets the ground.
+    In the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
+    straight: forces jump where a foot meets the ground.
     """
     force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    inside = loads.table.time
     for one in loads.forces:
         if one.body not in bodies:
             continue
         # Forces and moments are taken between rows, not points: a point without force jumps.
-        inside = loads.table.time
-        rows = np.stack([_column(loads.table, names) for names in (one.force, one.point,
-                                                                   one.torque)])  # fmt: skip
-        pull, point, torque = rows.swapaxes(1, 2)
+        pull, point, torque = one.rows(loads.table)
         if one.force_in == one.point_in == GROUND:
-            about = torque + np.cross(point, pull)
             force += _between(time, inside, pull)
-            moment += _between(time, inside, about)
+            moment += _between(time, inside, torque + np.cross(point, pull))
             continue
         carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
-        here = np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, pull))
-        spin = np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, torque))
+        here, spin = (np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, x))
+                      for x in (pull, torque))
         force += here
         moment += spin + np.cross(frame.point(_between(time, inside, point)), here)
     return force, moment
@@ -183,29 +161,21 @@ def on_bodies(
 def place_doubts(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> Iterator[str]:
-    """Forces that cannot be those of the body that they are said to act on.
+    """Sentences on forces that cannot be those of the body that they are said to act on.
 
-    Args:
-        loads: from `read_external_loads`.
-        movement: at these times.
-        bodies: on which the forces that count act.
-        time: within the table, `(n,)`, s.
-
-    Yields:
-        A sentence for each force whose size or torque is no person's, or whose point lies farther
-        from its body than a foot is long.
+    Their size or torque is no person's, or their point lies farther from the body than a foot is
+    long.
 
     Raises:
         InputProblem: a point is so far away that it must be in another unit.
     """
-    file = Path(loads.table.file).name
+    file, inside = Path(loads.table.file).name, loads.table.time
     for one in loads.forces:
         if one.body not in bodies:
             continue
-        rows = (_column(loads.table, names).T for names in (one.force, one.point, one.torque))
-        pull, point, torque = (_between(time, loads.table.time, x) for x in rows)
+        largest = np.linalg.norm(one.rows(loads.table)[0], axis=1).max()
+        pull, point, torque = (_between(time, inside, x) for x in one.rows(loads.table))
         size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()
-        largest = np.linalg.norm(_column(loads.table, one.force), axis=0).max()
         name = f"{file}: force {one.name} on {one.body}"
         if 0.0 < largest < _LEAST_N:
             yield f"{name} is at most {largest:.3g} N: kN or body weights are suspected."
@@ -224,7 +194,7 @@ def place_doubts(
             raise InputProblem(
                 loads.table.file, ", ".join(one.point), f"({shown}) at {time[row]:g} s",
                 f"a point of {one.body} in m, which is {reach[row]:,.1f} m away{suspected}",
-            )  # fmt: skip
+            )
         if reach[row] > _FAR_M:
             yield (
                 f"{name} acts {reach[row]:.2f} m away from it at {time[row]:g} s, farther than a "
@@ -235,15 +205,13 @@ def place_doubts(
 def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
     """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
     center of mass and its joints; m, `(n,)`."""
-    marks = [np.zeros(3), np.array(movement.model.point(movement.model.bodies[body],
-                                                        "mass_center"), float)]  # fmt: skip
-    for joint in movement.joints:
-        for end, frame in ((joint.parent, joint.parent_frame), (joint.child, joint.child_frame)):
-            if end == body and GROUND not in (joint.parent, joint.child):
-                marks.append(np.array(frame.translation, float))
-    here = movement.placed[body]
-    there = [here.point(np.broadcast_to(mark, point.shape)) for mark in marks]
-    return np.min([np.linalg.norm(point - mark, axis=1) for mark in there], axis=0)
+    model, here = movement.model, movement.placed[body]
+    marks = [np.zeros(3), np.array(model.point(model.bodies[body], "mass_center"), float)]
+    marks += [np.array(frame.translation, float) for joint in movement.joints
+              if GROUND not in (joint.parent, joint.child)
+              for end, frame in joint.ends if end == body]
+    return np.min([np.linalg.norm(point - here.point(np.broadcast_to(mark, point.shape)), axis=1)
+                   for mark in marks], axis=0)
 
 
 def of_contacts(
@@ -251,32 +219,20 @@ def of_contacts(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Force and moment of the ground on some bodies, by the contacts of the model itself.
 
-    Args:
-        model: with contacts between these bodies and the ground.
-        table: of forces, in which OpenSim records each contact with the bodies that it acts on.
-        bodies: on which the contacts that count act.
-        time: within the table, `(n,)`, s.
-
-    Returns:
-        As `on_bodies`: the opposite of what the ground bears.
+    As `on_bodies`, from a table of forces in which OpenSim records each contact with the bodies
+    that it acts on: the opposite of what the ground bears.
     """
-    carriers = {e.name: e.word("socket_frame").rsplit("/", 1)[-1] for e in model.elements()
-                if e.tag.startswith("Contact") and e.child("socket_frame") is not None}  # fmt: skip
+    carriers = {e.name: e.last_word("socket_frame") for e in model.elements
+                if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
     force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
-    for element in model.elements():
+    for element in model.elements:
         names = [f"{element.name}.ground.{kind}.{axis}" for kind in ("force", "torque")
-                 for axis in "XYZ"]  # fmt: skip
-        words = {w for e in element.walk() if e.tag == "geometry" for w in e.text.split()}
+                 for axis in "XYZ"]
+        words = {w for e in element.iter("geometry") for w in e.content.split()}
         if names[0] in table.columns and {carriers.get(word, "") for word in words} & bodies:
             both = -table.at(time, names, degree=1).T
             force, moment = force + both[:, :3], moment + both[:, 3:]
     return force, moment
-
-
-def _column(table: Storage, names: tuple[str, ...]) -> np.ndarray:
-    if not names:
-        return np.zeros((3, len(table.time)))
-    return np.stack([table.named(name) for name in names])
 
 
 def _between(time: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:

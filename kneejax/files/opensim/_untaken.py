@@ -1,9 +1,10 @@
-"""What acts on the knee of a model and was not read: every force and constraint, of any class."""
+"""What of a model is no part of the imported knee: forces, constraints, bodies; of any class."""
 
 from __future__ import annotations
 
 import collections
 import dataclasses
+import re
 from collections.abc import Collection, Iterable
 
 from kneejax.files.opensim._joints import read_joints
@@ -15,24 +16,29 @@ from kneejax.geometry import PATELLA
 ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE = (
     "acts on the knee", "acts on the knee in motion only", "acts on the knee when it is driven",
     "would act on the knee, switched off in the model", "does not act on this knee",
-)  # fmt: skip
+)
+#: What a class of OpenSim is called by, the first that fits, in the singular and the plural.
+_KINDS = (
+    (re.compile("Contact|HuntCrossley|ElasticFoundation|SmoothSphere"), "contact", "contacts"),
+    (re.compile("Muscle"), "muscle", "muscles"),
+    (re.compile("Ligament"), "fibre", "fibres"),
+    (re.compile("Coupler"), "coupler", "couplers"),
+    (re.compile("Constraint"), "constraint", "constraints"),
+    (re.compile("Bushing"), "bushing", "bushings"),
+    (re.compile("Spring|LimitForce|StopForce"), "spring", "springs"),
+    (re.compile("Actuator"), "actuator", "actuators"),
+    (re.compile(""), "other force", "other forces"),
+)
 
 
 @dataclasses.dataclass(frozen=True)
 class Untaken:
-    """A force or a constraint of a model that is no part of the imported knee.
-
-    Attributes:
-        element: in the file.
-        how: one of the sentences above.
-        on: the bodies and coordinates of the knee that it is attached to.
-        muscle_or_patella: whether it goes with these.
-    """
+    """A force or a constraint of a model that is no part of the imported knee."""
 
     element: Element
-    how: str
-    on: tuple[str, ...]
-    muscle_or_patella: bool
+    how: str  # one of the sentences above
+    on: tuple[str, ...]  # the bodies and coordinates of the knee that it is attached to
+    muscle_or_patella: bool  # whether it goes with these
 
     @property
     def name(self) -> str:
@@ -41,53 +47,48 @@ class Untaken:
         return (self.element.name or self.element.tag) + (f" drives {drives}" if drives else "")
 
 
-def untaken(model: Model, knee: OsimKneeJoint, taken: Iterable[Element]) -> list[Untaken]:
-    """Forces and constraints that were not read.
+def untaken(
+    model: Model, knee: OsimKneeJoint, taken: Iterable[Element]
+) -> tuple[list[Untaken], list[str]]:
+    """Forces and constraints but those that were read or about which everything has been said, and
+    bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
 
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
     does not matter: every word of it that is the name of a body, of a frame or contact geometry on
     one, or of a coordinate counts.
-
-    Args:
-        model: the model.
-        knee: its bones.
-        taken: elements that were read or about which everything has been said.
     """
-    joints, known = read_joints(model), {id(element) for element in taken}
-    own = {id(joint.element) for joint in knee.joints}
+    joints, known = read_joints(model), {*taken}
+    own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
-    cut = [*between, *(joint for joint in joints if id(joint.element) in own)]
-    inner = {body for joint in between for body in beyond(joints, cut, joint.child)}
+    cut = [*between, *(joint for joint in joints if joint.element in own)]
+    inner = dict.fromkeys(body for joint in between for body in beyond(joints, cut, joint.child))
+    near = {*knee.rigid, *inner}
     parts: dict[str, int] = {}
     for body in [knee.femur, knee.tibia, *model.bodies]:
         if body not in parts:
             part = len(parts)
             parts |= {other: part for other in beyond(joints, cut, body) if other not in parts}
-    ends = ((joint.parent, joint.child) for joint in joints)
-    on_ground = [parts[x] for pair in ends if GROUND in pair for x in pair if x != GROUND]
+    on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.other(GROUND)]
     parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
-    near = {*knee.rigid, *inner}
     bodies = _bodies(model)
     coordinates = {
         c.name for joint in cut for c in joint.coordinates
         if {joint.parent, joint.child} & near
-    }  # fmt: skip
+    }
     answer = []
     for element in model.forces():
-        if id(element) in known:
+        if element in known:
             continue
         on, asked = _attached(model, element, bodies, coordinates)
         sides = {parts[body] for body in on}
         alone = not any(child.tag.endswith("Path") for child in element.children) and len(on) == 1
         across = len(sides) > 1 or (alone and sides != {joined})
-        how = ELSEWHERE
-        if asked or (across and on & near):
-            how = _how(model, element)
-        patella = any(knee.rigid.get(body, ("",))[0] == PATELLA for body in on)
+        how = _how(model, element) if asked or (across and on & near) else ELSEWHERE
+        patella = any(knee.bone_of(body) == PATELLA for body in on)
         said = tuple(sorted(on & near if across else set()) + sorted(asked))
         answer.append(Untaken(element, how, said, patella or element.tag.endswith("Muscle")))
-    return answer
+    return answer, [body for body in inner if body not in knee.rigid]
 
 
 def listed(found: Collection[Untaken]) -> list[str]:
@@ -108,16 +109,32 @@ def listed(found: Collection[Untaken]) -> list[str]:
     return lines
 
 
+def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
+    """How many of which kind, from the classes of elements and the names of bodies.
+
+    Example:
+        >>> numbers_of_kinds(["PathSpring", "HuntCrossleyForce", "PathSpring"], ["meniscus_r"])
+        '1 contact, 2 springs, 1 meniscus'
+    """
+    names = [next(kind[1:] for kind in _KINDS if kind[0].search(tag)) for tag in tags]
+    names += [("meniscus", "menisci") if "menisc" in body.lower() else ("body", "bodies")
+              for body in bodies]
+    counts = collections.Counter(names)
+    order = [*(kind[1:] for kind in _KINDS), ("meniscus", "menisci"), ("body", "bodies")]
+    return ", ".join(f"{counts[name]} {name[counts[name] > 1]}" for name in order if counts[name])
+
+
 def _bodies(model: Model) -> dict[str, str]:
     """Name of a body, or of a frame or a geometry on one -> the body."""
     found = {body: body for body in model.bodies}
     by_name = collections.defaultdict(set)
     for frame in model.frames.values():
         by_name[frame.name].add(model.place(frame)[0])
-    for element in model.elements():
-        if element.parent is None or element.parent.tag not in ("objects", "ContactGeometrySet"):
+    for element in model.elements:
+        outer = element.getparent()
+        if outer is None or outer.tag not in ("objects", "ContactGeometrySet"):
             continue
-        if any(outer.tag == "ContactGeometrySet" for outer in element.ancestors()):
+        if any(outer.tag == "ContactGeometrySet" for outer in element.iterancestors()):
             word = element.word("body_name", "socket_frame", "socket_frame_connectee_name")
             frame = model.frame(word, element)
             if frame is not None:
@@ -133,12 +150,13 @@ def _attached(
 ) -> tuple[set[str], set[str]]:
     """Bodies and coordinates that anything within an element names."""
     on, asked = set(), set()
-    for leaf in element.walk():
+    for leaf in element.iter("*"):
         if leaf.children or leaf.tag == "wrap_object":
             continue
-        for word in leaf.text.split():
+        for word in leaf.content.split():
             last = word.rstrip("/").rsplit("/", 1)[-1]
-            frame = model.frame(word, leaf.parent) if leaf.tag.startswith("socket_") else None
+            socket = leaf.tag.startswith("socket_")
+            frame = model.frame(word, leaf.getparent()) if socket else None
             if last in coordinates:
                 asked.add(last)
             elif frame is not None:
@@ -153,13 +171,9 @@ def _how(model: Model, element: Element) -> str:
         return OFF
     if element.tag.endswith("Actuator"):
         return DRIVEN
-    stiff = [e for e in element.walk() if "stiffness" in e.tag and not e.children]
-    expressed = any("expression" in e.tag and e.text not in ("", "0") for e in element.walk())
-    if stiff and not expressed and not any(_numbers(e.text) for e in stiff):
-        return IN_MOTION
-    return ACTS
-
-
-def _numbers(text: str) -> bool:
-    """Whether a text holds anything but zeros."""
-    return any(word.strip("0.+-") for word in text.lower().split("e")[0].split())
+    leaves = [e for e in element.iter("*") if not e.children]
+    stiff = [e.content for e in leaves if "stiffness" in e.tag]
+    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in leaves)
+    # Zeros of any form are no stiffness.
+    some = any(word.strip("0.+-") for text in stiff for word in text.lower().split("e")[0].split())
+    return IN_MOTION if stiff and not expressed and not some else ACTS

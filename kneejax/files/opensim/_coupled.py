@@ -1,0 +1,271 @@
+"""A model's knee of one coordinate: its secondary motion follows flexion along splines."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Mapping
+
+import numpy as np
+
+from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim._frames import Registration, flexion_coordinate, flexions
+from kneejax.files.opensim._functions import simm_splines
+from kneejax.files.opensim._joints import Joint
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim._model import Model, read_model
+from kneejax.files.opensim._xml import element_of
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
+
+#: Between knots where many poses share a flexion, degrees.
+_APART_DEG = 10.0
+#: Weight of a spline's bending beside a pose's distance, for knots between which no pose lies.
+_STIFF = 1e-3
+_FEWEST = 4
+_KIND = "CustomJoint"
+#: Between the angles at which a model's flexion is compared with its coordinate, rad.
+_SPAN = 0.5
+_STRAIGHT_DEG = 1e-6
+#: By which a force or a constraint says on which coordinate it acts.
+_ON_COORDINATE = "coordinate", "dependent_coordinate_name"
+_AXIS = """          <TransformAxis name="{name}">
+            <coordinates>{coordinate}</coordinates>
+            <axis>{axis}</axis>
+            {function}
+          </TransformAxis>"""
+# Coordinate -> axis of the transform, of a right knee and of a left one, Z to the person's right.
+_AXES = {
+    "flexion": ("rotation1", "0 0 1", "0 0 1"),
+    "adduction": ("rotation2", "1 0 0", "-1 0 0"),
+    "internal_rotation": ("rotation3", "0 1 0", "0 -1 0"),
+    "anterior": ("translation1", "1 0 0", "1 0 0"),
+    "superior": ("translation2", "0 1 0", "0 1 0"),
+    "lateral": ("translation3", "0 0 1", "0 0 -1"),
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class CoupledMotion:
+    """Splines of OpenSim's kind over flexion.
+
+    Attributes:
+        flexion_deg: knots, increasing, `(k,)`.
+        secondary: at the knots, degrees and mm, `(k, 5)`, in the order of
+            `kneejax.geometry.FREE_COORDINATES`.
+        rms: what the splines leave of the poses, `(5,)`, likewise.
+    """
+
+    flexion_deg: np.ndarray
+    secondary: np.ndarray
+    rms: np.ndarray
+
+    def at(self, flexion_deg: np.ndarray) -> np.ndarray:
+        """The secondary motion at flexions `(n,)`, `(n, 5)`; straight beyond the knots."""
+        return simm_splines(self.flexion_deg, self.secondary, flexion_deg)
+
+
+def coupled_motion(
+    poses: np.ndarray, file: str = "poses", knots_deg: np.ndarray | None = None
+) -> CoupledMotion:
+    """Splines of flexion through poses, or between them.
+
+    Where flexion grows or falls from row to row, splines pass through every pose. Otherwise, as in
+    a step of walking, which is bent to one angle several times, they are the nearest to all poses
+    by least squares, with knots every 10 degrees.
+
+    Args:
+        poses: table rows, `(n, 6)`, degrees and mm.
+        file: from which they come, for errors.
+        knots_deg: of the splines, to compare several motions; by default as above.
+
+    Raises:
+        InputProblem: fewer than four flexions.
+
+    Example:
+        >>> flexion = np.array([0.0, 30.0, 60.0, 90.0])
+        >>> table = np.column_stack([flexion, *[0.01 * flexion] * 5])
+        >>> coupled_motion(table).at(np.array([45.0])).round(6).tolist()
+        [[0.45, 0.45, 0.45, 0.45, 0.45]]
+    """
+    flexion, secondary = poses[:, 0], poses[:, 1:]
+    steps = np.diff(flexion)
+    ordered = (steps > 0).all() or (steps < 0).all()
+    if len(np.unique(flexion)) < _FEWEST:
+        found = f"{len(np.unique(flexion))} of them"
+        raise InputProblem(file, "flexion_deg", found, f"{_FEWEST} or more different ones")
+    if ordered and knots_deg is None:
+        rows = np.argsort(flexion)
+        return CoupledMotion(flexion[rows], secondary[rows], np.zeros(secondary.shape[1]))
+    knots = knots_deg
+    if knots is None:
+        count = max(_FEWEST, 1 + round(float(np.ptp(flexion)) / _APART_DEG))
+        knots = np.linspace(flexion.min(), flexion.max(), count)
+    # Splines are linear in their values at the knots.
+    by_value = simm_splines(knots, np.eye(len(knots)), flexion)
+    bend = np.sqrt(_STIFF * len(flexion)) * np.diff(np.eye(len(knots)), 2, axis=0)
+    wanted = np.vstack([secondary, np.zeros((len(bend), secondary.shape[1]))])
+    values = np.linalg.lstsq(np.vstack([by_value, bend]), wanted, rcond=None)[0]
+    rms = np.sqrt(np.mean((by_value @ values - secondary) ** 2, axis=0))
+    return CoupledMotion(knots, values, rms)
+
+
+def couple_model(
+    model_path: str | os.PathLike[str],
+    side: str,
+    motion: CoupledMotion,
+    shifts: Registration,
+    bones: tuple[str, str] | None = None,
+) -> bytes:
+    """A model whose knee follows flexion as a motion does.
+
+    Args:
+        model_path: the model (.osim).
+        side: `r` or `l`.
+        motion: from `coupled_motion`, in the frames of a knee.
+        shifts: from the model's frames to those, from `registered`.
+        bones: bodies that are the femur and the tibia; by default found by names.
+
+    Returns:
+        The new model, in which all but the knee's joint stays.
+
+    Raises:
+        InputProblem: the knee is not one CustomJoint, its flexion is not its coordinate but for
+            sign and a constant, or something else depends on a coordinate that goes.
+    """
+    model = read_model(model_path)
+    couple_knee(model, find_knee(model, side, *(bones or ())), motion, shifts)
+    return model.file.written()
+
+
+def couple_knee(
+    model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
+) -> list[str]:
+    """Let a model's knee follow flexion as a motion does, in the frames to which `shifts` lead.
+
+    Its joint keeps its frames and the coordinate that bends it; its other coordinates go, with
+    what acts on them. Returns a sentence for each change; raises what `couple_model` does.
+    """
+    joint, *others = bones.joints
+    upwards = bones.bone_of(joint.child) == FEMUR
+    if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
+        found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
+        found += ", upwards" * upwards + ", with other axes" * bones.turned
+        expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
+        raise model.file.problem(joint.element, "joint", found, expected)
+    name = flexion_coordinate(model, bones)
+    slope, constant = _flexion_of(model, bones, name)
+    gone = {c.name for c in joint.coordinates if c.name != name}
+    changes = _take_out(model, joint, gone)
+    # Knots with seven between each two: in frames far from the knee splines of the same knots
+    # would be others, by up to 0.2 micrometres at 0.4 m and knots 10 degrees apart.
+    count = len(motion.flexion_deg)
+    flexion_deg = np.interp(np.arange(8 * count - 7) / 8.0, np.arange(count), motion.flexion_deg)
+    knots = (np.deg2rad(flexion_deg) - constant) / slope
+    order = np.argsort(knots)
+    poses = np.column_stack([flexion_deg, motion.at(flexion_deg)])
+    table = _between_frames(joint, bones, poses, shifts)[order]
+    values = np.column_stack([np.deg2rad(table[:, :3]), 1e-3 * table[:, 3:]])
+    columns = dict(zip(("flexion", *FREE_COORDINATES), values.T, strict=True))
+    own = columns.pop("flexion") - (slope * knots[order] + constant)
+    shift = float(np.mean(own))
+    if np.rad2deg(np.abs(own - shift)).max() > _STRAIGHT_DEG:
+        expected = "frames of the joint whose Z axis is that of the femur, for flexion about it"
+        raise model.file.problem(joint.element, "frames", "turned", expected)
+    transform = joint.element.child("SpatialTransform")
+    assert transform is not None  # otherwise nothing would turn
+    wrapped = any(e.tag == "function" for e in transform.iter())
+    text = transform_axes(
+        SIDES[bones.side], name, knots[order], columns, (slope, constant + shift), wrapped)
+    new = element_of(f"<SpatialTransform>\n{text}\n        </SpatialTransform>")
+    transform[:] = new[:]
+    transform.text = new.text
+    low, high = flexion_deg[[0, -1]]
+    without = f"; without {', '.join(sorted(gone))}" if gone else ""
+    follows = f"follows {name} along splines from {low:.4g} to {high:.4g} degrees"
+    return [*changes, f"{joint.name}: {follows}{without}"]
+
+
+def transform_axes(
+    side: str,
+    coordinate: str,
+    knots: np.ndarray,
+    columns: Mapping[str, np.ndarray],
+    flexion: tuple[float, float] = (1.0, 0.0),
+    wrapped: bool = False,
+) -> str:
+    """The axes of a SpatialTransform.
+
+    Args:
+        side: `right` or `left`.
+        coordinate: of the model, on which all depend.
+        knots: of the splines, in the coordinate's own unit, `(n,)`.
+        columns: coordinate of a pose by clinical meaning -> its values at the knots, rad or m,
+            `(n,)`.
+        flexion: slope and constant by which flexion, rad, follows from the coordinate.
+        wrapped: whether functions stand within an element `function`, as in schema 3.
+
+    Returns:
+        The text, axes in OpenSim's order.
+    """
+    axes, named = [], "" if wrapped else ' name="function"'
+    for name, (axis, right, left) in _AXES.items():
+        if name == "flexion":
+            numbers = f"{-flexion[0]:.17g} {-flexion[1] + 0.0:.17g}"
+            kind, text = "LinearFunction", f"<coefficients>{numbers}</coefficients>"
+        else:
+            x, y = (" ".join(repr(float(one)) for one in row) for row in (knots, columns[name]))
+            kind, text = "SimmSpline", f"<x>{x}</x><y>{y}</y>"
+        function = f"<{kind}{named}>{text}</{kind}>"
+        function = f"<function>{function}</function>" if wrapped else function
+        axes.append(_AXIS.format(name=axis, coordinate=coordinate, function=function,
+                                 axis=left if side == "left" else right))
+    return "\n".join(axes)
+
+
+def _flexion_of(model: Model, bones: OsimKneeJoint, name: str) -> tuple[float, float]:
+    """Slope and constant of flexion, rad, over a coordinate."""
+    angle = np.linspace(-_SPAN, _SPAN, 5)
+    flexion = np.deg2rad(flexions(model, bones, name, angle))
+    slope = float(np.sign(flexion[-1] - flexion[0]))
+    constant = float(np.mean(flexion - slope * angle))
+    off = np.rad2deg(np.abs(flexion - slope * angle - constant).max())
+    # Small rotations about other axes change it by their products.
+    if off > 1.0:
+        expected = "flexion that is the coordinate but for its sign and a constant"
+        found = f"up to {off:.2g} degrees otherwise"
+        raise model.file.problem(bones.joints[0].element, name, found, expected)
+    return slope, round(constant, 12) + 0.0
+
+
+def _between_frames(
+    joint: Joint, bones: OsimKneeJoint, table: np.ndarray, shifts: Registration
+) -> np.ndarray:
+    """Poses of the joint's child frame in its parent frame, degrees and mm, by clinical meaning."""
+    placement, count = Pose.from_table(table).placement, len(table)
+    assert placement.rotation is not None  # a pose turns
+    rows = [[np.broadcast_to(np.asarray(x), count) for x in row] for row in placement.rotation]
+    turn, mirror = np.moveaxis(np.array(rows, float), -1, 0), MIRROR[bones.side]
+    place = table[:, 3:] + np.einsum("nij,j->ni", turn, shifts.tibia) - shifts.femur
+    there = Rigid(mirror @ turn @ mirror, 1e-3 * place @ mirror)
+    parent, child = Rigid.of(joint.parent_frame), Rigid.of(joint.child_frame)
+    return poses_of(parent.inverse().after(there).after(child), bones.side)
+
+
+def _take_out(model: Model, joint: Joint, gone: set[str]) -> list[str]:
+    """Take out coordinates that go, and the constraints and forces that act on them."""
+    found = []
+    for element in model.elements:
+        for child in element.children:
+            asks = child.tag == "independent_coordinate_names" or child.tag.endswith("_coordinate")
+            words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
+            if gone & words:
+                expected = "a coordinate that stays: this one follows flexion from now on"
+                raise model.file.problem(element, child.tag, ", ".join(gone & words), expected)
+        own = element.tag == "Coordinate" and element.name in gone
+        own = own and joint.element in element.iterancestors()
+        if own or {element.last_word(tag) for tag in _ON_COORDINATE} & gone:
+            found.append((element, own))
+    for element, _ in found:
+        element.take_out()
+    return [f"{element.tag} {element.name}: taken out" for element, own in found if not own]

@@ -1,0 +1,216 @@
+"""Numbers of a model as decimals, and rigid motions: exact where nothing turns."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from decimal import Context, Decimal, localcontext
+from typing import NamedTuple
+
+import numpy as np
+
+from kneejax.files.reading import plain_number
+from kneejax.geometry import angles_from_rotation
+
+#: Powers of ten from SI to the package's units.
+METRES_TO_MM = 3
+PASCAL_TO_MPA = -6
+_WIDE = Context(prec=60)
+_PI = Decimal("3.14159265358979323846264338327950288419716939937511")
+Point = tuple[Decimal, Decimal, Decimal]
+
+
+def read_decimal(word: str) -> Decimal:
+    """The number that a word of a model stands for; ValueError if it is not a finite number.
+
+    Example:
+        >>> str(read_decimal("0.0017455000000000001")), str(read_decimal("0.10"))
+        ('0.0017455', '0.10')
+    """
+    x = plain_number(word)
+    if x is None or not math.isfinite(x):
+        raise ValueError(word)
+    exact = Decimal(word.strip())
+    printed = len(_digits(exact)) == 17 and exact == Decimal(f"{x:.17g}")
+    return Decimal(repr(x)) if printed else exact
+
+
+def write_decimal(value: Decimal) -> str:
+    """The shortest word that `read_decimal` reads as this number.
+
+    Example:
+        >>> write_decimal(Decimal("0.030750")), write_decimal(Decimal("1E+3"))
+        ('0.03075', '1000')
+    """
+    value = value.normalize(_WIDE) if value else Decimal(0)
+    exponent = value.adjusted()
+    word = f"{value:f}" if -6 <= exponent < 17 else str(value).replace("E", "e")
+    if read_decimal(word) == value:
+        return word
+    # It happens to be the print of another number; one more digit says that it is meant.
+    mantissa, e, power = word.partition("e")
+    return f"{mantissa}{'' if '.' in mantissa else '.'}0{e}{power}"
+
+
+def shifted(value: Decimal, places: int) -> float:
+    """A decimal times a power of ten, as the nearest double.
+
+    Example:
+        >>> shifted(Decimal("0.0012345"), METRES_TO_MM)
+        1.2345
+    """
+    return float(value.scaleb(places, _WIDE)) + 0.0  # no minus zero
+
+
+def unshifted(x: float, places: int) -> Decimal:
+    """The decimal that `shifted` reads as `x`."""
+    return Decimal(repr(float(x))).scaleb(-places, _WIDE)
+
+
+def degrees(radians: Decimal) -> float:
+    """Degrees of an angle in rad, correctly rounded.
+
+    Example:
+        >>> degrees(Decimal("1.5707963267948966"))
+        90.0
+    """
+    with localcontext(_WIDE):
+        return float(radians * 180 / _PI) + 0.0
+
+
+def radians(x: float) -> Decimal:
+    """The shortest angle in rad that `degrees` reads as `x`.
+
+    Example:
+        >>> degrees(radians(33.3))
+        33.3
+    """
+    with localcontext(_WIDE) as context:
+        exact = Decimal(repr(float(x))) * _PI / 180
+        for context.prec in range(14, 24):
+            angle = +exact
+            if degrees(read_decimal(write_decimal(angle))) == x:
+                break
+    return angle
+
+
+def _digits(value: Decimal) -> tuple[int, ...]:
+    digits = value.as_tuple().digits
+    return digits if any(digits) else (0,)
+
+
+ORIGIN: Point = (Decimal(0), Decimal(0), Decimal(0))
+#: Side -> from a model's axes to those of clinical meaning, which are the right knee's.
+MIRROR = {"r": np.eye(3), "l": np.diag([1.0, 1.0, -1.0])}
+
+
+@dataclasses.dataclass(frozen=True)
+class Offset:
+    """A motion `x -> rotation x + translation`, m; exact where nothing turns (rotation None)."""
+
+    rotation: np.ndarray | None = None
+    translation: Point = ORIGIN
+
+    @classmethod
+    def of(cls, translation: Point, angles: Point) -> Offset:
+        """The motion from a frame's coordinates, by its place and its X-Y-Z angles (rad)."""
+        return cls(turn_xyz(angles) if any(angles) else None, translation)
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """The rotation, also where nothing turns."""
+        return np.eye(3) if self.rotation is None else self.rotation
+
+    def point(self, x: Point) -> Point:
+        """Image of a point."""
+        return _sum(self._turned(x, self.matrix), self.translation)
+
+    def point_back(self, x: Point) -> Point:
+        """The point whose image is `x`."""
+        return self._turned(_sum(x, _minus(self.translation)), self.matrix.T)
+
+    def after(self, first: Offset) -> Offset:
+        """This motion after `first`."""
+        if self.rotation is None or first.rotation is None:
+            rotation = self.rotation if first.rotation is None else first.rotation
+        else:
+            rotation = self.rotation @ first.rotation
+        return Offset(rotation, self.point(first.translation))
+
+    def inverse(self) -> Offset:
+        """The motion that undoes this one."""
+        back = None if self.rotation is None else self.rotation.T
+        return Offset(back, self._turned(_minus(self.translation), self.matrix.T))
+
+    def _turned(self, x: Point, matrix: np.ndarray) -> Point:
+        if self.rotation is None:
+            return x
+        a, b, c = (Decimal(repr(float(value))) for value in matrix @ np.array(x, float))
+        return a, b, c
+
+
+class Rigid(NamedTuple):
+    """Motions `x -> turn x + shift`, one an instant: turn `(..., 3, 3)`, shift `(..., 3)`, m."""
+
+    turn: np.ndarray
+    shift: np.ndarray
+
+    @classmethod
+    def of(cls, offset: Offset) -> Rigid:
+        """One that does not move."""
+        return cls(offset.matrix, np.array(offset.translation, float))
+
+    def point(self, x: np.ndarray) -> np.ndarray:
+        """Images of points, `(..., 3)`."""
+        return np.einsum("...ij,...j->...i", self.turn, x) + self.shift
+
+    def after(self, first: Rigid) -> Rigid:
+        """This motion after `first`."""
+        return Rigid(self.turn @ first.turn, self.point(first.shift))
+
+    def inverse(self) -> Rigid:
+        """The motion that undoes this one."""
+        back = np.swapaxes(self.turn, -1, -2)
+        return Rigid(back, -np.einsum("...ij,...j->...i", back, self.shift))
+
+    def at(self, rows) -> Rigid:
+        """At some of the instants, as NumPy indexes."""
+        return Rigid(self.turn[rows], self.shift[rows])
+
+
+def poses_of(there: Rigid, side: str) -> np.ndarray:
+    """Poses of a bone in the femur from the motion of its coordinates to the femur's, in rows of
+    degrees and mm, by clinical meaning: of a left knee (`l`) that of the mirrored right one."""
+    turn = MIRROR[side] @ there.turn @ MIRROR[side]
+    rows = tuple(tuple(turn[..., i, j] for j in range(3)) for i in range(3))
+    angles = np.rad2deg(np.stack([np.asarray(x) for x in angles_from_rotation(rows)], axis=-1))
+    return np.concatenate([angles, 1e3 * there.shift @ MIRROR[side]], axis=-1) + 0.0
+
+
+def turn_about(axis: np.ndarray, angle) -> np.ndarray:
+    """Rotations about a unit axis by angles `(...)` in rad, shape `(..., 3, 3)` (Rodrigues)."""
+    x, y, z = axis
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine, versine = np.sin(angle)[..., None, None], 1.0 - np.cos(angle)[..., None, None]
+    return np.eye(3) + sine * skew + versine * (skew @ skew)
+
+
+def turn_xyz(angles) -> np.ndarray:
+    """`Rx(a0) Ry(a1) Rz(a2)`, the body-fixed X-Y-Z sequence, from angles in rad."""
+    x, y, z = (turn_about(axis, float(a)) for axis, a in zip(np.eye(3), angles, strict=True))
+    return x @ y @ z
+
+
+def angles_xyz(rotation: np.ndarray) -> np.ndarray:
+    """Angles of the body-fixed X-Y-Z sequence, rad, shape `(3,)`."""
+    middle = np.arctan2(rotation[0, 2], np.hypot(rotation[0, 0], rotation[0, 1]))
+    first = np.arctan2(-rotation[1, 2], rotation[2, 2])
+    return np.array([first, middle, np.arctan2(-rotation[0, 1], rotation[0, 0])])
+
+
+def _sum(a: Point, b: Point) -> Point:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _minus(a: Point) -> Point:
+    return -a[0], -a[1], -a[2]

@@ -1,0 +1,380 @@
+"""Axes of a model's bones, turned where they are unusual, and the way to a knee's frames."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import os
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from kneejax.files.opensim._exact import MIRROR, Offset, Rigid, poses_of
+from kneejax.files.opensim._joints import at_defaults, moved, placed_above, read_joints, turning
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim._ligaments import OsimLigament
+from kneejax.files.opensim._model import GROUND, Model, read_model
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import FEMUR, TIBIA
+from kneejax.joints import condyle_axes
+from kneejax.mechanics import Knee, condyle_points
+
+_BENDS = re.compile(r"flex|bend|ext|knee_angle", re.IGNORECASE)
+_COLLATERAL = {-1.0: re.compile(r"^[sd]?MCL|TCL", re.IGNORECASE),
+               1.0: re.compile(r"^LCL|^FCL", re.IGNORECASE)}
+#: Of the cosine between a direction and the axis it should have; fibres run less straight.
+_ALONG, _ALONG_FIBRES = 0.7, 0.5
+_LONG_MM, _FAR_MM = 40.0, 100.0
+_WANTED = "X anterior, Y superior, Z to the person's right"
+#: Flexions between which a model's flexion axis is sought, degrees.
+_BETWEEN = 20.0, 60.0
+#: An axis farther from its name than this is said, degrees.
+_ASKEW_DEG = 10.0
+#: How frames may be registered.
+FRAMES = "auto", "same", "landmarks"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Superior:
+    """A direction that should be Y, what says so, and the doubt where it is not."""
+
+    direction: np.ndarray
+    why: str
+    doubt: str
+    along: float = _ALONG
+
+    @property
+    def holds(self) -> bool:
+        return self.direction[1] >= self.along
+
+
+def anatomical(
+    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
+) -> tuple[OsimKneeJoint, np.ndarray]:
+    """The knee with its bones' axes as they should be, and the rotation from the model's axes.
+
+    `ligaments` are those between femur and tibia. The knee gets a finding where it was turned, and
+    doubts where that is unsure.
+
+    Raises:
+        InputProblem: the axes are others, and which is unclear.
+    """
+    superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
+    flexion, sense = _flexion_axis(model, knee)
+    upright = [one for one in superior if one.holds]
+    across = flexion is None or abs(flexion[2]) >= _ALONG
+    if across and (upright or not superior):
+        right = np.array([0.0, 0.0, 1.0]) if flexion is None else flexion * np.sign(flexion[2])
+        votes = _votes(knee, ligaments, right, sense, flexion)
+        doubts = [one.doubt for one in superior if not one.holds]
+        if votes and max(votes.values()) < 0 and len(votes) > 1:
+            return _turned(knee, np.diag([-1.0, 1.0, -1.0]), ", ".join(votes))
+        doubts += [
+            f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
+            "to the left: is the side right?"
+            for why, vote in votes.items() if vote < 0
+        ]
+        return dataclasses.replace(knee, doubts=(*knee.doubts, *doubts)), np.eye(3)
+    if flexion is not None and superior:
+        up = np.sum([one.direction for one in superior], axis=0)
+        # A knee that bends says little where its shank is upright already.
+        y, line = _nearest(up), _nearest(flexion)
+        votes = _votes(knee, ligaments, line, sense, flexion)
+        sure = len(votes) > 1 and len({*votes.values()}) == 1
+        if sure and y @ line == 0 and flexion @ line > 0.8:
+            z = line * next(iter(votes.values()))
+            why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
+            return _turned(knee, np.stack([np.cross(y, z), y, z]), why)
+    found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
+    found += [f"{one.why} say that {_word(one.direction)} points upwards"
+              for one in superior if not one.holds]
+    if across and all(one.direction[1] <= -one.along for one in superior):
+        swapped = "; ".join(found) + ": have femur and tibia changed places?"
+        return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
+    expected = f"bodies with {_WANTED}"
+    raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
+
+
+def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
+    """The knee with turned axes of all its bones."""
+    if np.array_equal(rotation, np.eye(3)):
+        return knee
+    turn = Offset(rotation)
+    back = turn.inverse()
+    return dataclasses.replace(
+        knee, turned=True,
+        rigid={body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()},
+        tibia_in_femur=turn.after(knee.tibia_in_femur).after(back),
+        patella_in_femur=turn.after(knee.patella_in_femur).after(back),
+    )
+
+
+def _turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str):
+    names = (("anterior", "posterior"), ("superior", "inferior"), ("to the right", "to the left"))
+    words = ", ".join(
+        f"{'XYZ'[int(np.argmax(np.abs(row)))]} {both[int(row.sum() < 0)]}"
+        for row, both in zip(rotation, names, strict=True)
+    )
+    sentence = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
+    knee = dataclasses.replace(knee, unusual=(*knee.unusual, sentence))
+    return turned(knee, rotation), rotation
+
+
+def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
+    """Where hip and ankle lie, seen from the knee."""
+    joints = read_joints(model)
+    own = {id(joint.element) for joint in knee.joints}
+    for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
+        places = [
+            knee.rigid[body][1].point(frame.translation)
+            for joint in (knee.joints[0], knee.joints[-1]) for body, frame in joint.ends
+            if knee.bone_of(body) == bone
+        ]
+        middle = np.array(places or [(0, 0, 0)], float).mean(axis=0)
+        for joint in joints:
+            if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:
+                continue
+            near = [end for end in joint.ends if knee.bone_of(end[0]) == bone]
+            far = [body for body, _ in joint.ends if body not in knee.rigid]
+            if len(near) != 1 or not far or GROUND in far:
+                continue
+            # An ankle is one where something follows.
+            if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
+                continue
+            (body, frame), = near
+            center = np.array(knee.rigid[body][1].point(frame.translation), float)
+            way = 1e3 * (center - middle)
+            if np.linalg.norm(way) <= _FAR_MM:
+                continue
+            x, y, z = 1e3 * center
+            yield _Superior(
+                sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
+                f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
+                f"not {side} the knee: kneejax takes {_WANTED}, and this model may mean other "
+                "axes.",
+            )
+
+
+def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_Superior]:
+    """How long fibres run from the tibia to the femur, in the tibia's axes."""
+    back, way = knee.tibia_in_femur.inverse(), np.zeros(3)
+    for fibre in ligaments:
+        first, last = (np.array(x, float) for x in (
+            back.point(fibre.points[0].in_bone(knee)), fibre.points[-1].in_bone(knee)))
+        length = float(np.linalg.norm(first - last))
+        stretched = length / float(fibre.numbers["slack_length_mm"])
+        # In a pose that no knee has, fibres are far from their own length and say nothing.
+        if 1e3 * length >= _LONG_MM and 0.7 < stretched < 1.4:
+            way += first - last
+    if way.any():
+        yield _Superior(
+            way / np.linalg.norm(way), "the long fibres",
+            f"The long fibres do not run along Y: kneejax takes {_WANTED}, and this model may "
+            "mean other axes.", _ALONG_FIBRES,
+        )
+
+
+def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
+    """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
+    more of it bends the knee (1), extends it (-1), or that is not known (0)."""
+    angles = turning(knee.joints)
+    every = [c for joint in knee.joints for c in joint.coordinates if c.name in angles]
+    named = [c for c in every if _BENDS.search(c.name)]
+    found = named if len(named) == 1 else every
+    if len(found) != 1:
+        return None, 0.0
+    (bend,) = found
+    above = {joint.child: joint for joint in read_joints(model)}
+    above |= {joint.child: at_defaults(joint, {bend.name: bend.default + 0.1})
+              for joint in knee.joints}
+    there = placed_above(model, above, knee.femur).inverse()
+    there = there.after(placed_above(model, above, knee.tibia))
+    turn = there.matrix @ knee.tibia_in_femur.matrix.T
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    if np.linalg.norm(axis) < 1e-3:
+        return None, 0.0
+    low, high = bend.range or (0.0, 0.0)
+    sense = 0.0
+    if max(abs(low), abs(high)) > 1.5 * min(abs(low), abs(high)):
+        sense = float(np.sign(low + high))  # a knee bends farther than it extends
+    elif abs(bend.default) > np.deg2rad(10.0):
+        sense = float(np.sign(bend.default))
+    return axis / np.linalg.norm(axis), sense
+
+
+def _votes(
+    knee: OsimKneeJoint, ligaments: list[OsimLigament], line: np.ndarray, sense: float, flexion
+) -> dict[str, float]:
+    """Whether a direction points to the right (1) or to the left (-1): what says so -> sign."""
+    votes = {}
+    if sense and flexion is not None:
+        # A tibia that bends turns about the axis that points to the left.
+        votes["the sense in which it bends"] = -sense * float(np.sign(flexion @ line))
+    ends = {
+        side: [np.array(x.points[0].in_bone(knee), float) for x in ligaments if name.search(x.key)]
+        for side, name in _COLLATERAL.items()
+    }
+    if all(ends.values()):
+        out = np.mean(ends[1.0], axis=0) - np.mean(ends[-1.0], axis=0)
+        cosine = out @ line / max(float(np.linalg.norm(out)), 1e-9)
+        if abs(cosine) > _ALONG:
+            right = 1.0 if knee.side == "r" else -1.0
+            votes["the names of the collateral ligaments"] = right * float(np.sign(cosine))
+    return votes
+
+
+def _nearest(direction: np.ndarray) -> np.ndarray:
+    k = int(np.argmax(np.abs(direction)))
+    return np.eye(3)[k] * np.sign(direction[k])
+
+
+def _word(direction: np.ndarray) -> str:
+    k = int(np.argmax(np.abs(direction)))
+    return f"{'-' if direction[k] < 0 else ''}{'XYZ'[k]}"
+
+
+class Registration(NamedTuple):
+    """From a model's frames to a knee's, mm; of a left knee to those of its mirrored twin.
+
+    Attributes:
+        femur: a shift, `(3,)`.
+        tibia: likewise.
+        same: whether nothing is shifted.
+        notes: what was done, a sentence each.
+        doubts: what a person should look at.
+    """
+
+    femur: np.ndarray
+    tibia: np.ndarray
+    same: bool
+    notes: tuple[str, ...]
+    doubts: tuple[str, ...] = ()
+
+    def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
+        """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or
+        `l`, where the model's bone is in the ground `there`."""
+        shift = {FEMUR: self.femur, TIBIA: self.tibia}[bone]
+        back = there.inverse()
+        return Rigid(MIRROR[side] @ back.turn, 1e3 * back.shift @ MIRROR[side] + shift)
+
+
+#: Of a knee that is in the model's frames.
+SAME = Registration(np.zeros(3), np.zeros(3), True, ())
+
+
+def registration(
+    model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
+) -> Registration:
+    """Register a model's bones to those of a knee, by one of `FRAMES`.
+
+    Where the knee was made of this model, as its document says, the frames are the same. Otherwise
+    axes are taken by their names, anterior, superior, lateral, and the middle of the model's
+    flexion axis (from 20 to 60 degrees) comes to lie on the middle of the knee's flexion facets.
+    Sizes are not changed.
+
+    Raises:
+        InputProblem: `frames` is none of them, or the model's axes are others.
+    """
+    axes, _ = anatomical(model, bones, [])
+    if axes.turned:
+        expected = "X anterior, Y superior, Z to the right, as this needs them"
+        raise model.file.problem(bones.joints[0].element, "axes", axes.unusual[-1], expected)
+    if frames not in FRAMES:
+        raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
+    if frames == "same" or (frames == "auto" and _made_of(model, document)):
+        why = "as asked for" if frames == "same" else f"as the knee was made of {model.name}"
+        return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
+    own = condyle_axes(*condyle_points(knee)).points[1].mean(axis=0)
+    reference = float(knee.reference_pose.to_table().ravel()[0])
+    there = knee.reference_pose.placement.inverse()
+    on_tibia = np.array([float(x) for x in there.apply(tuple(own))])
+    axis, center, at = _flexion_line(model, bones, reference)
+    femur = own - 1e3 * center @ MIRROR[bones.side]
+    tibia = on_tibia - 1e3 * at.inverse().point(center) @ MIRROR[bones.side]
+    off = np.rad2deg(np.arccos(min(1.0, abs(axis[2]))))
+    words = " and ".join(
+        f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
+        for bone, shift in (("femur", femur), ("tibia", tibia))
+    )
+    notes = (
+        "Frames: by landmarks: axes by their names; the middle of the model's flexion axis lies on "
+        f"the middle of the knee's flexion facets, which shifts the {words}. Sizes stay.",
+    )
+    doubts = (
+        f"The model's flexion axis is {off:.0f} degrees off its Z axis: axes by name are doubtful.",
+    )
+    return Registration(femur, tibia, False, notes, doubts if off > _ASKEW_DEG else ())
+
+
+def registered(
+    model_path: str | os.PathLike[str],
+    side: str,
+    knee: Knee,
+    document: dict[str, Any],
+    frames: str,
+    bones: tuple[str, str] | None = None,
+) -> Registration:
+    """Register a model to a knee once, for models that differ from it in how the knee moves.
+
+    Args:
+        model_path: the model (.osim).
+        side: `r` or `l`.
+        knee: to which it is registered.
+        document: of the knee.
+        frames: one of `FRAMES`.
+        bones: bodies that are the femur and the tibia; by default found by names.
+
+    Raises:
+        InputProblem: the model cannot be read or has no such knee.
+    """
+    model = read_model(model_path)
+    return registration(model, find_knee(model, side, *(bones or ())), knee, document, frames)
+
+
+def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
+    """The coordinate that bends a model's knee: the first angle of its joints.
+
+    Raises:
+        InputProblem: nothing turns there.
+    """
+    angles = turning(bones.joints)
+    names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]
+    if not names:
+        joint = bones.joints[0]
+        raise model.file.problem(joint.element, "coordinates", "none", "an angle of the knee")
+    return names[0]
+
+
+def flexions(model: Model, bones: OsimKneeJoint, name: str, values: np.ndarray) -> np.ndarray:
+    """Flexion, degrees, at values of a coordinate, rad, `(n,)`."""
+    there = moved(model, {name: values}).between(bones.femur, bones.tibia)
+    return poses_of(there, bones.side)[:, 0]
+
+
+def _made_of(model: Model, document: dict[str, Any]) -> bool:
+    """Whether a knee says that it was imported from this model, or its patella was."""
+    imported = document.get("imported_from", {})
+    if imported:
+        return imported.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
+    muscles = document.get("patella", {}).get("muscles", {}).values()
+    sources = [str(one.get("source", "")) for one in muscles]
+    return any(source.startswith(f"{model.name},") for source in sources)
+
+
+def _flexion_line(model: Model, bones: OsimKneeJoint, reference_deg: float):
+    """Direction and middle of the flexion axis in the femur, m, and where the tibia is in the femur
+    at a flexion."""
+    name = flexion_coordinate(model, bones)
+    sign = np.sign(np.diff(flexions(model, bones, name, np.array([0.0, 1e-3])))[0])
+    degrees = np.deg2rad(np.array([*_BETWEEN, reference_deg]))
+    there = moved(model, {name: sign * degrees}).between(bones.femur, bones.tibia)
+    turn = there.at(1).after(there.at(0).inverse())
+    skew = turn.turn - turn.turn.T
+    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    axis = axis / np.linalg.norm(axis)
+    # A point that stays, nearest to the tibia's origin along the axis.
+    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
+    along = axis @ (there.shift[2] - still)
+    return axis, still + along * axis, there.at(2)
