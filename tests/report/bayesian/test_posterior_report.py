@@ -13,7 +13,7 @@ from kneejax.report import (
     posterior_table,
     predictive_figure,
 )
-from kneejax.report.bayesian import posterior_doubts
+from kneejax.report.posterior import posterior_doubts
 
 NAMES = ("ACL.stiffness", "MCL.reference_strain", "LCL.femoral_attachment.superior",
          "offset.internal_rotation")  # fmt: skip

@@ -14,7 +14,7 @@ from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._intervals import IntervalKind
-from kneejax.report.calibration import calibration_notes
+from kneejax.report.calibration_verdict import calibration_notes
 from kneejax.report.look import SHOWN
 from kneejax.statics._status import Status
 from tests.report import made_up
@@ -248,7 +248,7 @@ def test_figures_show_every_free_coordinate_of_the_tables():
      (-np.inf, "-inf"), (123456.0, "123456")],
 )  # fmt: skip
 def test_numbers_read_well(value, text):
-    from kneejax.report.look._numbers import number
+    from kneejax.report.look.tables import number
 
     assert number(value) == text
 
@@ -259,7 +259,7 @@ def test_numbers_read_well(value, text):
      (5.0, 0.0, "100 % lower"), (100.0, 100.01, "unchanged"), (0.0, 1.0, ""), (np.nan, 1.0, "")],
 )  # fmt: skip
 def test_a_change_is_said_in_its_direction(before, after, text):
-    from kneejax.report.look._numbers import change
+    from kneejax.report.look.tables import change
 
     assert change(before, after).startswith(text) and bool(change(before, after)) == bool(text)
 

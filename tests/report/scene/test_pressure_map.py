@@ -9,7 +9,7 @@ import kneejax as kj
 from kneejax import geometry as geo
 from kneejax import report
 from kneejax.mechanics import Contact
-from kneejax.report.scene._pressure_map import rim_of
+from kneejax.report.scene.pressure import rim_of
 
 POSE = [[20.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.6, -1.0, -1.2]]
 LINEAR = {"law": "linear", "youngs_modulus": 10.0, "onset_width": 1e-4}

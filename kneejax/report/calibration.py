@@ -1,0 +1,440 @@
+"""A calibration as an answer: page, files, and the screen after it."""
+
+from __future__ import annotations
+
+import functools
+import math
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES
+from kneejax.parameters import MEANING, sums_in_words
+from kneejax.report.calibration_parameters import (
+    convergence_figure,
+    correlation_matrix_figure,
+    estimates_table,
+    parameter_document,
+    parameters_figure,
+    parameters_table,
+    reasons,
+)
+from kneejax.report.calibration_tests import (
+    errors_table,
+    laxity_errors,
+    reading_table,
+    tests_figure,
+)
+from kneejax.report.calibration_verdict import (
+    Outcome,
+    calibration_notes,
+    data_words,
+    known_words,
+    message,
+    noise_words,
+    outcome,
+    search,
+    split_warnings,
+    starts_words,
+    verdict,
+    warnings,
+)
+from kneejax.report.doubts import row_status
+from kneejax.report.look.page import Answer, Drawing, Section, write_page
+from kneejax.report.look.style import SHOWN
+from kneejax.report.look.tables import (
+    LINE_WIDTH,
+    NONE,
+    Column,
+    Table,
+    change,
+    json_safe,
+    listed,
+    number,
+    wrapped,
+)
+from kneejax.report.motion_figures import ligament_forces_figure, motion_figure
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference import Calibration, Fit
+
+
+#: Counts of a whole search; other counts are of its stages.
+TOTALS = ("residual", "jacobian", "equilibria")
+
+
+def result_document(calibration: Calibration) -> dict[str, Any]:
+    """Gather what result.json of a calibration holds.
+
+    Args:
+        calibration: the answer to write.
+
+    Returns:
+        A JSON-safe dictionary; NaN and infinity are null.
+    """
+    fit = calibration.fit
+    return json_safe(
+        {
+            "title": calibration.title,
+            "knee": calibration.knee,
+            "success": bool(fit.success),
+            "outcome": outcome(calibration).value,
+            "message": message(fit),
+            "warnings": warnings(calibration),
+            "procedure": fit.procedure,
+            "parameters": {e.name: parameter_document(e) for e in fit.estimates},
+            "units": {e.name: e.unit for e in fit.estimates},
+            "remarks": {e.name: reasons(e) for e in fit.estimates if reasons(e)},
+            "objective_start": calibration.start_objective,
+            "objective": fit.objective,
+            "partial_objectives_start": calibration.start_partial_objectives,
+            "partial_objectives": fit.partial_objectives,
+            "rmse_start": calibration.start_rmse,
+            "rmse": fit.rmse,
+            "tests": [one._asdict() for one in laxity_errors(calibration)],
+            "evaluations": {key: fit.evaluations.get(key, 0) for key in TOTALS},
+            "correlation": {
+                "parameters": [e.name for e in fit.estimates], "matrix": fit.correlation,
+            },
+            "truth": calibration.truth,
+            "frame_offset": {e.name: parameter_document(e) | {"unit": e.unit} for e in fit.offsets},
+            "noise": calibration.noise,
+            "noise_estimated": calibration.noise_estimated,
+            "per_procedure": {one.procedure: _of_procedure(one) for one in calibration.fits},
+            "notes": calibration_notes(calibration),
+            "seconds": calibration.seconds,
+            "versions": calibration.versions,
+            "settings": calibration.settings,
+            **MEANING,
+        }
+    )
+
+
+def _of_procedure(fit: Fit) -> dict[str, Any]:
+    names = [e.name for e in (*fit.estimates, *fit.offsets)]
+    ends = [] if fit.starts is None else zip(fit.starts.objectives, fit.starts.values, strict=True)
+    status = row_status(fit.motion)
+    return {
+        "procedure": fit.procedure,
+        "success": bool(fit.success),
+        "message": message(fit),
+        "objective": fit.objective,
+        "partial_objectives": fit.partial_objectives,
+        "rmse": fit.rmse,
+        "parameters": {
+            e.name: parameter_document(e) | {"unit": e.unit, "remark": reasons(e)}
+            for e in fit.estimates
+        },
+        "evaluations": fit.evaluations,
+        "iterations": len(fit.history),
+        "starts": [
+            {"objective": objective, "values": dict(zip(names, values, strict=True))}
+            for objective, values in ends
+        ],
+        "status": {
+            Status(value).word: int(np.sum(status == value))
+            for value in sorted(set(status.tolist()))
+        },
+    }
+
+
+def calibration_answer(calibration: Calibration) -> Answer:
+    """What a calibration found: parameters with their limits, the fit, and what to doubt.
+
+    Args:
+        calibration: what to report.
+
+    Returns:
+        The answer; its tables are parameters and, of a study with tests under load, tests.
+    """
+    fit, became = calibration.fit, outcome(calibration)
+    several = len(calibration.fits) > 1
+    doubts, compared = split_warnings(calibration)
+    shown = _drawings(calibration)
+    quantities = dict.fromkeys(
+        e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
+        for e in fit.estimates
+    )
+    searched = [
+        f"Procedure {one.procedure}: {search(calibration, one)}." if several
+        else f"Search: {search(calibration, one)}."
+        for one in calibration.fits
+    ]  # fmt: skip
+    limits = (
+        f"{noise_words(calibration)} Limits follow the likelihood; a standard error is given where "
+        "it gives the same limits. Both hold for independent errors of measurement and do not "
+        "account for errors of the model."
+    )
+    offsets = "Offsets are constants added to the model to compare it with the measurement."
+    sections = [
+        Section(
+            "Parameters in detail", [limits.strip(), *[offsets] * bool(fit.offsets)],
+            ["parameters", *[_side_by_side(calibration)] * several], ["parameters"],
+        ),
+        Section(
+            "Motion", ["Root mean square difference between simulated and measured motion, sums "
+                       "of squared differences, and the weighted sum that is minimised."],
+            [errors_by_coordinate(calibration), _objectives(calibration)],
+        ),
+        Section(
+            "Tests under load", ["Root mean square difference between knee and measurement in each "
+                                 "test, along the axes of Grood and Suntay."],
+            [errors_table(calibration)], ["tests"] if len(calibration.measured) else [],
+        ),
+        Section(
+            "Procedures" if several else "Search",
+            [*searched, *filter(None, map(starts_words, calibration.fits)), *compared],
+            [procedures_table(calibration)], ["convergence"],
+        ),
+        Section("Correlation", drawings=["correlation"]),
+        Section("Forces", drawings=["ligament_forces"]),
+        Section("Notes", calibration_notes(calibration)),
+    ]  # fmt: skip
+    absent = [] if len(calibration.measured) else ["Motion", "Forces"]
+    absent += [] if fit.tests else ["Tests under load"]
+    tests = {"tests": reading_table(calibration)} if fit.tests else {}
+    made = " (synthetic)" if calibration.truth else ""
+    return Answer(
+        title=calibration.title,
+        asked=f"Which {len(fit.estimates)} values ({listed(list(quantities), 4)}) make knee "
+        f"{calibration.knee} follow {data_words(calibration)}{made}?",
+        verdict=became.verdict,
+        badge=became.value,
+        sentence=verdict(calibration),
+        tables={"parameters": parameters_table(calibration), **tests},
+        main=[estimates_table(calibration)],
+        drawings=shown,
+        picture=next(iter(shown)),
+        doubts=doubts,
+        facts=[
+            ("Objective at the start", number(calibration.start_objective)),
+            ("Objective fitted", number(fit.objective)),
+            ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
+            ("Time, s", number(calibration.seconds.get("total", math.nan), 3)),
+        ],
+        sections=[
+            one
+            for one in sections
+            if one.title not in absent and (one.text or one.tables or one.drawings)
+        ],
+        text=calibration_summary(calibration),
+        document=result_document(calibration),
+        exit_status=became.exit_status,
+    )
+
+
+def _drawings(calibration: Calibration) -> dict[str, Drawing]:
+    """Figures of what there is, the one that shows the fit first."""
+    fit = calibration.fit
+    offset = " Fitted motions are drawn with the offsets between frames added." * bool(fit.offsets)
+    names = [e.name for e in fit.estimates]
+    one = functools.partial
+    every = {
+        "motion": Drawing(
+            one(motion_figure, calibration),
+            "Measured, started and fitted motion over flexion. Failed poses are gaps, marked at "
+            f"the bottom edge like poses that balance but are doubtful.{offset}",
+        ),
+        "tests": Drawing(
+            one(tests_figure, calibration),
+            "Measured (points), fitted (solid) and started (dotted), a colour for each flexion. A "
+            "curve ends where the knee no longer holds the load.",
+        ),
+        "parameters": Drawing(
+            one(parameters_figure, calibration),
+            "Each parameter between its bounds (grey). Bars span the 95 % limits; an arrow is a "
+            "side without a limit.",
+        ),
+        "correlation": Drawing(
+            one(correlation_matrix_figure, names, fit.correlation),
+            "Correlation of the estimates: near +1 or \u22121, the data fix a combination of the "
+            "two parameters better than either.",
+        ),
+        "convergence": Drawing(
+            one(convergence_figure, calibration),
+            "Objective against simulated motions; markers are accepted steps, their shape is the "
+            "stage.",
+        ),
+        "ligament_forces": Drawing(
+            one(ligament_forces_figure, calibration),
+            "Forces that hold the motion, fitted (solid) and at the start (dotted); failed and "
+            "doubtful poses are marked as in the motion figure.",
+        ),
+    }
+    absent = ("motion", "ligament_forces") if not len(calibration.measured) else ()
+    absent += ("tests",) if not fit.tests else ()
+    return {name: drawing for name, drawing in every.items() if name not in absent}
+
+
+def write_report(
+    calibration: Calibration,
+    folder: str | os.PathLike[str],
+    *,
+    svg: bool = False,
+    figures: bool = True,
+) -> list[Path]:
+    """Write the report of a calibration with its figures.
+
+    Args:
+        calibration: what to report.
+        folder: where; made if needed. Files of the same names are replaced.
+        svg: whether figures are saved as SVG as well; the page holds them in any case.
+        figures: whether figures are files at all. To draw them twice is half of a report's time.
+
+    Returns:
+        `report.html`, which needs no other file, then `figures/NAME.png`.
+    """
+    return write_page(
+        calibration_answer(calibration), folder, svg=svg, figures=figures,
+        settings=calibration.settings, versions=calibration.versions, seconds=calibration.seconds,
+    )  # fmt: skip
+
+
+def calibration_summary(calibration: Calibration) -> str:
+    """Say on a terminal what a calibration found.
+
+    Args:
+        calibration: what to show.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    fit, several = calibration.fit, len(calibration.fits) > 1
+    lines = wrapped(f"{calibration.title} (knee {calibration.knee})")
+    became = outcome(calibration)
+    loud = became in (Outcome.FAILED, Outcome.POOR)
+    word = became.value.upper() if loud else became.value.lower()
+    fell = change(calibration.start_objective, fit.objective)
+    lines += wrapped(
+        f"{f'Procedure {fit.procedure}' if several else 'Calibration'} {word}: objective "
+        f"{number(calibration.start_objective)} -> {number(fit.objective)}"
+        + (f" ({fell})" if fell else "")
+        + f", {data_words(calibration)}, "
+        + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
+    )
+    lines += wrapped(f"Search: {search(calibration, fit)}")
+    lines += ["", _narrow(estimates_table(calibration, "+-"))]
+    lines += wrapped(sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]))
+    said = filter(None, [noise_words(calibration), known_words(calibration)])
+    lines += ["", *wrapped(" ".join(said)), *wrapped(starts_words(fit))]
+    tables = [errors_by_coordinate(calibration)] if len(calibration.measured) else []
+    tables += [errors_table(calibration)] if fit.tests else []
+    tables += [procedures_table(calibration)] if several else []
+    for table in tables:
+        lines += ["", table.terminal()]
+    doubts = warnings(calibration)
+    lines += [""] * bool(doubts)
+    for sentence in doubts:
+        lines += wrapped(sentence, "warning: ")
+    if several:
+        others = [fit.procedure for fit in calibration.fits[1:]]
+        words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
+        lines += ["", *wrapped(
+            f"Procedure {fit.procedure}, the first of the study, is the answer and alone decides "
+            f"the exit status ({words}); {' and '.join(others)} "
+            f"{'are' if len(others) > 1 else 'is'} there to compare."
+        )]  # fmt: skip
+    return "\n".join(lines)
+
+
+def _narrow(table: Table) -> str:
+    """Lines of a terminal; what was set, at the right, is left out where it does not fit."""
+    found = [one for one in table.columns if one.name not in ("truth", "start", "lower", "upper")]
+    text, least = "", len(found)
+    for count in range(len(table.columns), least - 1, -1):
+        columns = table.columns[:count]
+        if columns[-1].name != "lower":
+            text = Table(columns, [row[:count] for row in table.rows]).terminal()
+            if max(map(len, text.splitlines())) <= LINE_WIDTH:
+                break
+    return text
+
+
+def _each_fit(calibration: Calibration) -> list[str]:
+    """Headings of columns that hold a number for each procedure."""
+    if len(calibration.fits) == 1:
+        return ["fitted"]
+    return [f"procedure {fit.procedure}" for fit in calibration.fits]
+
+
+def errors_by_coordinate(calibration: Calibration) -> Table:
+    """Root mean square differences between simulated and measured motion, by coordinate.
+
+    Args:
+        calibration: of poses; the change is that of its answer.
+    """
+    three = functools.partial(number, digits=3)
+    heads = ["start", *_each_fit(calibration)]
+    rows = []
+    for name in SHOWN:
+        before = calibration.start_rmse.get(name, math.nan)
+        after = [fit.rmse.get(name, math.nan) for fit in calibration.fits]
+        rows.append([COORDINATES[name].axis_label, before, *after, change(before, after[0])])
+    columns = [Column("root mean square error", words=True)]
+    columns += [Column(head, head, three) for head in heads]
+    return Table([*columns, Column("change", words=True)], rows)
+
+
+def _objectives(calibration: Calibration) -> Table:
+    """Unweighted sums of squared differences, and the weighted sum that is minimised."""
+    parts = [calibration.start_partial_objectives]
+    parts += [fit.partial_objectives for fit in calibration.fits]
+    rows: list[list[Any]] = [
+        [COORDINATES[name].label, f"{COORDINATES[name].unit}\u00b2"]
+        + [part.get(name, math.nan) for part in parts]
+        for name in SHOWN
+    ]
+    totals = [calibration.start_objective, *(fit.objective for fit in calibration.fits)]
+    rows.append(["Objective (weighted sum)", "", *totals])
+    columns = [Column("sum of squares", words=True), Column("unit", words=True)]
+    heads = ["start", *_each_fit(calibration)]
+    return Table([*columns, *(Column(head, head) for head in heads)], rows)
+
+
+def _side_by_side(calibration: Calibration) -> Table:
+    """What each procedure found for each parameter."""
+    found = [
+        {e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates}
+        for fit in calibration.fits
+    ]
+    columns = [Column("parameter", words=True), Column("unit", words=True)]
+    columns += [Column(head, head) for head in _each_fit(calibration)]
+    rows = [
+        [e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
+        for e in calibration.fit.estimates
+    ]
+    return Table(columns, rows, "The procedures side by side", "* ended on a bound")
+
+
+def procedures_table(calibration: Calibration) -> Table:
+    """What each procedure, and each of its stages, took.
+
+    Args:
+        calibration: of one procedure or several.
+    """
+    names = ["procedure", "converged", "objective", "accepted steps", "simulated motions",
+             "gradients", "poses"]  # fmt: skip
+    rows: list[list[Any]] = []
+    for fit in calibration.fits:
+        row = [fit.procedure, "yes" if fit.success else "no", number(fit.objective)]
+        counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
+        rows.append([*row, str(len(fit.history)), *counts])
+        for stage, evaluations in _stages(fit):
+            steps = [step for step in fit.history if step.stage == stage]
+            objective = number(steps[-1].objective) if steps else NONE
+            taken = str(len(steps)) if steps else NONE
+            rows.append([f"stage {stage}", "", objective, taken, str(evaluations), "", ""])
+    return Table([Column(n, words=n in ("procedure", "converged")) for n in names], rows)
+
+
+def _stages(fit: Fit) -> list[tuple[str, int]]:
+    """Simulated motions of each stage, in order; none if there is only one stage."""
+    stages = {key: count for key, count in fit.evaluations.items() if key not in TOTALS}
+    if not stages:
+        last = {step.stage: step.evaluations for step in fit.history}
+        ends = [0, *last.values()]
+        stages = {stage: ends[i + 1] - ends[i] for i, stage in enumerate(last)}
+    return list(stages.items()) if len(stages) > 1 else []

@@ -1,0 +1,286 @@
+"""A planned reconstruction as an answer: where to place the graft, how tight, how exact."""
+
+from __future__ import annotations
+
+import functools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import TIBIA
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.tables import json_safe, number, wrapped
+from kneejax.report.plan_figures import (
+    front_figure,
+    strain_figure,
+    tension_figure,
+    tunnel_map_figure,
+)
+from kneejax.report.plan_tables import (
+    BEFORE,
+    choice_columns,
+    curves_table,
+    exactness_table,
+    front_table,
+    interval_table,
+    knees_table,
+    octagon_table,
+    part_of,
+    towards,
+    tradeoff_table,
+    variants,
+)
+from kneejax.report.plan_words import (
+    CAPTIONS,
+    NOT_FOR_PATIENTS,
+    OF_CRITERIA,
+    OF_KNEES,
+    OF_MAP,
+    VIEWS,
+    assumptions,
+    said_of_limits,
+    said_of_octagon,
+    said_of_plan,
+)
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from kneejax.planning import PlanResult
+
+
+_three = functools.partial(number, digits=3)
+
+
+def plan_answer(result: PlanResult) -> Answer:
+    """Where and how tight to place a graft, what the knee does then, and how exact it must be.
+
+    Args:
+        result: of a plan.
+
+    Returns:
+        The answer; its tables are plan, octagon, curves and, where one was asked for, front.
+    """
+    plan, surgery, doubts = result.plan, result.plan.surgery, plan_doubts(result)
+    whole, octagon = knees_table(result), octagon_table(result)
+    tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
+    chosen = [c.name for x in surgery.plan.bundles for c in choice_columns(surgery, x)]
+    does = [c.name for c in whole.columns if c.shown and c.name not in chosen]
+    tried = [name for name, *_ in variants(result)]
+    corners = [name for name in tried if name.startswith("octagon")]
+    reconstructed = [name for name in tried if name not in corners]
+    where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
+                  "From the middles of the footprints.")  # fmt: skip
+    knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
+                  OF_KNEES.format(force=surgery.protocol.force_N))  # fmt: skip
+    exact = exactness_table(result)
+    eight = part_of(whole, corners, does, "Eight places on the tibia")
+    drawings = {
+        f"map_{one.bone}": Drawing(
+            functools.partial(tunnel_map_figure, result, one),
+            OF_MAP.format(bone=one.bone, view=VIEWS[one.bone == TIBIA]),
+        )
+        for one in result.maps
+    }
+    places = list(drawings)
+    if result.has_front:
+        drawings["front"] = Drawing(functools.partial(front_figure, result), CAPTIONS["front"])
+    for name, draw in (("strains", strain_figure), ("tension", tension_figure)):
+        drawings[name] = Drawing(functools.partial(draw, result), CAPTIONS[name])
+    first = places[0] if places else "strains"
+    sections = [
+        Section("How exact must a tunnel be?", tables=[exact], opened=True),
+        Section("How the optimum was found", said_of_limits(result) + _of_search(result)),
+    ]
+    if places[1:]:
+        sections.append(Section("The other tunnel", drawings=places[1:]))
+    tradeoff = intervals = None
+    if result.front is not None:
+        tables["front"] = front_table(result)
+    if result.has_front:
+        tradeoff = tradeoff_table(result)
+        sections.append(
+            Section("What must be given up for what", [OF_CRITERIA], [tradeoff], ["front"])
+        )
+    if result.intervals is not None:
+        intervals = interval_table(result)
+        sections.append(Section("How well it is known", tables=[intervals]))
+    sections += [
+        Section("The tension", drawings=["tension"]),
+        Section(
+            "Eight places on the tibia", said_of_octagon(result), [octagon, eight],
+            ["strains"] if first != "strains" else [],
+        ),
+        Section("What was assumed", [*assumptions(result), NOT_FOR_PATIENTS]),
+    ]  # fmt: skip
+    facts = [("Knee", plan.own.name), ("Graft", plan.graft.name.replace("_", " "))]
+    intact = surgery.laxity(surgery.before)[0]
+    for k, angle in enumerate(surgery.protocol.lachman_deg):
+        both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
+        facts.append((f"Laxity at {angle:g}°, mm (intact)", both))
+    facts.append(("Largest graft force, N", _three(result.best.peak_N[0])))
+    sentence, asked = _sentence(result), said_of_plan(result)
+    lines = [plan.title, *wrapped(asked), *wrapped(sentence), knees.terminal()]
+    lines += wrapped(knees.note)
+    for one in (exact, eight, tradeoff, intervals):
+        if one is not None:
+            lines += ["", *wrapped(one.title), one.terminal(), *wrapped(one.note)]
+    for text in _of_search(result):
+        lines += wrapped(text)
+    for text in doubts:
+        lines += wrapped(text, "note: ")
+    failed = plan_failed(result)
+    return Answer(
+        title=plan.title,
+        asked=f"{asked} {NOT_FOR_PATIENTS}",
+        verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
+        Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
+        sentence=sentence,
+        tables=tables,
+        main=[where, knees],
+        drawings=drawings,
+        picture=first,
+        doubts=doubts,
+        facts=facts,
+        sections=sections,
+        text="\n".join([*lines, *wrapped(NOT_FOR_PATIENTS)]),
+        exit_status=int(failed),
+    )  # fmt: skip
+
+
+def _sentence(result: PlanResult) -> str:
+    """Where and how tight."""
+    surgery, several = result.plan.surgery, len(result.plan.surgery.plan.bundles) > 1
+    each = result.best.choices[0].reshape(len(surgery.plan.bundles), -1)
+    said = []
+    for name, choice in zip(surgery.plan.bundles, each, strict=True):
+        ends = ((surgery.tibia, choice[:2]), (surgery.femur, choice[2:4]))
+        places = [
+            f"{footprint.bone} " + ", ".join(
+                f"{abs(x):.1f} mm {towards(axis, x)}"
+                for axis, x in zip(footprint.names, place, strict=True)
+            )
+            for footprint, place in ends
+        ]  # fmt: skip
+        said.append(f"{name}: " * several + f"{'; '.join(places)}; {choice[4]:.0f} N")
+    kept = "as planned"
+    if result.optimum is not None:
+        kept = "all limits kept" if result.optimum.feasible else "not all limits can be kept"
+    what = "Optimum" if result.optimum is not None else "Planned"
+    return f"{what}: {'. '.join(said)} at {surgery.fixation_deg:g} degrees ({kept})."
+
+
+def _of_search(result: PlanResult) -> list[str]:
+    if (found := result.optimum) is None:
+        return []
+    ends = ", ".join(_three(x) for x in np.sort(found.ends))
+    return [
+        f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
+        f"distances found from the starts that were followed: {ends}."
+    ]
+
+
+def plan_doubts(result: PlanResult) -> list[str]:
+    """What a reader must know before the numbers, one sentence each; empty where nothing is wrong.
+
+    Args:
+        result: of a plan.
+    """
+    surgery, said = result.plan.surgery, []
+    for row, name in enumerate(BEFORE):
+        lost = np.unique(surgery.protocol.flexion_deg[~surgery.before.converged[row]])
+        if len(lost):
+            said.append(
+                f"The {name} knee does not hold the load, or has no balance, at "
+                f"{', '.join(f'{x:g}' for x in lost)} degrees: its laxity there is not known."
+            )
+    for name, found, row in variants(result):
+        status = Status(int(found.status[row]))
+        if status is not Status.BALANCED and not name.startswith("octagon"):
+            said.append(f"Of the {'plan' if name == 'planned' else name}: {status.sentence}.")
+    if result.optimum is not None and not result.optimum.feasible:
+        said.append(
+            "No choice was found that keeps all limits; the optimum is the one that misses them "
+            f"least, by {result.optimum.missed:.0%} of the worst."
+        )
+    if result.front is not None and not result.has_front:
+        said.append("No choice was found that keeps all limits: there is no front.")
+    lost = [str(k + 1) for k, total in enumerate(result.octagon.total) if not np.isfinite(total)]
+    if lost:
+        said.append(f"No motion was found with the graft at corner {', '.join(lost)} of the "
+                    "octagon.")  # fmt: skip
+    return said
+
+
+def plan_failed(result: PlanResult) -> bool:
+    """Whether the command ends with status 1: a knee that was asked for has no balance, or the
+    optimum misses a limit."""
+    wanted = [result.planned] if result.optimum is None else [result.planned, result.best]
+    lost = any(not Status(int(one.status[0])).converged for one in wanted)
+    none = result.front is not None and not result.has_front
+    return lost or none or (result.optimum is not None and not result.optimum.feasible)
+
+
+def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any]:
+    """What plan.json holds."""
+    plan, surgery, optimum = result.plan, result.plan.surgery, result.optimum
+    document: dict[str, Any] = {
+        "title": plan.title,
+        "note": NOT_FOR_PATIENTS,
+        "knee": plan.own.name,
+        "ligament": plan.ligament,
+        "torn": list(surgery.plan.torn),
+        "graft": {
+            "type": plan.graft.name, "source": plan.graft.source,
+            "bundles": list(surgery.plan.bundles), "stiffness_N": sum(surgery.plan.stiffness_N),
+            "failure_N": sum(surgery.plan.failure_N),
+        },
+        "fixation_deg": surgery.fixation_deg,
+        "force_N": surgery.protocol.force_N,
+        "window": surgery.window,
+        "limits": {
+            "graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
+            "tension_N": surgery.limits.tension_N,
+        },
+        "knees": knees_table(result).records(),
+        "doubts": plan_doubts(result),
+        "tolerances": [
+            _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
+                    direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
+                    checked_mm="checked_mm", laxity_mm_per_mm="slope")
+            for one in result.tolerances
+        ],
+        "maps": [
+            {"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
+            for one in result.maps
+        ],
+        "settings": plan.said,
+        "seconds": result.seconds,
+        "versions": versions,
+    }  # fmt: skip
+    if (own := result.intervals) is not None:
+        knees = {}
+        for row, knee in enumerate(own.knees):
+            knees[knee] = {"limits_kept_in": own.kept[row]}
+            for k, name in enumerate(own.quantities):
+                knees[knee] |= {name: own.limits[row, k]}
+            for k, name in enumerate(own.quantities):
+                knees[knee] |= {f"{name}_known_in": own.known[row, k]}
+        parts = [0.025, 0.5, 0.975]
+        document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
+                                 "knees": knees}  # fmt: skip
+    if result.has_front and (front := result.front) is not None:
+        document["front"] = {
+            "criteria": list(front.names), "points": len(front.criteria),
+            "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
+            "compromise": front.criteria[front.compromise],
+        }  # fmt: skip
+    if optimum is not None:
+        document["optimum"] = {"free": list(plan.free)} | _fields(
+            optimum, feasible="feasible", missed="missed", evaluations="evaluations",
+            starts="starts", start_distances="start_totals", followed="followed", ends="ends",
+        )  # fmt: skip
+    return json_safe(document)
+
+
+def _fields(one: Any, **names: str) -> dict[str, Any]:
+    return {said: getattr(one, name) for said, name in names.items()}

@@ -1,0 +1,453 @@
+"""Draws from the posterior."""
+
+from __future__ import annotations
+
+import functools
+import textwrap
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.report.look.page import Drawing
+from kneejax.report.panels import flexion_axis
+from kneejax.report.look.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    SHOWN,
+    VERMILLION,
+    WIDTH,
+    readable,
+    styled,
+)
+from kneejax.report.look.tables import Column, Table, number, wrapped
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from kneejax.inference import Posterior
+
+
+_COLUMNS = 4
+_BINS = 40
+#: Draws and parameters of a pair plot.
+_POINTS, _MOST_PAIRED = 1500, 10
+#: Of a normal density in two dimensions, 95 % lie within so many standard deviations.
+_ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
+
+
+@styled
+def marginals_figure(found: Posterior) -> Figure:
+    """Draw the posterior of each parameter beside its prior and the normal approximation.
+
+    Args:
+        found: the posterior; a known truth is drawn as well.
+
+    Returns:
+        One panel per parameter; areas under curves are equal, bounds are hatched where they show.
+    """
+    from matplotlib.figure import Figure
+
+    rows = -(-len(found.names) // _COLUMNS)
+    titles = [_title(found, index) for index in range(len(found.names))]
+    two_lines = 0.13 * any("\n" in title for title in titles)
+    height = (1.55 + two_lines) * rows + 0.5
+    figure = Figure(figsize=(WIDTH, height))
+    panels = figure.subplots(rows, min(_COLUMNS, len(found.names)), squeeze=False)
+    figure.subplots_adjust(
+        left=0.03, right=0.98, top=1 - (0.25 + two_lines) / height, bottom=0.65 / height,
+        wspace=0.18, hspace=0.55 + two_lines,
+    )  # fmt: skip
+    handles: dict[str, Any] = {}
+    for index, axes in enumerate(panels.flat):
+        if index < len(found.names):
+            handles |= _marginal(axes, found, index)
+        else:
+            axes.set_axis_off()
+    figure.legend(
+        handles.values(), handles.keys(), loc="lower center", ncols=len(handles), handlelength=1.8,
+        bbox_to_anchor=(0.5, 0.0), columnspacing=1.4,
+    )  # fmt: skip
+    return figure
+
+
+def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
+    from matplotlib.ticker import MaxNLocator
+
+    prior = found.priors[index]
+    axes.set_title(_title(found, index), fontsize=8)
+    draws = found.draws[..., index].ravel()
+    centre = found.laplace_mean[index]
+    deviation = float(np.sqrt(found.laplace_covariance[index, index]))
+    low, high = _range(found, index)
+    x = np.linspace(low, high, 400)
+    edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
+    heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
+    handles: dict[str, Any] = {"posterior": axes.patches[0]}
+    top = float(np.max(heights))
+    if np.isfinite(deviation):
+        bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+        (handles["normal approximation"],) = axes.plot(x, bell, "--", color=GREY, linewidth=1.0)
+        top = max(top, float(bell.max()))
+    (handles["prior"],) = axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1)
+    if found.names[index] in found.truth:
+        handles["truth"] = axes.axvline(found.truth[found.names[index]], color=GREEN, linewidth=1.2)
+    for bound, side in ((prior.lower, low), (prior.upper, high)):
+        if low < bound < high:
+            handles["outside the bounds"] = axes.axvspan(
+                bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
+            )
+    axes.set(
+        xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))), yticks=[]
+    )
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(labelsize=7)
+    axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(_short)
+    return handles
+
+
+def _title(found: Posterior, index: int) -> str:
+    """Name and unit, broken where a panel is too narrow for them."""
+    unit = found.units[index]
+    return textwrap.fill(readable(found.names[index]) + (f", {unit}" if unit else ""), 24)
+
+
+def _short(value: float, _) -> str:
+    """A number without trailing zeros."""
+    return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _range(found: Posterior, index: int) -> tuple[float, float]:
+    """What a panel shows of a parameter: all draws but one in a thousand, and the truth."""
+    low, high = np.quantile(found.draws[..., index], (0.001, 0.999))
+    truth = found.truth.get(found.names[index], low)
+    low, high = min(low, truth), max(high, truth)
+    pad = 0.08 * (high - low)
+    return float(low - pad), float(high + pad)
+
+
+@styled
+def pairs_figure(found: Posterior) -> Figure:
+    """Draw the posterior of each pair of parameters.
+
+    Args:
+        found: the posterior; of more than ten parameters, those that are most correlated are shown.
+
+    Returns:
+        Draws below the diagonal with the ellipse of the normal approximation (95 %), correlations
+        above it; a known truth as lines, divergent trajectories as crosses.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    chosen = _most_correlated(found)
+    count = len(chosen)
+    figure = Figure(figsize=(WIDTH, 0.94 * WIDTH))
+    panels = figure.subplots(count, count, squeeze=False)
+    figure.subplots_adjust(
+        left=0.115, right=0.99, top=0.955, bottom=0.105, wspace=0.08, hspace=0.08
+    )
+    handles: dict[str, Any] = {}
+    for (i, j), axes in np.ndenumerate(panels):
+        row, column = chosen[i], chosen[j]
+        axes.grid(False)
+        axes.tick_params(labelsize=6, length=2, pad=1.5)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(2, min_n_ticks=2, steps=[1, 2, 5, 10]))
+            axis.set_major_formatter(_short)
+        if i > j:
+            handles |= _pair(axes, found, column, row, 0.6 + 8.0 / count)
+        elif i == j:
+            axes.hist(
+                found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31), color=BLUE,
+                alpha=0.3, linewidth=0,
+            )  # fmt: skip
+            axes.set(xlim=_range(found, row), yticks=[])
+            axes.spines["left"].set_visible(False)
+        else:
+            _coefficient(axes, found.correlation[row, column])
+        label = readable(found.names[column]).replace(" ", "\n", 1)
+        axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
+        if i == count - 1:
+            axes.tick_params(axis="x", rotation=50, labelsize=5.5)
+            for text in axes.get_xticklabels():
+                text.set(ha="right", rotation_mode="anchor")
+            axes.set_xlabel(label.replace("reference ", "ref. "), fontsize=6.5, labelpad=2)
+        if j == 0 and i > 0:
+            label = readable(found.names[row]).replace(" ", "\n", 1)
+            axes.set_ylabel(label.replace("reference ", "ref. "), fontsize=6.5, labelpad=2)
+    figure.align_labels()
+    if handles:
+        figure.legend(
+            handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
+            handlelength=1.6, bbox_to_anchor=(0.1, 1.0), columnspacing=1.4, borderaxespad=0.2,
+        )  # fmt: skip
+    return figure
+
+
+def _most_correlated(found: Posterior) -> list[int]:
+    size = len(found.names)
+    others = np.abs(found.correlation) - np.eye(size)
+    strongest = np.argsort(-others.max(axis=0), kind="stable")[:_MOST_PAIRED]
+    return sorted(int(i) for i in strongest)
+
+
+def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> dict[str, Any]:
+    from matplotlib.lines import Line2D
+
+    flat = found.draws.reshape(-1, len(found.names))
+    thin = flat[:: max(len(flat) // _POINTS, 1)]
+    axes.plot(
+        thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
+        alpha=0.35, rasterized=True,
+    )  # fmt: skip
+    # One that can be seen in the legend.
+    handles: dict[str, Any] = {"draws": Line2D([], [], color=BLUE, marker=".", linestyle="none")}
+    pair = np.ix_([column, row], [column, row])
+    covariance = found.laplace_covariance[pair]
+    if np.isfinite(covariance).all():
+        angle = np.linspace(0.0, 2.0 * np.pi, 100)
+        circle = np.linalg.cholesky(covariance) @ [np.cos(angle), np.sin(angle)]
+        centre = found.laplace_mean[[column, row]][:, None]
+        (handles["normal approximation, 95 %"],) = axes.plot(
+            *(centre + _ELLIPSE_95 * circle), color=BLACK, linewidth=0.8
+        )
+    if found.divergences:
+        lost = found.draws[found.divergent]
+        (handles["divergent"],) = axes.plot(
+            lost[:, column], lost[:, row], "x", color=VERMILLION, markersize=3
+        )
+    for which, line in ((column, axes.axvline), (row, axes.axhline)):
+        if found.names[which] in found.truth:
+            handles["truth"] = line(found.truth[found.names[which]], color=GREEN, linewidth=0.8)
+    axes.set(xlim=_range(found, column), ylim=_range(found, row))
+    return handles
+
+
+def _coefficient(axes: Axes, value: float) -> None:
+    """A correlation as a number, the larger the stronger."""
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    axes.text(
+        0.5, 0.5, f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
+        ha="center", va="center", transform=axes.transAxes, fontsize=6.0 + 3.5 * abs(value),
+        color=BLACK if abs(value) >= 0.3 else GREY,
+    )  # fmt: skip
+
+
+@styled
+def predictive_figure(found: Posterior) -> Figure:
+    """Draw the motion that the posterior predicts over the measured one.
+
+    Args:
+        found: the posterior.
+
+    Returns:
+        A row per coordinate: the motion, and beside it how far the measurement is from the median,
+        with 95 % bands of the motion itself and of a new measurement of it.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(WIDTH, 8.2))
+    panels = figure.subplots(len(SHOWN), 2, sharex=True)
+    figure.subplots_adjust(
+        left=0.075, right=0.985, top=0.965, bottom=0.085, wspace=0.16, hspace=0.34
+    )
+    order = np.argsort(found.measured[:, 0], kind="stable")
+    flexion = found.measured[order, 0]
+    handles: dict[str, Any] = {}
+    for (left, right), name in zip(panels, SHOWN, strict=True):
+        index = FREE_COORDINATES.index(name)
+        measured = found.measured[order, 1 + index]
+        bands, wide = (
+            quantiles[index, order]
+            for quantiles in (found.motion_quantiles, found.predictive_quantiles)
+        )
+        median = bands[:, bands.shape[1] // 2]
+        coordinate = COORDINATES[name]
+        left.set_title(coordinate.axis_label)
+        right.set_title(f"Difference from the median, {coordinate.unit}")
+        for axes, base in ((left, 0.0), (right, median)):
+            handles["new measurement, 95 %"] = axes.fill_between(
+                flexion, wide[:, 0] - base, wide[:, -1] - base, color=BLUE, alpha=0.18, linewidth=0
+            )
+            handles["motion, 95 %"] = axes.fill_between(
+                flexion, bands[:, 0] - base, bands[:, -1] - base, color=BLUE, alpha=0.55,
+                linewidth=0,
+            )
+            (handles["median"],) = axes.plot(flexion, median - base, color=BLUE, linewidth=1.0)
+            (handles["measured"],) = axes.plot(
+                flexion, measured - base, "o", color=BLACK, markersize=2.6, markeredgewidth=0
+            )
+    for axes in panels[-1]:
+        flexion_axis(axes, flexion)
+    figure.legend(
+        handles.values(), handles.keys(), loc="lower center", ncols=len(handles), handlelength=1.6,
+        bbox_to_anchor=(0.5, 0.0), columnspacing=1.6,
+    )  # fmt: skip
+    return figure
+
+
+def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
+    """All figures of a posterior, with captions.
+
+    Args:
+        found: the posterior.
+
+    Returns:
+        File name, without ending -> figure; pairs only where there are two parameters or more.
+    """
+    one = functools.partial
+    drawings = {
+        "posterior": Drawing(
+            one(marginals_figure, found),
+            "Posterior of each parameter beside its prior and the normal approximation.",
+        ),
+        "predictive": Drawing(
+            one(predictive_figure, found),
+            "Motion that the posterior predicts, and how far the measurement is from its median.",
+        ),
+    }
+    if len(found.names) > 1:
+        drawings["posterior_pairs"] = Drawing(
+            one(pairs_figure, found),
+            "Draws of each pair of parameters with the ellipse of the normal approximation.",
+        )
+    return drawings
+
+
+#: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
+_R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
+# Of all trajectories; fewer than that only count (`Posterior.divergences`).
+_FEW = 1e-3
+# A posterior as wide as this part of its prior says little beyond it.
+_LITTLE = 0.9
+#: Columns of a table of a posterior.
+POSTERIOR_COLUMNS = (
+    "name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975", "laplace_mean",
+    "laplace_sd", "prior_mean", "prior_sd", "lower", "upper", "r_hat", "effective_sample_size",
+    "tail_effective_sample_size",
+)  # fmt: skip
+
+
+def posterior_table(found: Posterior) -> Table:
+    """What the draws say of each parameter.
+
+    Args:
+        found: the posterior.
+
+    Returns:
+        A row per parameter under the columns `POSTERIOR_COLUMNS`; people see mean, spread, 95 %
+        limits, the spread of the normal approximation at the most probable parameters (Laplace),
+        R-hat and the effective number of draws.
+    """
+    low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
+    laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
+    values = (
+        found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
+        laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
+        [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
+        found.effective_sample_size, found.tail_effective_sample_size,
+    )  # fmt: skip
+    two = functools.partial(number, digits=2)
+    seen: dict[str, tuple[str, Callable[[float], str] | None]] = {
+        "name": ("parameter", None), "unit": ("", None), "mean": ("", None), "sd": ("", two),
+        "quantile_025": ("2.5 %", None), "quantile_975": ("97.5 %", None),
+        "laplace_sd": ("Laplace sd", two), "r_hat": ("R-hat", lambda value: f"{value:.3f}"),
+        "effective_sample_size": ("eff.", lambda value: f"{value:.0f}"),
+    }  # fmt: skip
+    columns = [
+        Column(name, *seen.get(name, ("", None)), words=name in ("name", "unit"),
+               shown=name in seen)
+        for name in POSTERIOR_COLUMNS
+    ]  # fmt: skip
+    plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
+    return Table(columns, list(zip(*plain, strict=True)))
+
+
+def draws_table(found: Posterior) -> Table:
+    """Every draw of every chain, the table of posterior.csv."""
+    columns = [Column(name) for name in ("chain", "draw", *found.names)]
+    rows = [
+        [chain, number, *draw]
+        for chain, draws in enumerate(found.draws)
+        for number, draw in enumerate(draws)
+    ]
+    return Table(columns, rows)
+
+
+def sampling_words(found: Posterior) -> str:
+    """How the posterior was sampled."""
+    chains, draws, _ = found.draws.shape
+    return (
+        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
+        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
+        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
+        f"({number(found.seconds['compile'], 3)} s until the first draws)"
+    )
+
+
+def posterior_summary(found: Posterior) -> str:
+    """Say on a terminal what a posterior is.
+
+    Args:
+        found: the posterior.
+
+    Returns:
+        Lines of fewer than 100 columns, without a final line break.
+    """
+    lines = [*wrapped(sampling_words(found)), posterior_table(found).terminal()]
+    for sentence in posterior_doubts(found):
+        lines += wrapped(sentence, "warning: ")
+    return "\n".join(lines)
+
+
+def posterior_doubts(result: Posterior) -> list[str]:
+    """Sentences on what a reader must know before the numbers are used."""
+    said, count = [], result.divergent.size
+    if result.unbalanced:
+        said.append(
+            f"{result.unbalanced} of {count} trajectories ran into parameters with which a pose "
+            "has no balance; the posterior ends there. Narrower priors or bounds keep away from it."
+        )
+    diverged = result.divergences - result.unbalanced
+    if diverged > _FEW * count:
+        said.append(
+            f"{diverged} of {count} trajectories diverged: the posterior bends more sharply than "
+            "the step size follows. Draw longer warm-ups, or give narrower priors."
+        )
+    apart = [n for n, r in zip(result.names, result.r_hat, strict=True) if not r <= _R_HAT]
+    if apart:
+        said.append(
+            f"The chains disagree about {', '.join(apart)} (R-hat above {_R_HAT}): draw more, or "
+            "look for several modes in the pair plot."
+        )
+    least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
+    enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
+    few = [n for n, e in zip(result.names, least, strict=True) if not e >= enough]
+    if few:
+        said.append(
+            f"Fewer than {enough:.0f} effective draws of {', '.join(few)}: quantiles are rough; "
+            "draw more."
+        )
+    prior_spread = np.array([prior.spread for prior in result.priors])
+    idle = [n for n, s in zip(result.names, result.sd > _LITTLE * prior_spread, strict=True) if s]
+    if idle:
+        said.append(
+            f"These data say little about {', '.join(idle)}: what is shown is the prior, or what "
+            "the bounds leave of it."
+        )
+    if result.measured[:, 1:].size < len(result.names):
+        said.append(
+            f"{result.measured[:, 1:].size} measured numbers for {len(result.names)} parameters: "
+            "the priors decide between them."
+        )
+    return said
