@@ -42,8 +42,6 @@ from kneejax.report.identification_figures import profiles_figure as profiles_fi
 from kneejax.report.identification_figures import spectrum_figure as spectrum_figure
 from kneejax.report.in_time import raised_leg_answer as raised_leg_answer
 from kneejax.report.in_time import transient_answer as transient_answer
-from kneejax.report.index_figures import fit_indices_figure as fit_indices_figure
-from kneejax.report.index_figures import pose_indices_figure as pose_indices_figure
 from kneejax.report.information import INFORMATION_COLUMNS as INFORMATION_COLUMNS
 from kneejax.report.information import information_table as information_table
 from kneejax.report.information import information_text as information_text
@@ -62,6 +60,7 @@ from kneejax.report.look.page import write_page as write_page
 from kneejax.report.look.style import picture_png as picture_png
 from kneejax.report.look.style import save_figure as save_figure
 from kneejax.report.look.style import write_whole as write_whole
+from kneejax.report.look.tables import text_of as text_of
 from kneejax.report.maps import map_figure as map_figure
 from kneejax.report.maps import map_matrix_figure as map_matrix_figure
 from kneejax.report.motion_figures import motion_figure as motion_figure
@@ -73,7 +72,6 @@ from kneejax.report.plan_figures import strain_figure as strain_figure
 from kneejax.report.plan_figures import tunnel_map_figure as tunnel_map_figure
 from kneejax.report.pose_tables import change_table as change_table
 from kneejax.report.pose_tables import pose_table as pose_table
-from kneejax.report.pose_tables import text_of as text_of
 from kneejax.report.posterior import POSTERIOR_COLUMNS as POSTERIOR_COLUMNS
 from kneejax.report.posterior import posterior_drawings as posterior_drawings
 from kneejax.report.posterior import posterior_summary as posterior_summary
@@ -95,6 +93,8 @@ from kneejax.report.scene.scene import Scene as Scene
 from kneejax.report.scene.scene import scenes as scenes
 from kneejax.report.sensitivity import sensitivity_doubts as sensitivity_doubts
 from kneejax.report.sensitivity import swept_table as swept_table
+from kneejax.report.sensitivity_figures import fit_indices_figure as fit_indices_figure
 from kneejax.report.sensitivity_figures import local_curves_figure as local_curves_figure
 from kneejax.report.sensitivity_figures import local_heatmap_figure as local_heatmap_figure
+from kneejax.report.sensitivity_figures import pose_indices_figure as pose_indices_figure
 from kneejax.report.sensitivity_figures import sweep_figure as sweep_figure

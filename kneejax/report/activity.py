@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -27,13 +26,11 @@ from kneejax.report.doubts import (
     status_doubts,
 )
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.tables import Column, Table, listed
+from kneejax.report.look.tables import NONE, Column, Table, listed, text_of
 from kneejax.report.pose_tables import (
     contact_forces,
-    digits,
     part_table,
     peak_table,
-    text_of,
     verdict_of,
 )
 from kneejax.statics import Status
@@ -45,11 +42,7 @@ _MOMENTS = ("adduction", "internal_rotation", "extension")
 
 
 def activity_answer(
-    title: str,
-    found: Mapping[str, Activity],
-    cycle: Cycle,
-    *,
-    rounds: Sequence[Round] = (),
+    title: str, found: Mapping[str, Activity], cycle: Cycle, *, rounds: Sequence[Round] = (),
     convention: str = FEMORAL,
 ) -> Answer:
     """A movement of knees, each with or without a ligament or a graft.
@@ -82,17 +75,10 @@ def activity_answer(
     }
     several, alone = len(found) > 2, len(found) == 1
     ranges, compared = _ranges(found), place_table(found)
-    drawings = {
-        "activity": Drawing(
-            functools.partial(activity_figure, dict([*found.items()][:2]), cycle, title),
-            "Secondary motion, contact, ligaments, muscles and ground over the record; the second "
-            "knee is dashed, gaps are instants without an equilibrium.",
-        )
-    }
+    drawings = {"activity": Drawing(activity_figure, dict([*found.items()][:2]), cycle, title)}
     if several:
         tables["places"] = compared
-        draw = functools.partial(places_figure, found, cycle, title)
-        drawings["places"] = Drawing(draw, "Ligament or graft, and the tibia from the intact knee.")
+        drawings["places"] = Drawing(places_figure, found, cycle, title)
     peaks = []
     for name, one in [*found.items()][:2]:
         times = np.round(record.time_s, 3)
@@ -198,12 +184,11 @@ def _ranges(found: Mapping[str, Activity]) -> Table:
             moment = np.asarray(one.residual_Nm)
             ends = np.nanmin(moment), np.nanmax(moment)
             rows.append([name, "Moment that holds flexion, N m", *ends, _residual(one)[0]])
-    two = digits(2)
     same = any(one.record.same_frames for one in found.values())
     columns = [
         Column("knee", words=True), Column("coordinate", " ", words=True),
-        Column("least", show=two), Column("most", show=two),
-        Column("rms", "rms from record" if same else "rms", two),
+        Column("least", show=".2f"), Column("most", show=".2f"),
+        Column("rms", "rms from record" if same else "rms", ".2f"),
     ]  # fmt: skip
     return Table(columns, rows, note="Of the moment: rms of itself; nothing known to act holds it.")
 
@@ -250,11 +235,11 @@ def place_table(found: Mapping[str, Activity]) -> Table:
     columns = [
         Column("knee", words=True), Column("in_balance", show=str),
         Column("overstretched", show=str),
-        Column("graft_peak_N", "ligament or graft, N", digits(0)),
-        Column("graft_peak_strain", "strain, %", lambda x: digits(1)(100 * x)),
-        Column("contact_peak_N", "contact, N", digits(0)),
-        Column("anterior_rms_from_intact_mm", "forwards, mm", digits(2)),
-        Column("internal_rotation_rms_from_intact_deg", "inwards, deg", digits(2)),
+        Column("graft_peak_N", "ligament or graft, N", ".0f"),
+        Column("graft_peak_strain", "strain, %", lambda x: f"{100 * x:.1f}" if x == x else NONE),
+        Column("contact_peak_N", "contact, N", ".0f"),
+        Column("anterior_rms_from_intact_mm", "forwards, mm", ".2f"),
+        Column("internal_rotation_rms_from_intact_deg", "inwards, deg", ".2f"),
     ]  # fmt: skip
     note = (
         f"Of {len(next(iter(found.values())).holds)} instants. Peaks; forwards and inwards: rms "
@@ -280,7 +265,7 @@ def round_table(rounds: Sequence[Round]) -> Table:
         for k, name in enumerate(FREE_COORDINATES):
             rows.append([one.number, coordinate(name).column, rms[k], largest[k], one.left[k],
                          *one.holds, one.moment_Nm, one.reaction_N])  # fmt: skip
-    columns = [Column(x, show=str if x in whole else digits(2), words=x == "coordinate")
+    columns = [Column(x, show=str if x in whole else ".2f", words=x == "coordinate")
                for x in names]  # fmt: skip
     note = "Of the knee from the motion that OpenSim's model had, root of the mean square and most."
     return Table(columns, rows, "Rounds with OpenSim", note)

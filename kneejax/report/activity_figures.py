@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.experiments import Activity, Cycle
 from kneejax.geometry import COORDINATES, coordinate
-from kneejax.report.panels import draw_named, panel_grid, part_styles
-from kneejax.report.look.style import BLACK, BLUE, GREY, LIGHT, VERMILLION, styled, verbatim
+from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, part_styles
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.panels import draw_named, panel_grid
 from kneejax.report.pose_tables import bundle_forces, contact_forces
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 _COLORS, _DASHES = (BLUE, VERMILLION), ("-", (0, (4, 1.5)))
 _MOST_LIGAMENTS, _MOST_MUSCLES, _SMALL = 5, 4, 0.05
@@ -28,18 +23,7 @@ _PLACES = {0: (BLACK, (0, (4, 1.5)), 1.6), 1: (VERMILLION, "-", 1.0), 2: (BLUE, 
 
 @styled
 def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
-    """Draw a movement of one knee, or of two side by side.
-
-    Args:
-        found: what a knee is called -> its activity, one or two; the second is dashed.
-        cycle: of their record.
-        title: of the whole.
-
-    Returns:
-        Twelve panels: six coordinates with the record's, contacts, peak pressure, ligaments, the
-        moment that holds flexion, muscles, and the force of the ground. Instants without a balance
-        are gaps, marked at the lower edge.
-    """
+    """Draw a movement of one knee, or of two side by side."""
     figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
     x, first = cycle.percent, next(iter(found.values()))
     record, legend = first.record, {"columns": 5, "size": 6.0}
@@ -131,14 +115,7 @@ def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None
 
 
 def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Force, N, and largest strain of the ligament where it acts, and of the graft elsewhere.
-
-    Args:
-        found: what a knee is called -> its activity; all of one structure.
-
-    Returns:
-        Of each knee both over the record, `(n,)`; NaN where there is neither.
-    """
+    """Force, N, and largest strain of the ligament where it acts, and of the graft elsewhere."""
     acts = np.stack([np.asarray(one.motion.knee.ligaments.stiffness) for one in found.values()])
     changing, answer = np.ptp(acts, axis=0) > 0, {}
     for (name, one), stiffness in zip(found.items(), acts, strict=True):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import os
 from pathlib import Path
@@ -45,7 +44,6 @@ from kneejax.report.doubts import row_status
 from kneejax.report.look.page import Answer, Drawing, Section, write_page
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import (
-    LINE_WIDTH,
     NONE,
     Column,
     Table,
@@ -60,7 +58,6 @@ from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from kneejax.inference import Calibration, Fit
-
 
 #: Counts of a whole search; other counts are of its stages.
 TOTALS = ("residual", "jacobian", "equilibria")
@@ -228,52 +225,25 @@ def calibration_answer(calibration: Calibration) -> Answer:
 
 def _drawings(calibration: Calibration) -> dict[str, Drawing]:
     """Figures of what there is, the one that shows the fit first."""
-    fit = calibration.fit
-    offset = " Fitted motions are drawn with the offsets between frames added." * bool(fit.offsets)
+    fit, every = calibration.fit, {}
+    offset = "Fitted motions are drawn with the offsets between frames added." * bool(fit.offsets)
+    if len(calibration.measured):
+        every["motion"] = Drawing(motion_figure, calibration, more=offset)
+    if fit.tests:
+        every["tests"] = Drawing(tests_figure, calibration)
     names = [e.name for e in fit.estimates]
-    one = functools.partial
-    every = {
-        "motion": Drawing(
-            one(motion_figure, calibration),
-            "Measured, started and fitted motion over flexion. Failed poses are gaps, marked at "
-            f"the bottom edge like poses that balance but are doubtful.{offset}",
-        ),
-        "tests": Drawing(
-            one(tests_figure, calibration),
-            "Measured (points), fitted (solid) and started (dotted), a colour for each flexion. A "
-            "curve ends where the knee no longer holds the load.",
-        ),
-        "parameters": Drawing(
-            one(parameters_figure, calibration),
-            "Each parameter between its bounds (grey). Bars span the 95 % limits; an arrow is a "
-            "side without a limit.",
-        ),
-        "correlation": Drawing(
-            one(correlation_matrix_figure, names, fit.correlation),
-            "Correlation of the estimates: near +1 or \u22121, the data fix a combination of the "
-            "two parameters better than either.",
-        ),
-        "convergence": Drawing(
-            one(convergence_figure, calibration),
-            "Objective against simulated motions; markers are accepted steps, their shape is the "
-            "stage.",
-        ),
-        "ligament_forces": Drawing(
-            one(ligament_forces_figure, calibration),
-            "Forces that hold the motion, fitted (solid) and at the start (dotted); failed and "
-            "doubtful poses are marked as in the motion figure.",
-        ),
+    every |= {
+        "parameters": Drawing(parameters_figure, calibration),
+        "correlation": Drawing(correlation_matrix_figure, names, fit.correlation),
+        "convergence": Drawing(convergence_figure, calibration),
     }
-    absent = ("motion", "ligament_forces") if not len(calibration.measured) else ()
-    absent += ("tests",) if not fit.tests else ()
-    return {name: drawing for name, drawing in every.items() if name not in absent}
+    if len(calibration.measured):
+        every["ligament_forces"] = Drawing(ligament_forces_figure, calibration)
+    return every
 
 
 def write_report(
-    calibration: Calibration,
-    folder: str | os.PathLike[str],
-    *,
-    svg: bool = False,
+    calibration: Calibration, folder: str | os.PathLike[str], *, svg: bool = False,
     figures: bool = True,
 ) -> list[Path]:
     """Write the report of a calibration with its figures.
@@ -316,7 +286,8 @@ def calibration_summary(calibration: Calibration) -> str:
         + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
     )
     lines += wrapped(f"Search: {search(calibration, fit)}")
-    lines += ["", _narrow(estimates_table(calibration, "+-"))]
+    shown = estimates_table(calibration, "+-").fitting("lower upper", "start", "truth")
+    lines += ["", shown.terminal()]
     lines += wrapped(sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]))
     said = filter(None, [noise_words(calibration), known_words(calibration)])
     lines += ["", *wrapped(" ".join(said)), *wrapped(starts_words(fit))]
@@ -340,19 +311,6 @@ def calibration_summary(calibration: Calibration) -> str:
     return "\n".join(lines)
 
 
-def _narrow(table: Table) -> str:
-    """Lines of a terminal; what was set, at the right, is left out where it does not fit."""
-    found = [one for one in table.columns if one.name not in ("truth", "start", "lower", "upper")]
-    text, least = "", len(found)
-    for count in range(len(table.columns), least - 1, -1):
-        columns = table.columns[:count]
-        if columns[-1].name != "lower":
-            text = Table(columns, [row[:count] for row in table.rows]).terminal()
-            if max(map(len, text.splitlines())) <= LINE_WIDTH:
-                break
-    return text
-
-
 def _each_fit(calibration: Calibration) -> list[str]:
     """Headings of columns that hold a number for each procedure."""
     if len(calibration.fits) == 1:
@@ -361,12 +319,7 @@ def _each_fit(calibration: Calibration) -> list[str]:
 
 
 def errors_by_coordinate(calibration: Calibration) -> Table:
-    """Root mean square differences between simulated and measured motion, by coordinate.
-
-    Args:
-        calibration: of poses; the change is that of its answer.
-    """
-    three = functools.partial(number, digits=3)
+    """Root mean square differences between simulated and measured motion, by coordinate."""
     heads = ["start", *_each_fit(calibration)]
     rows = []
     for name in SHOWN:
@@ -374,7 +327,7 @@ def errors_by_coordinate(calibration: Calibration) -> Table:
         after = [fit.rmse.get(name, math.nan) for fit in calibration.fits]
         rows.append([COORDINATES[name].axis_label, before, *after, change(before, after[0])])
     columns = [Column("root mean square error", words=True)]
-    columns += [Column(head, head, three) for head in heads]
+    columns += [Column(head, head, "3") for head in heads]
     return Table([*columns, Column("change", words=True)], rows)
 
 
@@ -410,11 +363,7 @@ def _side_by_side(calibration: Calibration) -> Table:
 
 
 def procedures_table(calibration: Calibration) -> Table:
-    """What each procedure, and each of its stages, took.
-
-    Args:
-        calibration: of one procedure or several.
-    """
+    """What each procedure, and each of its stages, took."""
     names = ["procedure", "converged", "objective", "accepted steps", "simulated motions",
              "gradients", "poses"]  # fmt: skip
     rows: list[list[Any]] = []

@@ -9,27 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.inference import IntervalKind
-from kneejax.report.panels import both_signs, draw_matrix
-from kneejax.report.look.style import (
-    FITS,
-    GREY,
-    LIGHT,
-    START,
-    VERMILLION,
-    WIDTH,
-    readable,
-    styled,
-    verbatim,
-)
+from kneejax.report.look.colours import BLUE, FITS, GREY, LIGHT, VERMILLION, both_signs
+from kneejax.report.look.style import Axes, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, number, trimmed, with_error
+from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
     from kneejax.inference import Calibration, Estimate
-
 
 #: What a kind of interval says on the line of an estimate.
 _KINDS = {
@@ -46,11 +34,6 @@ PARAMETER_COLUMNS = (
 def limits(low: float, high: float, digits: int = 4) -> str:
     """The 95 % limits of an estimate in words; empty if the data give none.
 
-    Args:
-        low: NaN or infinity where there is no lower limit.
-        high: likewise.
-        digits: significant digits.
-
     Example:
         >>> limits(4127.0, 6081.0), limits(4929.0, float("nan"))
         ('4127 to 6081', 'above 4929')
@@ -62,14 +45,9 @@ def limits(low: float, high: float, digits: int = 4) -> str:
     return f"below {number(high, digits)}" if math.isfinite(high) else ""
 
 
-def undetermined(estimate: Estimate) -> bool:
-    """Whether the data say nothing about a parameter."""
-    return estimate.interval is IntervalKind.NOT_DETERMINED
-
-
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    words = ["not determined"] if undetermined(estimate) else []
+    words = ["not determined"] if estimate.interval is IntervalKind.NOT_DETERMINED else []
     words += ["not computed"] if estimate.interval is IntervalKind.NOT_COMPUTED else []
     return ": ".join([*words, *filter(None, [reasons(estimate)])])
 
@@ -103,16 +81,7 @@ def _outside(estimate: Estimate) -> str:
 
 
 def estimates_table(calibration: Calibration, sign: str = "\u00b1") -> Table:
-    """Estimates as people read them: a row for each parameter, then for each offset of a frame.
-
-    Args:
-        calibration: what was found.
-        sign: before a standard error.
-
-    Returns:
-        Value, standard error where it gives the limits, 95 % limits, a remark in few words, the
-        truth of synthetic data, start and bounds. Columns without any entry are left out.
-    """
+    """Estimates as people read them: a row for each parameter, then for each offset of a frame."""
     heads = ("parameter", "value", "std. error", "unit", "95 % limits", "", "truth", "start",
              "lower", "upper")  # fmt: skip
     fit, rows = calibration.fit, []
@@ -174,7 +143,6 @@ def parameters_figure(calibration: Calibration) -> Figure:
     Returns:
         One panel per quantity (stiffness, reference strain, ...), one row per parameter.
     """
-    from matplotlib.figure import Figure
 
     groups: dict[tuple[str, str], list[Estimate]] = {}
     for e in calibration.fit.estimates:
@@ -184,15 +152,10 @@ def parameters_figure(calibration: Calibration) -> Figure:
     sizes = [len(group) for group in groups.values()] or [1]
     depths = [0.42 * max(sizes[i * columns : (i + 1) * columns]) for i in range(rows)]
     longest = max((len(e.name.partition(".")[0]) for e in calibration.fit.estimates), default=4)
-    left = min(max(0.07, (0.064 * longest + 0.12) / WIDTH), 0.3)
-    gap = left + 0.015
-    between = 0.55
-    height = sum(depths) + (rows - 1) * between + 0.75
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(rows, columns, squeeze=False, height_ratios=depths)
-    figure.subplots_adjust(
-        left=left, right=0.985, top=1 - 0.5 / height, bottom=0.25 / height,
-        wspace=2 * gap / (0.985 - left - gap), hspace=between * rows / sum(depths),
+    left = min(max(0.5, 0.064 * longest + 0.12), 2.1)
+    figure, panels = grid(
+        rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left, right=0.1, top=0.5,
+        bottom=0.25, apart=(left + 0.1, 0.55), height_ratios=depths,
     )  # fmt: skip
     handles: dict = {}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
@@ -227,10 +190,18 @@ def _parameter_rows(
             y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5, color=LIGHT
         )
         handles.setdefault("bounds", bars)
-    (handles["start"],) = axes.plot(starts, y, "o", color=START, markersize=4.5)
+    (handles["start"],) = axes.plot(starts, y, "o", color=BLUE, markersize=4.5)
     for row, e in enumerate(group):
-        _limits_line(axes, row, e)
-        words = ["at bound"] * e.at_bound + ["not determined"] * undetermined(e)
+        # A cap at each limit; where there is none the line runs to the bound and ends in an arrow.
+        known = np.isfinite([e.low, e.high])
+        ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
+        if known.any():
+            style = {"color": VERMILLION, "markersize": 5, "markeredgewidth": 1.2}
+            axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
+            for end, closed, arrow in zip(ends, known, "<>", strict=True):
+                axes.plot(end, row, "|" if closed else arrow, **style)
+        words = ["at bound"] * e.at_bound
+        words += ["not determined"] * (e.interval is IntervalKind.NOT_DETERMINED)
         axes.text(
             high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION,
             ha="right", va="bottom", style="italic",
@@ -253,30 +224,9 @@ def _parameter_rows(
     axes.grid(False, axis="y")
 
 
-def _limits_line(axes: Axes, row: int, e: Estimate) -> None:
-    """A line between the limits, with a cap at each; where there is none, to the bound, open."""
-    known = np.isfinite([e.low, e.high])
-    if not known.any():
-        return
-    ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
-    axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
-    for end, closed, arrow in zip(ends, known, "<>", strict=True):
-        marker = "|" if closed else arrow
-        axes.plot(end, row, marker, color=VERMILLION, markersize=5, markeredgewidth=1.2)
-
-
 @styled
 def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
-    """Draw a matrix of correlations; parameters without any are hatched.
-
-    Args:
-        parameters: their names, `LIGAMENT.quantity`.
-        correlation: `(p, p)`; NaN where there is none.
-
-    Returns:
-        A matrix with numbers in its cells where they are readable.
-    """
-    from matplotlib.figure import Figure
+    """Draw a matrix of correlations; parameters without any are hatched."""
     from matplotlib.patches import Rectangle
 
     matrix = np.array(correlation, float)
@@ -284,10 +234,9 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     n = len(names)
     side = min(max(0.44 * n, 1.6), 5.0)
     longest = max((len(name) for name in names), default=8)
-    margin, above, below = 0.062 * longest + 0.12, 0.3, 0.05 * longest + 0.15
-    wide, height = margin + side + 1.5, side + above + below
-    figure = Figure(figsize=(wide, height))
-    axes = figure.add_axes((margin / wide, below / height, side / wide, side / height))
+    margin, below = 0.062 * longest + 0.12, 0.05 * longest + 0.15
+    figure, ((axes,),) = grid(1, 1, side + 0.3 + below, width=margin + side + 1.5, left=margin,
+                              right=1.5, bottom=below)  # fmt: skip
     axes.set_facecolor(LIGHT)
     unknown = np.isnan(matrix).all(axis=1)
     colours = both_signs()
@@ -300,7 +249,7 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
         label.set(rotation=45, ha="right", rotation_mode="anchor")
     for i in np.flatnonzero(unknown):
         for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
-            axes.add_patch(Rectangle(corner, *size, hatch="////", fc="#F4F4F4", ec="#A0A0A0", lw=0))
+            hatched(axes, corner, *size, "////")
     axes.set_title("Correlation of the estimates")
     keys = [
         Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
@@ -316,28 +265,18 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
 
 @styled
 def convergence_figure(calibration: Calibration) -> Figure:
-    """Draw the objective against simulated motions, with a marker shape for each stage.
-
-    Args:
-        calibration: what to draw.
-
-    Returns:
-        One curve per procedure, logarithmic in the objective.
-    """
-    from matplotlib.figure import Figure
+    """Draw the objective against simulated motions, with a marker shape for each stage."""
     from matplotlib.lines import Line2D
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 
-    figure = Figure(figsize=(WIDTH, 3.1))
-    axes = figure.subplots()
-    figure.subplots_adjust(left=0.095, right=0.985, top=0.9, bottom=0.15)
+    figure, ((axes,),) = grid(1, 1, 3.1, left=0.67)
     begun = calibration.start_objective
     objectives = [begun, *(step.objective for fit in calibration.fits for step in fit.history)]
     positive = [value for value in objectives if math.isfinite(value) and value > 0] or [1.0]
     top, bottom = max(positive), min(positive)
     shapes, reached = "os^Dv", 1
-    axes.plot(1, max(begun, bottom), "o", color=START, markersize=4.5)
-    handles = [Line2D([], [], color=START, marker="o", ls="none", ms=4.5, label="start")]
+    axes.plot(1, max(begun, bottom), "o", color=BLUE, markersize=4.5)
+    handles = [Line2D([], [], color=BLUE, marker="o", ls="none", ms=4.5, label="start")]
     every: list[str] = []
     for i, fit in enumerate(calibration.fits):
         color = FITS[i % len(FITS)]
@@ -368,7 +307,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
     subs = (1.0, 2.0, 5.0) if math.log10(top / bottom) < 2.1 else (1.0,)
     axes.yaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
     axes.yaxis.set_minor_locator(NullLocator())
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(axes.yaxis)
     axes.set_xlabel("Simulated motions")
     if reached > 300:
         axes.set_xscale("log")

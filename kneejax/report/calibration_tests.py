@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -10,16 +9,14 @@ import numpy as np
 from kneejax.experiments import counts_like_poses, reading_unit
 from kneejax.geometry import COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.report.look.style import GREY, WIDTH, styled, verbatim
-from kneejax.report.look.tables import Column, Table, change, number
+from kneejax.report.look.colours import GREY
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, change
+from kneejax.report.panels import grid
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.inference import Calibration, FittedTest
-
 
 #: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
 _REPEATS_WITHIN = 0.05
@@ -65,11 +62,10 @@ def errors_table(calibration: Calibration) -> Table:
 
     Those of a single reading are left to tests.csv, which has the reading itself.
     """
-    three = functools.partial(number, digits=3)
     columns = [
         Column("test", "test under load", words=True), Column("coordinate", words=True),
         Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
-        Column("start", "start RMSE", three), Column("fitted", "fitted", three),
+        Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
         Column("change", words=True),
     ]  # fmt: skip
     rows = []
@@ -186,20 +182,14 @@ def tests_figure(calibration: Calibration) -> Figure:
         A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
         over flexion where there is one reading at each, over time of a knee in motion.
     """
-    from matplotlib.figure import Figure
-
     panels = [
         (own, before, name)
         for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
         for name in own.compared
     ]
-    height = _PANEL * len(panels) + 0.35
-    figure = Figure(figsize=(WIDTH, height))
-    every = figure.subplots(len(panels), 1, squeeze=False)[:, 0]
-    figure.subplots_adjust(
-        left=0.1, right=0.78, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45
-    )
-    for axes, (own, before, name) in zip(every, panels, strict=True):
+    figure, every = grid(len(panels), 1, _PANEL * len(panels) + 0.35, left=0.7, right=1.54,
+                         apart=(0, 0.9))  # fmt: skip
+    for axes, (own, before, name) in zip(every[:, 0], panels, strict=True):
         flexions = own.test.flexion_deg[np.isfinite(own.compared[name][0])]
         if own.test.frames is not None:
             _along(axes, own, before, name, own.test.frames.time_s, "Time, s")

@@ -13,7 +13,7 @@ import numpy as np
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Ending, Fault, IntervalKind
 from kneejax.parameters import sums_in_words
-from kneejax.report.calibration_parameters import limits, reasons, undetermined
+from kneejax.report.calibration_parameters import limits, reasons
 from kneejax.report.calibration_tests import label_of, laxity_doubts, readings, unit_of
 from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
 from kneejax.report.look.page import Verdict
@@ -22,7 +22,6 @@ from kneejax.statics import Status, converged
 
 if TYPE_CHECKING:
     from kneejax.inference import Calibration, Fit, Misfit
-
 
 #: Method of a study -> the optimiser, and what ends it when it has converged.
 _SEARCHES = {
@@ -166,7 +165,7 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
         if e.interval is IntervalKind.NOT_COMPUTED:
             failed.setdefault(e.reason, []).append(e.name)
         # What ended on a bound has been said.
-        if undetermined(e) and not e.at_bound:
+        if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound:
             lost.setdefault(reasons(e), []).append(e.name)
     sentences += [
         f"The 95 % limits of {listed(names, 40)} could not be computed: {reason}. That says "
@@ -232,14 +231,7 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
 
 
 def answer_warnings(calibration: Calibration) -> list[str]:
-    """Everything to doubt about the answer: what decides the exit status.
-
-    Args:
-        calibration: what to judge; procedures after the first are there to compare.
-
-    Returns:
-        Sentences; empty if nothing is doubtful.
-    """
+    """Everything to doubt about the answer: what decides the exit status."""
     return split_warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))[0]
 
 

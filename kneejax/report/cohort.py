@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import textwrap
 from collections import Counter
@@ -15,15 +14,14 @@ import numpy as np
 from kneejax.geometry import COORDINATES
 from kneejax.report.calibration_parameters import correlation_matrix_figure
 from kneejax.report.calibration_verdict import Outcome
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.style import BLUE, GREY, LIGHT, VERMILLION, WIDTH, readable, styled
+from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import NONE, Column, Table, number, plain, wrapped
+from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from kneejax.cohorts import CohortSummary, KneeAnswer
-
 
 #: Panels beside each other, and knees whose names are all written.
 _ACROSS, _NAMED = 4, 40
@@ -33,26 +31,15 @@ _ABOVE, _BETWEEN = 0.48, 0.76
 
 @styled
 def forest_figure(summary: CohortSummary) -> Figure:
-    """Draw every parameter over the knees: 95 % limits, and what the others make of them.
-
-    Args:
-        summary: of a cohort.
-
-    Returns:
-        A panel for each parameter, a row for each knee; an open end is an arrow.
-    """
-    from matplotlib.figure import Figure
-
+    """Draw every parameter over the knees: 95 % limits, and what the others make of them."""
     names, knees = list(summary.units), summary.fitted
     across = min(_ACROSS, max(len(names), 1))
     down = -(-len(names) // across)
     tall = min(max(0.085 * len(knees), 0.8), 7.0)
     high = _ABOVE + down * (tall + _BETWEEN)
-    figure = Figure(figsize=(WIDTH, high))
-    panels = figure.subplots(down, across, sharey=True, squeeze=False)
-    figure.subplots_adjust(
-        left=0.55 / WIDTH, right=1.0 - 0.12 / WIDTH, wspace=0.14, hspace=_BETWEEN / tall,
-        top=1.0 - (_ABOVE + 0.1) / high, bottom=(_BETWEEN - 0.1) / high,
+    figure, panels = grid(
+        down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1, bottom=_BETWEEN - 0.1,
+        apart=(0.21, _BETWEEN), sharey=True,
     )  # fmt: skip
     for place, axes in enumerate(panels.flat):
         if place >= len(names):
@@ -123,19 +110,6 @@ COHORT_COLUMNS = (
     "bootstrap_sd", "bootstrap_low", "bootstrap_high",
 )  # fmt: skip
 _FAILED = "No answer"
-_POPULATION = (
-    "Mean over knees and standard deviation between them, each with 95 % limits: a normal "
-    "distribution of values about the mean (of logarithms for stiffness, whose spread is in per "
-    "cent), every knee with the standard error of its own data. Knees with a poor or unconverged "
-    "fit are excluded."
-)
-_FOREST = (
-    "Estimates with 95 % limits, one row a knee; an arrow is an end that the data leave open, a "
-    "knee whose data do not determine the parameter has no point. Red: shrunken towards the mean "
-    "of the population as far as the knee's own data leave room."
-)
-_three = functools.partial(number, digits=3)
-
 
 def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     """What a cohort found.
@@ -153,16 +127,15 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     words = ", ".join(f"{count} {word.lower()}" for word, count in found.items())
     failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
     doubtful = any(word != Outcome.GOOD.value for word in found)
-    population, outliers = population_table(summary), _outlier_table(summary)
-    each = _knees_table(summary, knees)
+    population, each = population_table(summary), _knees_table(summary, knees)
     drawings = {}
     if summary.fitted and summary.units:
-        drawings["parameters"] = Drawing(functools.partial(forest_figure, summary), _FOREST)
+        drawings["parameters"] = Drawing(forest_figure, summary)
     if np.isfinite(summary.correlation).any():
         drawings["correlation"] = Drawing(
-            lambda: correlation_matrix_figure(list(summary.units), summary.correlation),
-            "Correlation of the estimates over the knees; of logarithms for stiffness.",
-        )
+            correlation_matrix_figure, list(summary.units), summary.correlation,
+            more="Over the knees; of logarithms for stiffness.",
+        )  # fmt: skip
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
     lines = wrapped(f"{summary.title}: {len(summary.answers)} knees: {words}")
     for one in failed:
@@ -177,7 +150,7 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
         lines += ["", *wrapped(first + f" and {more} more" * (more > 0), "outliers: ")]
     sections = [Section("Knees", tables=[each], opened=True)]
     if summary.outliers:
-        sections.append(Section("Outliers", tables=[outliers]))
+        sections.append(Section("Outliers", tables=[_outlier_table(summary)]))
     if "correlation" in drawings:
         sections.append(Section("Correlation over the knees", drawings=["correlation"]))
     return Answer(
@@ -196,7 +169,7 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
               for word, count in found.items() if word not in (Outcome.GOOD.value, _FAILED)),
             *(f"No answer: {one}" for one in failed),
         ],
-        facts=[("Time of a knee, s", _three(float(np.median(seconds))))] if seconds else [],
+        facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
         sections=sections,
         text="\n".join(lines),
         exit_status=int(doubtful),
@@ -206,9 +179,6 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
 def population_table(summary: CohortSummary) -> Table:
     """Mean and spread of each parameter over knees with their limits; the spread of what differs
     by factors in per cent.
-
-    Args:
-        summary: of a cohort.
     """
     rows = []
     for name, found in summary.populations.items():
@@ -218,8 +188,9 @@ def population_table(summary: CohortSummary) -> Table:
         )
         sign = " %" if found.log else ""
         rows.append(
-            [name, found.knees, mean, f"{number(low)} to {number(high)}", f"{_three(spread)}{sign}",
-             f"{' to '.join(map(_three, ends))}{sign}", summary.units[name] or NONE]
+            [name, found.knees, mean, f"{number(low)} to {number(high)}",
+             f"{number(spread, 3)}{sign}",
+             f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
         )  # fmt: skip
     return Table(
         [
@@ -229,13 +200,13 @@ def population_table(summary: CohortSummary) -> Table:
         ],
         rows,
         "Parameters over the knees",
-        _POPULATION,
+        prose("population"),
     )  # fmt: skip
 
 
 def _outlier_table(summary: CohortSummary) -> Table:
     named = [Column(name, words=True) for name in ("knee", "parameter")]
-    columns = [*named, Column("value"), Column("deviations", show=lambda x: f"{x:+.1f}")]
+    columns = [*named, Column("value"), Column("deviations", show="+.1f")]
     columns.append(Column("unit"))
     rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
     note = "Farther from the population than 3 standard deviations of a knee measured as well."
@@ -260,8 +231,8 @@ def _knees_table(summary: CohortSummary, knees: str) -> Table:
     return Table(
         [
             Column("knee", show=linked, words=True), Column("outcome", words=True),
-            Column("rmse_mm", "RMSE, mm", _three), Column("rmse_deg", "RMSE, deg", _three),
-            Column("objective"), Column("time_s", show=_three),
+            Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
+            Column("objective"), Column("time_s", show="3"),
         ],
         rows,
         note="Root mean square errors of the poses: the largest of the displacements and of the "

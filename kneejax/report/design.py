@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,26 +9,14 @@ import numpy as np
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.parameters import unit_of_quantity
-from kneejax.report.panels import draw_matrix
-from kneejax.report.look.style import (
-    BLACK,
-    BLUE,
-    GREY,
-    VERMILLION,
-    WIDTH,
-    readable,
-    styled,
-    verbatim,
-)
+from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
+from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after, wrapped
+from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.inference import Design
-
 
 #: What is hatched, by status: hatch, and its legend entry.
 _HATCHES = {
@@ -57,23 +43,19 @@ def candidates_figure(design: Design) -> Figure:
         A matrix of gains; candidates that were left out are hatched, chosen ones bear their number.
     """
     from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.figure import Figure
     from matplotlib.patches import Rectangle
 
-    rows, places = _grid(design)
+    rows, places = _places(design)
     angles = sorted({test.flexion_deg for test in design.candidates})
     gains = np.full((len(rows), len(angles)), np.nan)
     for place, gain in zip(places, design.gains, strict=True):
         gains[place] = gain
     left = 0.062 * max(len(row) for row in rows) + 0.15
     cell = min((WIDTH - left - 0.75) / len(angles), 0.8)
-    tall, above, below = 0.32, 0.32, 0.74
-    wide = max(left + cell * len(angles) + 0.75, 4.5)
-    height = above + tall * len(rows) + below
-    figure = Figure(figsize=(wide, height))
-    axes = figure.add_axes(
-        (left / wide, below / height, cell * len(angles) / wide, tall * len(rows) / height)
-    )
+    wide, height = max(left + cell * len(angles) + 0.75, 4.5), 0.32 * len(rows) + 1.06
+    right = left + cell * len(angles)
+    figure, ((axes,),) = grid(1, 1, height, width=wide, left=left, right=wide - right, top=0.32,
+                              bottom=0.74)  # fmt: skip
     shades = LinearSegmentedColormap.from_list("gain", ["#FFFFFF", "#A8D0E6", BLUE, "#003A5D"])
     most = float(np.nanmax(gains)) if np.isfinite(gains).any() else 1.0
     every = max(1, -(-len(angles) // 20))
@@ -88,8 +70,18 @@ def candidates_figure(design: Design) -> Figure:
     for place, status in zip(places, design.status, strict=True):
         if Status(status) in _HATCHES:
             hatch, word = _HATCHES[Status(status)]
-            handles[word] = _hatched(axes, place, hatch)
-    _frame_chosen(axes, design, places)
+            handles[word] = hatched(axes, place[::-1], 1, 1, hatch)
+    steps: dict[int, list[int]] = {}
+    for step, row in enumerate(design.chosen, 1):
+        steps.setdefault(row, []).append(step)
+    for row, own in steps.items():
+        i, j = places[row]
+        axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
+        axes.text(
+            j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
+            color="white", fontweight="bold",
+            bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"},
+        )  # fmt: skip
     axes.set_xlabel("Flexion, deg")
     axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
@@ -98,35 +90,14 @@ def candidates_figure(design: Design) -> Figure:
         bbox_to_anchor=((left - 0.08) / wide, 0.0), ncols=4, handlelength=1.5, handleheight=1.1,
         columnspacing=1.5,
     )  # fmt: skip
-    bar = figure.colorbar(
-        filled,
-        cax=figure.add_axes(
-            (
-                (left + cell * len(angles) + 0.12) / wide, below / height,
-                0.11 / wide, tall * len(rows) / height,
-            )
-        ),
-    )  # fmt: skip
+    place = (right + 0.12) / wide, 0.74 / height, 0.11 / wide, 0.32 * len(rows) / height
+    bar = figure.colorbar(filled, cax=figure.add_axes(place))
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
     bar.ax.tick_params(length=0, labelsize=7)
     if design.criterion == "A":
         ticks = [tick for tick in bar.get_ticks() if 0 <= tick <= most]
         bar.set_ticks(ticks, labels=[f"{100 * tick:.0f}" for tick in ticks])
     return figure
-
-
-def _frame_chosen(axes: Axes, design: Design, places: Sequence[tuple[int, int]]) -> None:
-    """A frame around each chosen test, with its numbers in the order."""
-    from matplotlib.patches import Rectangle
-
-    for row, steps in _steps(design).items():
-        i, j = places[row]
-        axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
-        axes.text(
-            j + 0.035, i + 0.06, ", ".join(map(str, steps)), ha="left", va="top", fontsize=6.5,
-            color="white", fontweight="bold",
-            bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"},
-        )  # fmt: skip
 
 
 @styled
@@ -140,18 +111,13 @@ def standard_errors_figure(design: Design) -> Figure:
         One row per parameter, as a fraction of its prior standard deviation; numbers in its own
         unit.
     """
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import LogLocator, NullLocator
 
     names = [readable(name) for name in design.names]
     n, last = len(names), len(design.chosen)
     parts = design.standard_errors / design.scale
-    left, tall, above, below = 0.062 * max(map(len, names)) + 0.15, 0.27, 0.55, 0.45
-    height, right = above + tall * n + below, 1.75
-    figure = Figure(figsize=(WIDTH, height))
-    axes = figure.add_axes(
-        (left / WIDTH, below / height, 1 - (left + right) / WIDTH, tall * n / height)
-    )
+    left, right = 0.062 * max(map(len, names)) + 0.15, 1.75
+    figure, ((axes,),) = grid(1, 1, 1 + 0.27 * n, left=left, right=right, top=0.55, bottom=0.45)
     y = np.arange(n, dtype=float)
     axes.hlines(y, parts[-1], parts[0], color="#C8CDD2", linewidth=2.2, zorder=1)
     handles = {}
@@ -168,7 +134,7 @@ def standard_errors_figure(design: Design) -> Figure:
     subs = (1.0, 2.0, 5.0) if high / low < 200 else (1.0,)
     axes.xaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=9))
     axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(axes.xaxis)
     axes.set_yticks(y, names)
     axes.set_ylim(n - 0.5, -0.5)
     axes.tick_params(axis="y", length=0)
@@ -178,7 +144,7 @@ def standard_errors_figure(design: Design) -> Figure:
     before, after = 1.0 + 0.62 * inch, 1.0 + 1.27 * inch
     for x, head in ((before, "before"), (after, "after")):
         axes.text(x, -0.62, head, transform=edge, ha="right", va="bottom", fontsize=7.5, color=GREY)
-    for i, unit in enumerate(_units(design)):
+    for i, unit in enumerate(map(_unit, design.names)):
         for x, row in ((before, 0), (after, -1)):
             axes.text(
                 x, i, number(design.standard_errors[row, i], 2), transform=edge,
@@ -192,13 +158,11 @@ def standard_errors_figure(design: Design) -> Figure:
     return figure
 
 
-def _units(design: Design) -> list[str]:
-    from kneejax.parameters import unit_of_quantity
-
-    return [unit_of_quantity(name.split(".", 1)[-1]) for name in design.names]
+def _unit(name: str) -> str:
+    return unit_of_quantity(name.split(".", 1)[-1])
 
 
-def _grid(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
+def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
     """Names of rows, and row and column of each candidate."""
     angles = sorted({test.flexion_deg for test in design.candidates})
     rows: list[str] = []
@@ -215,23 +179,6 @@ def _grid(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
         places.append((rows.index(name), column))
         taken.add(places[-1])
     return rows, places
-
-
-def _steps(design: Design) -> dict[int, list[int]]:
-    """Chosen candidate -> its places in the order."""
-    steps: dict[int, list[int]] = {}
-    for step, row in enumerate(design.chosen, 1):
-        steps.setdefault(row, []).append(step)
-    return steps
-
-
-def _hatched(axes: Axes, place: tuple[int, int], hatch: str):
-    from matplotlib.patches import Rectangle
-
-    i, j = place
-    patch = Rectangle((j, i), 1, 1, hatch=hatch, fc="#F4F4F4", ec="#A0A0A0", lw=0)
-    axes.add_patch(patch)
-    return patch
 
 
 #: Columns of a table of all candidates.
@@ -264,9 +211,7 @@ def candidates_table(design: Design) -> Table:
         A row per candidate under the columns `CANDIDATE_COLUMNS`; `gain` in bits (D) or as a
         fraction (A), `chosen` is its place in the order, if any.
     """
-    place: dict[int, int] = {}
-    for step, row in enumerate(design.chosen, 1):
-        place.setdefault(row, step)
+    place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
     rows = [
         [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
         + [Status(status).word, float(gain), place.get(row)]
@@ -278,14 +223,7 @@ def candidates_table(design: Design) -> Table:
 
 
 def next_tests_table(design: Design) -> Table:
-    """The chosen tests as a table to be filled in and added to a study's `tests`.
-
-    Args:
-        design: the choice.
-
-    Returns:
-        A row per test in the order in which to make them; what is to be measured is empty.
-    """
+    """The chosen tests as a table to be filled in and added to a study's `tests`."""
     tests = [design.candidates[row] for row in design.chosen]
     acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
     measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
@@ -330,18 +268,11 @@ def goal_words(design: Design) -> str:
 
 def design_words(design: Design) -> list[str]:
     """One sentence per chosen test: what to do, and which parameter profits most."""
-    words = ["Next", *["Then"] * (len(design.chosen) - 1)]
     return [
-        f"{word}: {test}; it cuts the standard error of {_profit(design, step)}."
-        for step, (word, test) in enumerate(zip(words, design.tests, strict=True))
+        f"{'Then' if int(step) > 1 else 'Next'}: {test}; it cuts the standard error of "
+        f"{plain(name)} from {short(before)} to {short(after)}{unit_after(name)}."
+        for step, test, name, before, after in profit_table(design).rows
     ]
-
-
-def _profit(design: Design, step: int) -> str:
-    before, after = design.standard_errors[step : step + 2]
-    row = int(np.argmax(before / after))
-    name = design.names[row]
-    return f"{plain(name)} from {short(before[row])} to {short(after[row])}{unit_after(name)}"
 
 
 def design_notes(design: Design) -> list[str]:
@@ -364,28 +295,41 @@ def design_notes(design: Design) -> list[str]:
     if design.freed:
         bound = ", ".join(plain(name) for name in design.freed)
         notes.append(f"On a bound at the fit, but counted as free here: {bound}.")
-    return notes + [
-        f"{test}: the pose is far from a straight line over what the parameters may still be "
-        f"({_off(bend)}). Take what it promises as a rough guide, and plan again after it."
-        for test, bend in zip(design.tests, design.departures, strict=True)
-        if bend > _FAR
-    ]
+    for test, bend in zip(design.tests, design.departures, strict=True):
+        if bend > _FAR:
+            off = f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+            notes.append(
+                f"{test}: the pose is far from a straight line over what the parameters may still "
+                f"be ({off}). Take what it promises as a rough guide, and plan again after it."
+            )
+    return notes
 
 
-def _off(bend: float) -> str:
-    return f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+def profit_table(design: Design) -> Table:
+    """The chosen tests, and what each does to the parameter that gains most."""
+    rows = []
+    for step, test in enumerate(design.tests):
+        before, after = design.standard_errors[step : step + 2]
+        i = int(np.argmax(before / after))
+        rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
+    columns = [
+        Column("step", " ", words=True), Column("test", "test to make next", words=True),
+        Column("parameter", "gains most", words=True), Column("before", "std. error before", "2"),
+        Column("after", show="2"),
+    ]  # fmt: skip
+    return Table(columns, rows)
 
 
 def design_tables(design: Design) -> list[Table]:
     """Expected standard errors, the best tests by themselves, and the best for each parameter."""
-    steps, two = len(design.chosen), functools.partial(number, digits=2)
+    steps = len(design.chosen)
     # Many steps do not fit beside each other: the first three and the last tell the story.
     shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
-    units = [unit_of_quantity(name.split(".", 1)[-1]) for name in design.names]
+    units = [*map(_unit, design.names)]
     parameter, unit = Column("parameter", words=True), Column("unit", words=True)
     errors = Table(
-        [parameter, unit, *(Column(head, show=two) for head in ("prior SD", *heads))],
+        [parameter, unit, *(Column(head, show="2") for head in ("prior SD", *heads))],
         [
             [name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
             for i, name in enumerate(design.names)
@@ -409,9 +353,9 @@ def design_tables(design: Design) -> list[Table]:
         for i, name in enumerate(design.names)
         for row in [int(np.argmin(after[:, i]))]
     ]
-    columns = [Column("best next test", words=True), Column("before", show=two)]
+    columns = [Column("best next test", words=True), Column("before", show="2")]
     single = Table(
-        [parameter, *columns, Column("after", show=two), unit], rows,
+        [parameter, *columns, Column("after", show="2"), unit], rows,
         "If only one parameter matters, the best next test for it",
     )
     return [errors, best, single]

@@ -18,7 +18,6 @@ from kneejax.statics import Status, converged
 if TYPE_CHECKING:
     from kneejax import inference
 
-
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
 #: A search that ended so near, mm, has found a balance.
@@ -28,13 +27,8 @@ _MOST_NAMED = 3
 
 
 def status_doubts(
-    status: ArrayLike,
-    words: Sequence[str],
-    where: Callable[[np.ndarray], str],
-    at: Callable[[int], str],
-    *,
-    given: bool = False,
-    accepted: Collection[Status] = (),
+    status: ArrayLike, words: Sequence[str], where: Callable[[np.ndarray], str],
+    at: Callable[[int], str], *, given: bool = False, accepted: Collection[Status] = (),
 ) -> Iterator[str]:
     """Say which poses are not simply balanced, what to try next, and what is wrong in numbers.
 
@@ -74,12 +68,7 @@ def _middle(rows: Sequence[int]) -> int:
 
 
 def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
-    """`where` and `at` of `status_doubts` for poses with names.
-
-    Args:
-        places: what each pose is called, e.g. its flexion.
-        unit: of those, e.g. `degrees`.
-    """
+    """`where` and `at` of `status_doubts` for poses with names."""
 
     def where(rows: np.ndarray) -> str:
         words = [str(places[i]) for i in rows.tolist()]
@@ -111,13 +100,7 @@ def given_doubts(
 def pose_doubts(
     motion: inference.Motion, flexion: np.ndarray, accepted: tuple[Status, ...] = ()
 ) -> list[str]:
-    """What is wrong with the poses of a motion that was fitted, a line per status.
-
-    Args:
-        motion: as it was found.
-        flexion: of its poses, degrees.
-        accepted: statuses of which nothing is said.
-    """
+    """What is wrong with the poses of a motion that was fitted, a line per status."""
     status = row_status(motion)
 
     def where(rows: np.ndarray) -> str:
@@ -133,25 +116,14 @@ def pose_doubts(
 
 
 def row_status(motion: inference.Motion) -> np.ndarray:
-    """Status of every row; a row of NaN that claims to be balanced has not converged.
-
-    Args:
-        motion: poses with status.
-
-    Returns:
-        Integers of `Status`.
-    """
+    """Status of every row; a row of NaN that claims to be balanced has not converged."""
     status = np.array(motion.status, int)
     lost = ~np.isfinite(np.asarray(motion.table, float)).all(axis=1)
     return np.where(lost & converged(status), int(Status.NOT_CONVERGED), status)
 
 
 def accepted_statuses(failures: Collection[str]) -> tuple[Status, ...]:
-    """What a study that names its `failures` accepts: all balances with another status.
-
-    Args:
-        failures: words of statuses; where there are none, nothing but `balanced` is accepted.
-    """
+    """What a study that names its `failures` accepts: all balances with another status."""
     return tuple(s for s in Status if s.converged and s.word not in failures) if failures else ()
 
 
@@ -182,17 +154,7 @@ def pose_words(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) 
 
 
 def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> tuple[str, ...]:
-    """Say for each pose without a balance how far the knee held, and how far the search was.
-
-    Args:
-        motion: as it was found.
-        loads: those that acted, by the names of `kneejax.mechanics.NAMED_LOADS`, and how far a
-            machine was to move a coordinate, by its name, mm or degrees; one for all poses, or one
-            per pose.
-
-    Returns:
-        A text per pose, empty where a balance was found; for `pose_words`.
-    """
+    """Say for each pose without a balance how far the knee held, and how far the search was."""
     motion = jax.tree.map(np.asarray, motion)
     lost = ~converged(motion.status)
     sizes = {name: np.broadcast_to(size, lost.shape) for name, size in (loads or {}).items()}
@@ -205,12 +167,7 @@ def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -
 
 
 def second_balance(other: np.ndarray, own: np.ndarray) -> str:
-    """Say where a second stable balance lies: the rotation and the translation that differ most.
-
-    Args:
-        other: its pose, degrees and mm, `(6,)`, in the order of `kneejax.geometry.COLUMNS`.
-        own: the pose that is reported; NaN where there is none.
-    """
+    """Say where a second stable balance lies: the rotation and the translation that differ most."""
     away = np.abs(other - own) if np.isfinite(own).all() else np.abs(other)
     parts = []
     for k in (1 + int(away[1:3].argmax()), 3 + int(away[3:].argmax())):

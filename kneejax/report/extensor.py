@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-import functools
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
 from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
-from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles
+from kneejax.report.look.page import Answer, Drawing, Section, prose
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, columns_of
 from kneejax.report.panels import (
     draw_ligaments,
     draw_named,
     flexion_axis,
+    grid,
     mark_status,
     panel_grid,
-    part_styles,
+    part_legend,
 )
-from kneejax.report.look.style import BLUE, GREEN, GREY, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.look.tables import Column, Table
-from kneejax.report.pose_tables import bundles, digits, force_table, peak_table, text_of, verdict_of
+from kneejax.report.pose_tables import bundles, force_table, peak_table, verdict_of
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 _PULL = "Quadriceps force, N"
 _MOST_LINES = 8
@@ -98,7 +92,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
             axes.set_xlabel(_PULL)
         else:
             flexion_axis(axes, x)
-        mark_status(axes, x, status, VERMILLION, 0.02)
+        mark_status(axes, x, status, height=0.02)
     if len(rows) > 1:
         panels[2].legend(title="Flexion, deg", title_fontsize=7.5, fontsize=7.5)
     return figure
@@ -114,14 +108,10 @@ def shear_figure(found: Extensor) -> Figure:
     Returns:
         One panel, forces forwards upwards; parts that matter little are one line together.
     """
-    from matplotlib.figure import Figure
-
     forces = {name: force[:, 0] for name, force in _grouped(found).items()}
     size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
-    figure = Figure(figsize=(WIDTH, 3.6))
-    axes = figure.subplots()
-    figure.subplots_adjust(left=0.1, right=0.74, top=0.93, bottom=0.14)
+    figure, ((axes,),) = grid(1, 1, 3.6, left=0.7, right=1.82)
     x = np.asarray(found.flexion_deg)
     for name, style in part_styles(shown).items():
         axes.plot(x, forces[name], label=verbatim(name), **style)
@@ -133,7 +123,8 @@ def shear_figure(found: Extensor) -> Figure:
     axes.set_title("Force on the tibia, forwards along its own axis")
     axes.set_ylabel("N")
     flexion_axis(axes, x)
-    axes.legend(loc="upper left", bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5)
+    handles, labels = axes.get_legend_handles_labels()
+    part_legend(axes, dict(zip(labels, handles, strict=True)), (1.02, 1.02))
     return figure
 
 
@@ -159,21 +150,12 @@ def _grouped(found: Extensor) -> dict[str, np.ndarray]:
 
 #: Columns of extensor.csv that people read, with heading and digits.
 _SHOWN = {
-    "flexion_deg": ("flexion, deg", 1), "quadriceps_N": ("quadriceps, N", 1),
-    "tendon_by_quadriceps": ("tendon, / quadriceps", 2),
-    "patellofemoral_by_quadriceps": ("contact, / quadriceps", 2), "arm_mm": ("arm, mm", 1),
-    "patella_flexion_deg": ("patella: flexion, deg", 1), "patella_tilt_deg": ("tilt, deg", 1),
+    "flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, N", ".1f"),
+    "tendon_by_quadriceps": ("tendon, / quadriceps", ".2f"), "arm_mm": ("arm, mm", ".1f"),
+    "patellofemoral_by_quadriceps": ("contact, / quadriceps", ".2f"), "status": (),
+    "patella_flexion_deg": ("patella: flexion, deg", ".1f"),
+    "patella_tilt_deg": ("tilt, deg", ".1f"),
 }  # fmt: skip
-_ASKED = {
-    "patellar-tracking": "Where the patella runs and what presses it, the quadriceps pulling with "
-    "the same force at each flexion.",
-    "extension": "How hard the knee would extend, its flexion prescribed, as the quadriceps pulls.",
-    "leg-raise": "How hard the quadriceps must pull to hold the shank against its weight.",
-}
-_ARM = (
-    "Arm: moment arm of the quadriceps by virtual work. Tendon and contact (between patella and "
-    "femur): their forces by the quadriceps'."
-)
 _BY_LENGTH = (
     "slack: {:g} mm longer than at rest, at {:g} deg: the cable hangs loose, and the heads pull "
     "as at rest"
@@ -222,24 +204,17 @@ def extensor_answer(
         "tibia_forces": Table([Column(x) for x in (*keys, "part", *axes)], on_tibia),
     }
     peaks = peak_table(knee, found.mechanics, flexion, "at flexion, deg")
-    drawings = {
-        "extensor": Drawing(
-            functools.partial(extensor_figure, found, status, title),
-            "Pull, ratios of forces, moment arm, patella, ligaments and tibia.",
-        )
-    }
+    drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
     sections = [Section("Largest forces", tables=[peaks])]
     if experiment != "extension":
-        drawings["shear"] = Drawing(
-            functools.partial(shear_figure, found), "The forces on the tibia sum to zero."
-        )
+        drawings["shear"] = Drawing(shear_figure, found)
         sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
     return Answer(
-        title=title, asked=_ASKED[experiment], verdict=verdict_of(status),
+        title=title, asked=prose(experiment), verdict=verdict_of(status),
         sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
         drawings=drawings, picture="extensor", doubts=doubts,
         sections=[*sections, *([Section("Notes", notes)] if notes else [])],
-        text="\n".join([title, text_of(tables["extensor"]), *notes, *doubts]),
+        text="\n".join([title, tables["extensor"].text(), *notes, *doubts]),
         exit_status=int((np.asarray(status) != Status.BALANCED).any()),
     )
 
@@ -273,12 +248,9 @@ def extensor_table(
     }  # fmt: skip
     if driven is not None:
         columns |= {"longer_mm": driven.longer_mm, "slack": driven.slack}
-    shown = {
-        name: Column(name, head, digits(count)) for name, (head, count) in _SHOWN.items()
-    } | {"status": Column("status", words=True)}
-    made = [shown.get(name) or Column(name, shown=False) for name in columns]
     cells = zip(*(np.asarray(x).tolist() for x in columns.values()), strict=True)
-    return Table(made, [list(row) for row in cells], note=_ARM)
+    made = columns_of([*columns], _SHOWN, ("status",))
+    return Table(made, [list(row) for row in cells], note=prose("arm"))
 
 
 def _sentence(experiment: str, found: Extensor, status: np.ndarray) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -24,12 +23,10 @@ from kneejax.report.pose_tables import (
     bundle_forces,
     change_table,
     contact_forces,
-    digits,
     force_table,
     part_table,
     peak_table,
     pose_table,
-    text_of,
     verdict_of,
 )
 from kneejax.statics import Status, converged
@@ -39,15 +36,9 @@ _MOMENTS = ("adduction", "internal_rotation", "extension")
 
 
 def flexion_answer(
-    name: str,
-    motion: Motion,
-    mechanics: Mechanics,
-    flexion: np.ndarray,
-    *,
-    loads: Mapping[str, float],
-    unloaded: Motion | None = None,
-    branches: Sequence[Branch] | None = None,
-    convention: str = FEMORAL,
+    name: str, motion: Motion, mechanics: Mechanics, flexion: np.ndarray, *,
+    loads: Mapping[str, float], unloaded: Motion | None = None,
+    branches: Sequence[Branch] | None = None, convention: str = FEMORAL,
 ) -> Answer:
     """Passive flexion of a knee.
 
@@ -76,11 +67,11 @@ def flexion_answer(
         "poses": pose_table(table, status, convention, more=more),
         "forces": force_table(knee, mechanics, {"flexion_deg": flexion}),
     }
-    main, text = ["poses"], [f"{name}, {load_words(loads)}", text_of(tables["poses"])]
+    main, text = ["poses"], [f"{name}, {load_words(loads)}", tables["poses"].text()]
     if unloaded is not None:
         tables["displacement"] = change_table(flexion, displacement(motion, unloaded))
         main.append("displacement")
-        text += ["", text_of(tables["displacement"])]
+        text += ["", tables["displacement"].text()]
     sections = [
         Section("Largest forces", tables=[peak_table(knee, mechanics, flexion, "at flexion, deg")])
     ]
@@ -100,10 +91,7 @@ def flexion_answer(
         main=main,
         drawings={
             "simulation": Drawing(
-                functools.partial(
-                    simulation_figure, flexion, shown, status, *_parts(knee, mechanics), convention
-                ),
-                "Coordinates and forces over flexion; the fibres of a ligament are added.",
+                simulation_figure, flexion, shown, status, *_parts(knee, mechanics), convention
             )
         },
         picture="simulation",
@@ -254,10 +242,10 @@ def _summary(knee: Knee, table: np.ndarray, found: Mechanics, status: np.ndarray
     contact = contact_forces(found)
     pressure = np.asarray(found.max_pressure)
     columns = [
-        Column("pose", show=str), Column("flexion_deg", "flexion, deg", digits(1)),
-        Column("ligament", "most in", words=True), Column("ligament_N", "ligament, N", digits(1)),
-        *(Column(f"{name}_N", f"{name} contact, N", digits(1)) for name in knee.contact_names),
-        Column("max_pressure_MPa", "peak pressure, MPa", digits(2)), Column("status", words=True),
+        Column("pose", show=str), Column("flexion_deg", "flexion, deg", ".1f"),
+        Column("ligament", "most in", words=True), Column("ligament_N", "ligament, N", ".1f"),
+        *(Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names),
+        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"), Column("status", words=True),
     ]  # fmt: skip
     rows = []
     for i, outcome in enumerate(status):

@@ -1,64 +1,48 @@
-"""What `kneejax identify` found as an answer: page, files, and the screen after it."""
+"""What `kneejax identify` found as an answer: estimates, their limits, the tests to make."""
 
 from __future__ import annotations
 
-import functools
+import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference import versions
-from kneejax.report.calibration_parameters import correlation_matrix_figure
+from kneejax.inference import Interval, IntervalKind, same_ends, versions
+from kneejax.parameters import sums_in_words
+from kneejax.report import design as planned
+from kneejax.report import information as curvature
+from kneejax.report import posterior
+from kneejax.report.calibration_parameters import correlation_matrix_figure, limits
 from kneejax.report.calibration_verdict import Outcome
-from kneejax.report.design import (
-    candidates_figure,
-    candidates_table,
-    design_notes,
-    design_tables,
-    design_text,
-    design_words,
-    goal_words,
-    next_tests_table,
-    standard_errors_figure,
-)
 from kneejax.report.doubts import accepted_statuses, pose_doubts
-from kneejax.report.estimates import (
-    agreement,
-    estimates_table,
-    estimates_text,
-    fit_doubts,
-    fit_words,
-    identified_table,
-    profiles_table,
-    undetermined_words,
-)
 from kneejax.report.identification_figures import profiles_figure, spectrum_figure
-from kneejax.report.information import (
-    CURVATURE,
-    information_notes,
-    information_table,
-    information_text,
-    information_words,
-    sloppy_words,
-    stiff_words,
-)
-from kneejax.report.look.page import Answer, Drawing, Section
-from kneejax.report.look.tables import Column, Table, json_safe, listed, number
-from kneejax.report.posterior import (
-    draws_table,
-    posterior_doubts,
-    posterior_drawings,
-    posterior_summary,
-    posterior_table,
-    sampling_words,
+from kneejax.report.look.page import Answer, Drawing, Section, prose
+from kneejax.report.look.tables import (
+    NONE,
+    Column,
+    Table,
+    json_safe,
+    listed,
+    number,
+    with_error,
+    wrapped,
 )
 
 if TYPE_CHECKING:
+    from kneejax.inference import Identification, Posterior
     from kneejax.studies import Identified
 
-
+#: Chi squared per degree of freedom beyond which the noise that was given is doubted.
+_MISFIT = 2.0
+#: Columns of parameters.csv.
+_COLUMNS = (
+    "name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
+    "profile_high", "profile_low_open", "profile_high_open", "posterior_mean", "posterior_sd",
+    "posterior_low", "posterior_high", "r_hat", "effective_sample_size", "interval",
+    "determined", "reason",
+)  # fmt: skip
 _TO_MEASURE = (
     "To be measured: next_tests.csv. Filled in, it is a test of the study:\n"
     "  tests: [{name: next, file: next_tests.csv, counted_from: absolute}]"
@@ -76,148 +60,91 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         The answer; its tables are parameters, profiles, candidates and, where there are any,
         next_tests and the draws of the posterior.
     """
-    study, found, design = answer.study, answer.found, answer.design
-    sampled, became = answer.posterior, identification_outcome(answer)
-    names = found.selection.names
-    lost = [row[0] for row in identified_table(found).rows if not row[-2]]
+    study, found, design, sampled = answer.study, answer.found, answer.design, answer.posterior
+    names, information, became = found.selection.names, found.information, _outcome(answer)
+    every = identified_table(found, sampled)
+    lost = [row[0] for row in every.rows if not row[-2]]
     sentence = f"The data determine {len(names) - len(lost)} of {len(names)} parameters"
     sentence += f", not {listed(lost, 6)}." if lost else "."
+    told, doubts, known = _agreement(found, sampled), fit_doubts(found), _shown(found, sampled)
     sections = [
-        Section("Limits by profile", [fit_words(found), *agreement(found, sampled)],
-                drawings=["profiles"]),
+        Section("Limits by profile", [_fit_words(found), *told], drawings=["profiles"]),
         Section("What the data determine by curvature",
-                [CURVATURE, *information_words(found.information),
-                 *information_notes(found.information)],
-                [information_table(found.information)], ["spectrum", "correlation"]),
+                [prose("curvature"), *curvature.information_words(information),
+                 *curvature.information_notes(information)], [], ["spectrum", "correlation"]),
         Section("Tests to make next",
-                [f"What to measure next: {goal_words(design)}", *design_words(design),
-                 *design_notes(design)],
-                design_tables(design), ["next_tests"]),
+                [f"What to measure next: {planned.goal_words(design)}",
+                 *planned.design_words(design), *planned.design_notes(design)],
+                planned.design_tables(design), ["next_tests"]),
     ]  # fmt: skip
     tables = {
-        "parameters": identified_table(found, sampled), "profiles": profiles_table(found),
-        "candidates": candidates_table(design),
-    }
+        "parameters": every, "profiles": _profiles_table(found),
+        "candidates": planned.candidates_table(design),
+    }  # fmt: skip
     if design.chosen:
-        tables["next_tests"] = next_tests_table(design)
-    drawings = _drawings(answer)
-    text = [f"{study.title} (knee {study.knee.name})", estimates_text(found, sampled)]
-    text.append(information_text(found.information))
+        tables["next_tests"] = planned.next_tests_table(design)
+    drawings = {
+        "standard_errors": Drawing(planned.standard_errors_figure, design),
+        "profiles": Drawing(profiles_figure, found.profiles, study.truth),
+        "spectrum": Drawing(spectrum_figure, information),
+        "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
+        "next_tests": Drawing(planned.candidates_figure, design),
+    }
+    estimates = [*wrapped(_fit_words(found)), "", known.fitting("times_better", "scale").terminal(),
+                 *wrapped(sums_in_words(found.problem.knee, names)), *[""] * bool(told or doubts)]
+    estimates += [line for note in told for line in wrapped(note, "note: ")]
+    estimates += [line for doubt in doubts for line in wrapped(doubt, "warning: ")]
+    text = [f"{study.title} (knee {study.knee.name})", "\n".join(estimates)]
+    text.append(curvature.information_text(information, table=False))
     if sampled is not None:
-        tables["posterior"] = draws_table(sampled)
-        words = [f"{sampling_words(sampled)}.", *posterior_doubts(sampled)]
-        drawn = posterior_drawings(sampled)
-        sections.append(Section("Posterior", words, [posterior_table(sampled)], [*drawn]))
+        tables["posterior"] = posterior.draws_table(sampled)
+        words = [f"{posterior.sampling_words(sampled)}.", *posterior.posterior_doubts(sampled)]
+        drawn, table = posterior.posterior_drawings(sampled), posterior.posterior_table(sampled)
+        sections.append(Section("Posterior", words, [table], [*drawn]))
         drawings |= drawn
-        text.append(posterior_summary(sampled))
-    text += [design_text(design), *[_TO_MEASURE] * bool(design.chosen)]
+        text.append(posterior.posterior_summary(sampled))
+    text += [planned.design_text(design), *[_TO_MEASURE] * bool(design.chosen)]
     return Answer(
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
         f"{study.knee.name}, and which test adds most?",
         verdict=became.verdict,
         badge=became.value,
-        sentence=" ".join([sentence, *design_words(design)[:1]]),
+        sentence=" ".join([sentence, *planned.design_words(design)[:1]]),
         tables=tables,
-        main=[estimates_table(found, sampled), _next(answer)],
+        main=[known, planned.profit_table(design)],
         drawings=drawings,
         picture="standard_errors",
-        doubts=identification_doubts(answer),
+        doubts=_doubts(answer),
         sections=sections,
         text="\n\n".join(text),
-        document=identification_document(answer, options),
+        document=_document(answer, every, options),
         exit_status=became.exit_status,
     )
 
 
-def _next(answer: Identified) -> Table:
-    """The chosen tests, and what each does to the parameter that gains most."""
-    design, two = answer.design, functools.partial(number, digits=2)
-    rows = []
-    for step, test in enumerate(design.tests):
-        before, after = design.standard_errors[step : step + 2]
-        i = int(np.argmax(before / after))
-        rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
-    columns = [
-        Column("step", " ", words=True), Column("test", "test to make next", words=True),
-        Column("parameter", "gains most", words=True), Column("before", "std. error before", two),
-        Column("after", show=two),
-    ]  # fmt: skip
-    return Table(columns, rows)
-
-
-def _drawings(answer: Identified) -> dict[str, Drawing]:
-    found, design, one = answer.found, answer.design, functools.partial
-    information = found.information
-    return {
-        "standard_errors": Drawing(
-            one(standard_errors_figure, design),
-            "Expected standard error of each parameter before and after the chosen tests, as a "
-            "fraction of the spread between knees. Left of the line the data determine it.",
-        ),
-        "profiles": Drawing(
-            one(profiles_figure, found.profiles, answer.study.truth),
-            "How the misfit grows as each parameter leaves its estimate, the others fitted again; "
-            "the parabola is that of the standard error, the band the 95 % limits.",
-        ),
-        "spectrum": Drawing(
-            one(spectrum_figure, information),
-            "How many times better each combination of parameters is known than the prior, and "
-            "the weight of each parameter in it.",
-        ),
-        "correlation": Drawing(
-            one(correlation_matrix_figure, information.names, information.correlation),
-            "Correlation of the estimates by curvature; hatched where there is none.",
-        ),
-        "next_tests": Drawing(
-            one(candidates_figure, design),
-            "What each candidate would add as the next test; numbers are the chosen order, "
-            "hatched candidates are left out.",
-        ),
-    }
-
-
-def identification_doubts(answer: Identified) -> list[str]:
-    """Everything to doubt: the fit, the draws, undetermined parameters and poses.
-
-    Args:
-        answer: what was found.
-
-    Returns:
-        Sentences; empty if nothing is doubtful.
-    """
+def _doubts(answer: Identified) -> list[str]:
+    """Everything to doubt: the fit, the draws, undetermined parameters and poses."""
     found, sampled = answer.found, answer.posterior
-    doubts = fit_doubts(found) + ([] if sampled is None else posterior_doubts(sampled))
-    doubts += undetermined_words(found)
+    doubts = fit_doubts(found) + ([] if sampled is None else posterior.posterior_doubts(sampled))
+    rows = range(len(found.selection.names))
+    doubts += [_why(found, i) for i in rows if not _determined(found, i)]
     accepted = accepted_statuses(answer.study.failures)
     return doubts + pose_doubts(found.motion, found.motion.table[:, 0], accepted)
 
 
-def identification_outcome(answer: Identified) -> Outcome:
-    """What became of it; decides the exit status of `kneejax identify`.
-
-    Args:
-        answer: what was found.
-    """
+def _outcome(answer: Identified) -> Outcome:
+    """What became of it; decides the exit status of `kneejax identify`."""
     if not answer.found.converged:
         return Outcome.FAILED
-    return Outcome.DOUBTFUL if identification_doubts(answer) else Outcome.GOOD
+    return Outcome.DOUBTFUL if _doubts(answer) else Outcome.GOOD
 
 
-def identification_document(answer: Identified, options: Mapping[str, Any]) -> dict[str, Any]:
-    """Gather what result.json of an identification holds.
-
-    Args:
-        answer: what was found.
-        options: of the command, recorded as they are.
-
-    Returns:
-        A JSON-safe dictionary; NaN and infinity are null.
-    """
-    study, found, sampled = answer.study, answer.found, answer.posterior
-    information = ("eigenvalues", "eigenvectors", "scale", "correlation")
-    told = {name: getattr(found.information, name) for name in information}
-    draws = None
+def _document(answer: Identified, every: Table, options: Mapping[str, Any]) -> dict[str, Any]:
+    """What result.json holds."""
+    study, found, sampled, draws = answer.study, answer.found, answer.posterior, None
+    names = ("eigenvalues", "eigenvectors", "scale", "correlation")
+    told = {name: getattr(found.information, name) for name in names}
     if sampled is not None:
         names = ("divergences", "evaluations", "seconds", "seed")
         draws = {
@@ -228,20 +155,169 @@ def identification_document(answer: Identified, options: Mapping[str, Any]) -> d
         {
             "study": study.title,
             "knee": study.knee_name,
-            "parameters": {x["name"]: x for x in identified_table(found, sampled).records()},
+            "parameters": {x["name"]: x for x in every.records()},
             "frame_offset": found.offsets,
             "noise": dict(zip(COLUMNS[1:], found.noise, strict=True)),
             "noise_estimated": found.noise_estimated,
             "chi2": found.chi2,
             "measured_numbers": found.data,
             "information": told
-            | {"sentences": stiff_words(found.information) + sloppy_words(found.information)},
-            "next_tests": design_words(answer.design),
+            | {"sentences": curvature.stiff_words(found.information)
+               + curvature.sloppy_words(found.information)},
+            "next_tests": planned.design_words(answer.design),
             "posterior": draws,
             "truth": study.truth,
-            "warnings": identification_doubts(answer),
+            "warnings": _doubts(answer),
             "settings": dict(options),
             "seconds": {"total": answer.seconds},
             "versions": versions() if sampled is None else sampled.versions,
         }
+    )  # fmt: skip
+
+
+def identified_table(found: Identification, sampled: Posterior | None = None) -> Table:
+    """The table of parameters.csv: limits by curvature, profile and posterior."""
+    by_name = {profile.name: profile for profile in found.profiles}
+    ends = None if sampled is None else sampled.quantiles((0.025, 0.975))
+    rows = []
+    for i, name in enumerate(found.selection.names):
+        profile, interval = by_name.get(name), _interval(found, i)
+        followed: list[Any] = [None] * 4
+        if profile:
+            followed = [profile.low, profile.high, profile.low_open, profile.high_open]
+        drawn: list[Any] = [None] * 6
+        if sampled is not None and ends is not None:
+            moments = (sampled.mean[i], sampled.sd[i], *ends[i])
+            drawn = [*moments, sampled.r_hat[i], sampled.effective_sample_size[i]]
+        known = _determined(found, i)
+        rows.append(
+            [name, float(found.values[i]), found.selection.unit(i), float(found.lower[i]),
+             float(found.upper[i]), bool(found.at_bound[i]),
+             float(found.information.standard_error[i]), *followed,
+             *(None if x is None else float(x) for x in drawn),
+             None if interval is None else interval.kind.value, known,
+             "" if known else _why(found, i)]
+        )  # fmt: skip
+    return Table([Column(name) for name in _COLUMNS], rows)
+
+
+def _shown(found: Identification, sampled: Posterior | None) -> Table:
+    """Estimates as people read them, with what curvature, profile and posterior say of each."""
+    table, more = curvature.information_table(found.information), []
+    records = identified_table(found, sampled).records()
+    if found.profiles:
+        ends = [[np.nan if row[f"profile_{end}_open"] or row[f"profile_{end}"] is None
+                 else row[f"profile_{end}"] for end in ("low", "high")] for row in records]
+        more.append(("95 % limits, by profile", [limits(*pair) or NONE for pair in ends]))
+    if sampled is not None:
+        drawn = [limits(row["posterior_low"], row["posterior_high"]) for row in records]
+        more.append(("95 % limits, by posterior", drawn))
+    at = table.names.index("scale")
+    columns = [*table.columns[:at], *(Column(head, words=True) for head, _ in more),
+               *table.columns[at:]]  # fmt: skip
+    rows = []
+    for i, (row, own) in enumerate(zip(table.rows, records, strict=True)):
+        cells = [*row[:at], *(cell[i] for _, cell in more), *row[at:]]
+        cells[1] = with_error(row[1], row[2])[0]
+        cells[-1] = curvature.remark(own["determined"], own["at_bound"])
+        rows.append(cells)
+    return dataclasses.replace(table, columns=columns, rows=rows)
+
+
+def _profiles_table(found: Identification) -> Table:
+    """Every point of every profile, profiles.csv."""
+    columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
+    rows = [
+        [one.name, value, rise, *others]
+        for one in found.profiles
+        for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)
+    ]
+    return Table([Column(name) for name in columns], rows)
+
+
+def _interval(found: Identification, i: int) -> Interval | None:
+    return found.intervals[i] if found.intervals else None
+
+
+def _determined(found: Identification, i: int) -> bool:
+    """By the profile; where none was followed, better known than before by the curvature."""
+    interval = _interval(found, i)
+    return bool(found.information.determined[i]) if interval is None else interval.kind.from_data
+
+
+def _why(found: Identification, i: int) -> str:
+    name, interval = found.selection.names[i], _interval(found, i)
+    if interval is not None and interval.kind is IntervalKind.PRIOR:
+        return f"{name} is known from its prior alone: the data do not narrow it."
+    if interval is not None and interval.kind is IntervalKind.NOT_COMPUTED:
+        return f"The 95 % limits of {name} could not be computed: {interval.reason}."
+    usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
+    return curvature.reason_words(found.information)[i] or usual
+
+
+def _fit_words(found: Identification) -> str:
+    """How the parameters were fitted, and by which noise."""
+    kind = "estimated from the misfit" if found.noise_estimated else "as given"
+    noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
+    return (
+        f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
+        f"numbers, noise {noise}."
     )
+
+
+def fit_doubts(found: Identification) -> list[str]:
+    """What a reader of the fit must know."""
+    notes = []
+    if not found.converged:
+        notes.append("The fit did not converge: free fewer parameters or start nearer.")
+    if found.lost:
+        notes.append(f"{found.lost} measured poses count nowhere: the start has no balance there.")
+    per_freedom = found.chi2 / max(found.spare, 1)
+    if not found.noise_estimated and found.spare > 0 and per_freedom > _MISFIT:
+        notes.append(
+            f"The fit misses the data by {np.sqrt(per_freedom):.2g} times the noise that was "
+            "given: the model lacks something, or the noise is larger; all limits are too narrow."
+        )
+    if found.spare <= 0:
+        notes.append(
+            f"{found.data} measured numbers for {len(found.values)} parameters: fewer data than "
+            "unknowns; what follows is what priors leave."
+        )
+    notes += [
+        f"Along the profile of {profile.name} chi squared falls {profile.better:.3g} below "
+        "the fit: there is a better fit; start the calibration from there."
+        for profile in found.profiles if profile.better
+    ]  # fmt: skip
+    if names := [n for n, on in zip(found.selection.names, found.at_bound, strict=True) if on]:
+        notes.append(
+            f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
+        )
+    return notes
+
+
+def _agreement(found: Identification, sampled: Posterior | None) -> list[str]:
+    """Where standard error, profile and posterior differ."""
+    by_name, bent, moved = {profile.name: profile for profile in found.profiles}, [], []
+    if not by_name:
+        return []
+    for i, name in enumerate(found.selection.names):
+        profile = by_name[name]
+        if found.intervals[i].kind is not IntervalKind.STANDARD_ERROR:
+            bent.append(name)
+        if sampled is not None and profile.closed:
+            drawn = sampled.quantiles((0.025, 0.975))[i]
+            moved += [name] * (not same_ends((profile.low, profile.high), drawn))
+    notes = ["Profiles agree with the standard errors: the problem is nearly linear."]
+    if bent:
+        notes = [
+            f"The standard error does not tell the limits of {', '.join(bent)}: the interval is "
+            "asymmetric, or a bound cuts it; use the profile."
+        ]
+    if moved:
+        notes.append(
+            f"Posterior and profile differ for {', '.join(moved)}: the prior speaks there, or the "
+            "valley is wider elsewhere."
+        )
+    elif sampled is not None:
+        notes.append("Posterior and profiles agree where the data limit a parameter.")
+    return notes

@@ -7,15 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.report.panels import both_signs, draw_matrix
-from kneejax.report.look.style import BLUE, GREEN, GREY, VERMILLION, WIDTH, readable, styled
+from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, both_signs
+from kneejax.report.look.style import Axes, Figure, readable, styled
+from kneejax.report.panels import draw_matrix, grid, plain_numbers
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.inference import Information, Profile
-
 
 # Decades that the axis of the spectrum shows below its longest bar.
 _DECADES = 8.0
@@ -34,28 +31,22 @@ def spectrum_figure(found: Information) -> Figure:
         Above, one bar per combination: how many times smaller its standard error is than its prior
         standard deviation. Below, the weights of the parameters in it.
     """
-    from matplotlib.figure import Figure
-
     free = ~found.at_bound
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
     n = len(names)
     if not n:
-        figure = Figure(figsize=(5.0, 0.6))
+        figure, panels = grid(1, 1, 0.8, width=5.0, left=0.1, top=0.1, bottom=0.1)
+        panels[0, 0].set_axis_off()
         figure.text(0.5, 0.5, "Every parameter is on a bound: nothing is free.", ha="center")
         return figure
     cell = min(0.44, 6.0 / max(n, 1))
     left, right = 0.062 * max(map(len, names), default=8) + 0.15, 1.0
-    above, bars, between, below = 0.32, 1.35, 0.12, 0.55
-    wide, height = left + cell * n + right, above + bars + between + cell * n + below
-    wide = max(wide, left + 3.4 + right)
-    matrix = cell * n / wide
-    figure = Figure(figsize=(wide, height))
-    top = figure.add_axes(
-        (left / wide, (below + cell * n + between) / height, matrix, bars / height)
-    )
-    table = figure.add_axes((left / wide, below / height, matrix, cell * n / height))
-
+    wide, tall = max(left + cell * n, left + 3.4) + right, cell * n
+    figure, ((top,), (table,)) = grid(
+        2, 1, tall + 2.34, width=wide, left=left, right=wide - left - tall, top=0.32, bottom=0.55,
+        apart=(0, 0.12), height_ratios=(1.35, tall),
+    )  # fmt: skip
     _draw_bars(top, better)
     weights = draw_matrix(
         table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
@@ -63,8 +54,7 @@ def spectrum_figure(found: Information) -> Figure:
         size=7.5 if n <= 20 else 5.5,
     )  # fmt: skip
     table.set_xlabel("Combination, from best determined to worst")
-    place = (left + 0.15) / wide + matrix, below / height, 0.1 / wide, cell * n / height
-    scale = figure.colorbar(weights, cax=figure.add_axes(place))
+    scale = figure.colorbar(weights, cax=table.inset_axes((1 + 0.15 / tall, 0, 0.1 / tall, 1)))
     scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)
     scale.ax.tick_params(length=0)
     scale.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
@@ -74,7 +64,7 @@ def spectrum_figure(found: Information) -> Figure:
 
 def _draw_bars(top: Axes, better: np.ndarray) -> None:
     """One bar per combination: how many times better it is known than before."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import LogLocator, NullLocator
 
     n = len(better)
     low = max(better.max(initial=1.0) * 10.0**-_DECADES, 1e-4)
@@ -100,7 +90,7 @@ def _draw_bars(top: Axes, better: np.ndarray) -> None:
     top.set_ylim(floor, most * (most / floor) ** 0.16)
     top.yaxis.set_major_locator(LogLocator(base=10, numticks=6))
     top.yaxis.set_minor_locator(NullLocator())
-    top.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    plain_numbers(top.yaxis)
     top.set_xlim(0, n)
     top.set_xticks([])
     top.grid(axis="x", visible=False)
@@ -121,16 +111,9 @@ def profiles_figure(
         Panels with the profile, the parabola of the standard error, and the confidence interval;
         an end that the data leave open says so.
     """
-    from matplotlib.figure import Figure
-
     rows = -(-len(profiles) // _COLUMNS)
-    height = 1.62 * rows + 0.55
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(rows, min(_COLUMNS, len(profiles)), squeeze=False, sharey=True)
-    figure.subplots_adjust(
-        left=0.075, right=0.975, top=1 - 0.25 / height, bottom=0.7 / height,
-        wspace=0.14, hspace=0.55,
-    )  # fmt: skip
+    figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
+                          bottom=0.7, apart=(0.22, 0.55), sharey=True)  # fmt: skip
     handles: dict[str, Any] = {}
     for axes, profile in zip(panels.flat, profiles, strict=False):
         handles |= _panel(axes, profile, (truth or {}).get(profile.name))
@@ -151,7 +134,9 @@ def _panel(axes: Axes, profile: Profile, truth: float | None) -> dict[str, Any]:
     top = 1.75 * profile.threshold
     axes.set_ylim(-0.04 * top, top)
     x, rise = _smooth(profile)
-    left, right = _limits(profile)
+    left, right = float(profile.values[0]), float(profile.values[-1])
+    pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
+    left, right = left - pad, right + pad
     axes.set_xlim(left, right)
     handles = {}
     handles["95 % confidence"] = axes.axvspan(
@@ -188,12 +173,6 @@ def _panel(axes: Axes, profile: Profile, truth: float | None) -> dict[str, Any]:
     axes.locator_params(axis="x", nbins=3)
     axes.tick_params(labelsize=7)
     return handles
-
-
-def _limits(profile: Profile) -> tuple[float, float]:
-    left, right = float(profile.values[0]), float(profile.values[-1])
-    pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
-    return left - pad, right + pad
 
 
 def _smooth(profile: Profile) -> tuple[np.ndarray, np.ndarray]:

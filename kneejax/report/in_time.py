@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,16 +11,13 @@ from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coord
 from kneejax.inference.transients import FittedTransient, Recorded
 from kneejax.mechanics import NAMED_LOADS, load_words
 from kneejax.report.extensor import extensor_table
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
-from kneejax.report.look.style import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION, styled
+from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
-from kneejax.report.pose_tables import contact_forces, digits, force_table, peak_table, text_of
+from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
+from kneejax.report.pose_tables import contact_forces, force_table, peak_table
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
 
 _COLORS = (BLUE, VERMILLION, GREEN)
 _ENERGIES = {
@@ -32,17 +27,7 @@ _ENERGIES = {
 
 @styled
 def transient_figure(found: Transient, title: str, recorded: Recorded | None = None) -> Figure:
-    """Draw a motion through time.
-
-    Args:
-        found: the motion.
-        title: of the whole.
-        recorded: drawn as dots, where there is a record.
-
-    Returns:
-        Six panels: translations, and rotations but flexion, as changes from the start, with the
-        balance under the last loads dashed; loads or flexion; ligaments; contacts; energies.
-    """
+    """Draw a motion through time."""
     figure, panels = panel_grid(3, 2, 7.0, title, shared=True)
     motion, time, names = found.trajectory, found.time_s, list(COORDINATES)
     table, knee = motion.to_table(), motion.moving.knee
@@ -86,16 +71,7 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
 
 @styled
 def motor_raise_figure(found: RaisedLeg, title: str) -> Figure:
-    """Draw a leg that is raised over its flexion, and by points one that is held there.
-
-    Args:
-        found: the leg.
-        title: of the whole.
-
-    Returns:
-        Six panels: flexion over time, the quadriceps' pull, both bones, ligaments, and how far the
-        motion is from a leg that is held.
-    """
+    """Draw a leg that is raised over its flexion, and by points one that is held there."""
     figure, panels = panel_grid(3, 2, 7.8, title)
     one, motion, at = found.transient, found.transient.trajectory, found.held.flexion_deg
     table, names = motion.to_table(), motion.names
@@ -147,13 +123,8 @@ _ROWS = 9
 
 
 def transient_answer(
-    name: str,
-    experiment: str,
-    found: Transient,
-    *,
-    recorded: Recorded | None = None,
-    fit: FittedTransient | None = None,
-    convention: str = FEMORAL,
+    name: str, experiment: str, found: Transient, *, recorded: Recorded | None = None,
+    fit: FittedTransient | None = None, convention: str = FEMORAL,
 ) -> Answer:
     """A motion through time.
 
@@ -178,7 +149,7 @@ def transient_answer(
     if fit is not None:
         tables["damping"] = _damping_table(fit)
         main.insert(0, "damping")
-        said = [text_of(tables["damping"])]
+        said = [tables["damping"].text()]
         doubts += _not_found(fit)
     exact = [*_how_exact(found)]
     return Answer(
@@ -189,16 +160,11 @@ def transient_answer(
         sentence=_sentence(moved, found) if fit is None else _found(fit),
         tables=tables,
         main=main,
-        drawings={
-            "motion": Drawing(
-                functools.partial(transient_figure, found, title, recorded),
-                "Changes from the start; dashed: the balance under the last loads.",
-            )
-        },
+        drawings={"motion": Drawing(transient_figure, found, title, recorded)},
         picture="motion",
         doubts=doubts,
         sections=[*_sections(found), Section("Loads, time steps and energy", [*notes, *exact])],
-        text="\n".join([title, text_of(moved), *notes, *exact, *said, *doubts]),
+        text="\n".join([title, moved.text(), *notes, *exact, *said, *doubts]),
         exit_status=_exit_status(found) or int(fit is not None and not fit.converged),
     )
 
@@ -224,9 +190,9 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
         for k, row in zip(picked, np.asarray(found.rows)[picked], strict=True)
     ]  # fmt: skip
     columns = [
-        Column("time_s", "time, s", digits(2)), Column("flexion_deg", "flexion, deg", digits(2)),
-        Column("quadriceps_N", "quadriceps, N", digits(1)), Column("held_N", "held, N", digits(1)),
-        Column("patella_flexion_deg", "patella, deg", digits(2)),
+        Column("time_s", "time, s", ".2f"), Column("flexion_deg", "flexion, deg", ".2f"),
+        Column("quadriceps_N", "quadriceps, N", ".1f"), Column("held_N", "held, N", ".1f"),
+        Column("patella_flexion_deg", "patella, deg", ".2f"),
     ]  # fmt: skip
     raised = Table(columns, rows, note="Held: the quadriceps force that holds the leg there.")
     sentence = "The leg was nowhere at a flexion at which it was held."
@@ -247,19 +213,14 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
         sentence=f"{sentence[:1].upper()}{sentence[1:]}.",
         tables=_motion_tables(one, convention) | {"extensor": held},
         main=[raised],
-        drawings={
-            "raised_leg": Drawing(
-                functools.partial(motor_raise_figure, found, title),
-                "Lines: the leg that is raised; dots: held at each flexion.",
-            )
-        },
+        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)},
         picture="raised_leg",
         doubts=doubts,
         sections=[
             Section("The leg that is held", tables=["extensor"]), *_sections(one),
             Section("Time steps and energy", exact),
         ],
-        text="\n".join([title, text_of(raised), sentence, *exact, *doubts]),
+        text="\n".join([title, raised.text(), sentence, *exact, *doubts]),
         exit_status=_exit_status(one),
     )  # fmt: skip
 
@@ -314,13 +275,12 @@ def _moved(found: Transient) -> Table:
     """Where each coordinate began, how far it went, and where it ended."""
     motion, table = found.trajectory, found.trajectory.to_table()
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    two = digits(2)
     columns = [
-        Column("coordinate", " ", words=True), Column("start", show=two), Column("peak", show=two),
-        Column("peak_s", "at, s", digits(3)), Column("end", show=two),
+        Column("coordinate", " ", words=True), Column("start", show=".2f"),
+        Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"), Column("end", show=".2f"),
     ]  # fmt: skip
     if rest is not None:
-        columns += [Column("rest", "at rest", two), Column("overshoot", show=two)]
+        columns += [Column("rest", "at rest", ".2f"), Column("overshoot", show=".2f")]
     rows = []
     for k, name in enumerate(motion.names[:6]):
         values, away = table[:, k], np.abs(table[:, k] - table[0, k])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.parameters import unit_of_quantity
+from kneejax.report.look.page import prose
 from kneejax.report.look.tables import (
     NONE,
     Column,
@@ -24,7 +24,6 @@ from kneejax.report.look.tables import (
 if TYPE_CHECKING:
     from kneejax.inference import Information
 
-
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
 # What is left out may widen the standard error of the rest this many times, and is else mentioned.
@@ -33,28 +32,15 @@ _NEARLY = 5.0
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
-#: How the table of what data determine by curvature is read.
-CURVATURE = (
-    "A standard error is how far an estimate is typically off; the prior SD is the spread between "
-    "knees. Data determine a parameter whose standard error is smaller than its prior SD."
-)
 #: Columns of a table of what the data determine of each parameter.
 INFORMATION_COLUMNS = (
     "name", "value", "standard_error", "unit", "scale", "times_better", "determined", "at_bound",
-    "reason",
+    "reason", "remark",
 )  # fmt: skip
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
     """Where a ligament is slack, as ranges of flexion.
-
-    Args:
-        flexion_deg: `(n,)`, in any order; a flexion that occurs twice counts as slack where every
-            pose there is.
-        slack: `(n,)`.
-
-    Returns:
-        E.g. `above 40 degrees`: from there on every measured pose is slack. Empty if none is.
 
     Example:
         >>> slack_words([0, 20, 40, 60, 80], [True, False, False, True, True])
@@ -119,24 +105,25 @@ def information_table(found: Information) -> Table:
             unit_of_quantity(name.split(".", 1)[-1]), float(found.scale[i]),
             float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
             bool(found.at_bound[i]), reasons[i],
+            remark(bool(found.determined[i]), bool(found.at_bound[i])),
         ]
         for i, name in enumerate(found.names)
     ]  # fmt: skip
-    two = functools.partial(number, digits=2)
     columns = [
         Column("name", "parameter", words=True), Column("value"),
-        Column("standard_error", "std. error", _error), Column("unit", words=True),
-        Column("scale", "prior SD", functools.partial(trimmed, digits=3)),
-        Column("times_better", "times better", lambda value: two(value) if value else NONE),
-        Column("determined", "determined", words=True),
-        Column("at_bound", " ", lambda on: "at bound" if on else "", words=True),
-        Column("reason", shown=False),
+        Column("standard_error", "standard, error",
+               lambda error: "unlimited" if np.isinf(error) else number(error, 2)),
+        Column("unit", words=True), Column("scale", "prior, SD", lambda scale: trimmed(scale, 3)),
+        Column("times_better", "better, times", lambda x: number(x, 2) if x else NONE),
+        *(Column(name, shown=False) for name in ("determined", "at_bound", "reason")),
+        Column("remark", " ", words=True),
     ]  # fmt: skip
     return Table(columns, rows)
 
 
-def _error(value: float) -> str:
-    return "unlimited" if np.isinf(value) else number(value, 2)
+def remark(determined: bool, at_bound: bool) -> str:
+    """In few words what a parameter is not."""
+    return ", ".join(["not determined"] * (not determined) + ["at bound"] * at_bound)
 
 
 def information_words(found: Information) -> list[str]:
@@ -151,20 +138,19 @@ def information_words(found: Information) -> list[str]:
     return words
 
 
-def information_text(found: Information) -> str:
-    """Say on a terminal what the data determine and what not.
+def information_text(found: Information, *, table: bool = True) -> str:
+    """What the data determine and what not, for a terminal.
 
     Args:
         found: information and estimates.
+        table: whether the table of parameters stands in it.
 
     Returns:
         Lines of fewer than 100 columns, without a final line break.
     """
-    lines = wrapped(
-        f"What the data tell ({found.data} measured numbers, {len(found.names)} parameters). "
-        f"{CURVATURE}"
-    )
-    lines += ["", information_table(found).terminal(), ""]
+    about = f"{found.data} measured numbers, {len(found.names)} parameters"
+    lines = wrapped(f"What the data determine ({about}). {prose('curvature')}")
+    lines += ["", information_table(found).terminal(), ""] if table else [""]
     for sentence in information_words(found):
         lines += wrapped(sentence)
     for sentence in filter(None, reason_words(found)):
@@ -249,7 +235,7 @@ def _loose_combination(found: Information, index: int) -> str:
     vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
     rows = _named(vector)
     changes = [
-        f"{plain(names[row])} by {_signed(vector[row] * scale[row])}{unit_after(names[row])}"
+        f"{plain(names[row])} by {short(vector[row] * scale[row], '+')}{unit_after(names[row])}"
         for row in rows
     ]
     trace = float(np.sqrt(eigenvalues[index]) * np.linalg.norm(vector))
@@ -266,10 +252,6 @@ def noise_words(deviations: float) -> str:
     size = "less than 0.001" if deviations < 1e-3 else short(deviations)
     seen = "would be invisible" if deviations < 1.0 else "would hardly show"
     return f"{seen} ({size} x noise)"
-
-
-def _signed(value: float) -> str:
-    return short(value) if value < 0 else f"+{short(value)}"
 
 
 def _reason(found: Information, row: int) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -11,17 +10,14 @@ import numpy as np
 
 from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
+from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.style import BLACK, GREY, PARTS, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table, wrapped
-from kneejax.report.pose_tables import text_of
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import NONE, Column, Table, text_of, wrapped
+from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.joints import Comparison
-
 
 _NAMES = {
     "ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction", "AA": "Adduction",
@@ -33,9 +29,7 @@ _DENSE = 20
 
 @styled
 def joint_comparison_figure(
-    found: Comparison,
-    flexion_deg: np.ndarray,
-    curves: Mapping[str, np.ndarray],
+    found: Comparison, flexion_deg: np.ndarray, curves: Mapping[str, np.ndarray],
     subject_flexion_deg: np.ndarray | None = None,
 ) -> Figure:
     """Draw measured points and modelled curves: a row per clinical measure, a column per model.
@@ -50,7 +44,6 @@ def joint_comparison_figure(
     Returns:
         The figure; points that models were calibrated on are filled.
     """
-    from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
     names = list(curves)[:_MOST_COLUMNS]
@@ -60,11 +53,9 @@ def joint_comparison_figure(
         shown = subject_flexion_deg
     # One column would leave the page half empty, four need all of it.
     width = {1: 0.55, 2: 0.85}.get(len(names), 1.0) * WIDTH
-    figure = Figure(figsize=(width, 8.4))
-    panels = figure.subplots(len(MEASURES), len(names), sharex=True, sharey="row", squeeze=False)
-    figure.subplots_adjust(
-        left=0.78 / width, right=1.0 - 0.08 / width, top=0.925, bottom=0.055, wspace=0.07,
-        hspace=0.12,
+    figure, panels = grid(
+        len(MEASURES), len(names), 8.4, width=width, left=0.78, right=0.08, top=0.63, bottom=0.46,
+        apart=(0.1, 0.17), sharex=True, sharey="row",
     )  # fmt: skip
     for row, measure in enumerate(MEASURES):
         for column, name in enumerate(names):
@@ -128,13 +119,9 @@ _TEST_COLUMNS = (
 
 
 def comparison_answer(
-    found: Comparison,
-    curves: Mapping[str, np.ndarray] | None = None,
-    curve_flexion_deg: np.ndarray | None = None,
-    subject_flexion_deg: np.ndarray | None = None,
-    *,
-    doubts: Sequence[str] = (),
-    settings: Mapping[str, Any] | None = None,
+    found: Comparison, curves: Mapping[str, np.ndarray] | None = None,
+    curve_flexion_deg: np.ndarray | None = None, subject_flexion_deg: np.ndarray | None = None, *,
+    doubts: Sequence[str] = (), settings: Mapping[str, Any] | None = None,
 ) -> Answer:
     """How far models are from what was measured.
 
@@ -159,10 +146,9 @@ def comparison_answer(
     )
     drawings = {}
     if curves is not None:
-        draw = functools.partial(
+        drawings["joints"] = Drawing(
             joint_comparison_figure, found, curve_flexion_deg, curves, subject_flexion_deg
         )
-        drawings["joints"] = Drawing(draw, "Filled points: a model was calibrated on them.")
     notes, gaps = [*comparison_notes(found)], [*comparison_doubts(found)]
     doubts = [*doubts, *gaps]
     motions, differences = [*_motions(found)], [*_differences(found)]

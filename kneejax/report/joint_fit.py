@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,32 +10,26 @@ import numpy as np
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
 from kneejax.joints import CondyleAxes, Joint, JointFit
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.style import (
+from kneejax.report.look.colours import (
     BLACK,
     BLUE,
     GREEN,
     GREY,
     LIGHT,
-    MEASURED,
     ORANGE,
     PURPLE,
-    SHOWN,
     SKY,
     VERMILLION,
-    WIDTH,
-    styled,
-    verbatim,
 )
-from kneejax.report.look.tables import Column, Table, wrapped
-from kneejax.report.pose_tables import digits, pose_columns, text_of
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, columns_of, wrapped
+from kneejax.report.panels import coordinate_panels, grid, part_legend
+from kneejax.report.pose_tables import pose_columns
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
-
 
 _MOST_POINTS = 4000
 _MARGIN_MM = 30.0
@@ -54,32 +47,17 @@ _VIEWS = (
 
 @styled
 def joint_axes_figure(
-    moving: Joint,
-    hinge: Joint | None = None,
-    points: ArrayLike | None = None,
+    moving: Joint, hinge: Joint | None = None, points: ArrayLike | None = None,
     axes: CondyleAxes | None = None,
 ) -> Figure:
-    """The axes of a joint in the femur, seen from three sides.
-
-    Args:
-        moving: a joint with two or more calibration angles.
-        hinge: one with a single axis.
-        points: of the femur's mesh, shape `(n, 3)`, mm.
-        axes: facets that were fitted to them; their circles are drawn in the view from the side.
-
-    Returns:
-        The figure.
-    """
-    from matplotlib.figure import Figure
-
+    """The axes of a joint in the femur, seen from three sides."""
     cloud = None if points is None else np.asarray(points, float)
     low, high = _window(moving, hinge, cloud)
     span = high - low
     widths = [span[across] for _, across, *_ in _VIEWS]
     tallest = max(span[up] for _, _, up, *_ in _VIEWS)
     height = 1.1 + (WIDTH - 1.5) * tallest / sum(widths)
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    panels = figure.subplots(1, 3, width_ratios=widths)
+    figure, (panels,) = grid(1, 3, height, constrained=True, width_ratios=widths)
     handles: dict[str, object] = {}
     for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
         panel.set_title(title)
@@ -104,55 +82,33 @@ def joint_axes_figure(
 
 @styled
 def joint_motion_figure(
-    joints: Mapping[str, Joint],
-    measured: ArrayLike,
-    rows: ArrayLike,
-    flexion_deg: ArrayLike,
+    joints: Mapping[str, Joint], measured: ArrayLike, rows: ArrayLike, flexion_deg: ArrayLike,
     label: str = "measured",
 ) -> Figure:
-    """The five coordinates of joints over flexion, beside measured poses.
-
-    Args:
-        joints: name -> joint.
-        measured: shape `(n, 6)`, degrees and mm, in the order of `kneejax.geometry.COLUMNS`.
-        rows: of the measured poses on which the first joint was calibrated.
-        flexion_deg: where the joints are drawn, shape `(m,)`, increasing.
-        label: what the poses are called; those of a contact knee were not measured.
-
-    Returns:
-        The figure.
-    """
-    from matplotlib.figure import Figure
-
+    """The five coordinates of joints over flexion, beside measured poses."""
     measured, flexion = np.asarray(measured, float), np.asarray(flexion_deg, float)
-    label = verbatim(label)
-    figure = Figure(figsize=(WIDTH, 4.3), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
+    figure, panels, words = coordinate_panels(flexion)
     handles: dict[str, object] = {}
-    angle = np.deg2rad(flexion)
+    angle, label = np.deg2rad(flexion), verbatim(label)
     tables = {name: np.asarray(joint.pose(angle).to_table()) for name, joint in joints.items()}
-    for panel, name in zip(panels, SHOWN, strict=False):
+    small = {"markersize": 2.6, "markeredgewidth": 0, "alpha": 0.55, "linestyle": "none"}
+    used = measured[np.asarray(rows, int)]
+    ends = np.rad2deg(np.asarray(next(iter(joints.values())).flexion))[[0, -1]]
+    for name, panel in panels.items():
         i = list(COORDINATES).index(name)
-        small = {"markersize": 2.6, "markeredgewidth": 0, "alpha": 0.55, "linestyle": "none"}
-        (handles[label],) = panel.plot(
-            measured[:, 0], measured[:, i], marker="o", color=GREY, **small
-        )
+        (handles[label],) = panel.plot(measured[:, 0], measured[:, i], "o", color=GREY, **small)
         for color, (joint, table) in zip(_CURVES, tables.items(), strict=False):
             dashes = "-" if color == _CURVES[0] else "--"
             (handles[joint],) = panel.plot(flexion, table[:, i], color=color, linestyle=dashes)
-        used = measured[np.asarray(rows, int)]
         (handles["calibration poses"],) = panel.plot(
-            used[:, 0], used[:, i], "o", markersize=5, markerfacecolor="none", color=MEASURED
+            used[:, 0], used[:, i], "o", markersize=5, markerfacecolor="none", color=BLACK
         )
-        ends = np.rad2deg(np.asarray(next(iter(joints.values())).flexion))[[0, -1]]
         for low, high in ((flexion[0], ends[0]), (ends[1], flexion[-1])):
             if low < high:
                 fixed = panel.axvspan(low, high, color=LIGHT, alpha=0.6, linewidth=0, zorder=0)
                 handles["outside: the axis stays"] = fixed
         panel.set_title(COORDINATES[name].axis_label)
-        panel.set_xlabel("Flexion, deg")
-    panels[-1].set_axis_off()
-    panels[-1].legend(list(handles.values()), list(handles), loc="center left")
+    part_legend(words, handles, (0.0, 0.86), fontsize=8)
     return figure
 
 
@@ -218,22 +174,17 @@ _FACETS = (
     "center_lateral_mm", "center_error_mm", "direction_anterior", "direction_superior",
     "direction_lateral", "direction_error_deg", "own_direction",
 )  # fmt: skip
-_SHOWN = {"radius_mm": ("radius, mm", 1), "rms_mm": ("rms, mm", 2),
-          "center_error_mm": ("centre known to, mm", 2)}  # fmt: skip
+_SHOWN = {
+    "side": (), "facet": (), "points": ("", "d"), "radius_mm": ("radius, mm", ".1f"),
+    "rms_mm": ("rms, mm", ".2f"), "center_error_mm": ("centre known to, mm", ".2f"),
+    "own_direction": (),
+}  # fmt: skip
 
 
 def joint_fit_answer(
-    fit: JointFit,
-    name: str,
-    table: np.ndarray,
-    flexion: np.ndarray,
-    *,
-    status: Sequence[Status] = (),
-    hinge: str = "",
-    facets: CondyleAxes | None = None,
-    regions: str = "",
-    surface: np.ndarray | None = None,
-    doubts: Sequence[str] = (),
+    fit: JointFit, name: str, table: np.ndarray, flexion: np.ndarray, *,
+    status: Sequence[Status] = (), hinge: str = "", facets: CondyleAxes | None = None,
+    regions: str = "", surface: np.ndarray | None = None, doubts: Sequence[str] = (),
     document: Mapping[str, Any] | None = None,
 ) -> Answer:
     """What simple joints keep of a motion, and what they lose.
@@ -285,7 +236,7 @@ def joint_fit_answer(
         sections.append(Section("Facets of the condyles", [regions], ["facets"]))
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     sections.insert(0, Section("Axes in the femur", drawings=["axes"]))
-    text += [text_of(errors), *(line for one in doubts for line in wrapped(one, "! "))]
+    text += [errors.text(), *(line for one in doubts for line in wrapped(one, "! "))]
     worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
     rmse = {
         joint: dict(zip(FREE_COORDINATES, row, strict=True))
@@ -301,17 +252,11 @@ def joint_fit_answer(
         tables=tables,
         main=[errors],
         drawings={
-            "axes": Drawing(
-                functools.partial(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
-                "The axes in the femur, from three sides.",
-            ),
+            "axes": Drawing(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
             "motion": Drawing(
-                functools.partial(
-                    joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table, fit.rows,
-                    dense, name,
-                ),
-                "The joints over flexion; circles mark the poses that they were calibrated on.",
-            ),
+                joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table, fit.rows, dense,
+                name,
+            ),  # fmt: skip
         },
         picture="motion",
         doubts=doubts,
@@ -330,7 +275,7 @@ def _error_columns() -> list[Column]:
     heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
     units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
     pairs = zip(FREE_COORDINATES, heads, units, strict=True)
-    return [Column(name, f"{head}, {unit}", digits(3)) for name, head, unit in pairs]
+    return [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
 
 
 def _facet_table(axes: CondyleAxes) -> Table:
@@ -342,12 +287,5 @@ def _facet_table(axes: CondyleAxes) -> Table:
         ]
         for f in axes.facets
     ]  # fmt: skip
-    columns = []
-    for name in _FACETS:
-        head, count = _SHOWN.get(name, ("", 0))
-        shown = name in (*_SHOWN, "side", "facet", "points", "own_direction")
-        show = digits(count) if count else None
-        show = str if name == "points" else show
-        columns.append(Column(name, head, show, words=name in ("side", "facet"), shown=shown))
     note = "Without a direction of its own a facet has that of the transverse axis."
-    return Table(columns, rows, note=note)
+    return Table(columns_of(_FACETS, _SHOWN, ("side", "facet")), rows, note=note)

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax.geometry import Condyle
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.style import GREY, styled
-from kneejax.report.look.tables import Column, Table
-from kneejax.report.pose_tables import digits
+from kneejax.report.look.colours import GREY
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import Figure, styled
+from kneejax.report.look.tables import Column, Table, columns_of
+from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from kneejax.geometry import SurfaceFit
+
 
 
 @styled
@@ -38,8 +37,6 @@ def surface_fit_figure(
         The figure, on one scale of colours that ends at the largest 98th percentile of a panel.
         Points beyond it are ringed; the largest residual stands in the title.
     """
-    from matplotlib.figure import Figure
-
     inside = {
         title: np.ones(len(fit.points), bool) if (regions or {}).get(title) is None
         else np.asarray((regions or {})[title], bool)
@@ -49,9 +46,10 @@ def surface_fit_figure(
     limit = float(max(ends, default=0.0)) or 1.0
     columns = min(len(fits), 2)
     rows = -(-len(fits) // columns)
-    figure = Figure(figsize=(3.6 * columns, 3.2 * rows), layout="constrained")
-    for number, (title, fit) in enumerate(fits.items(), 1):
-        axes = figure.add_subplot(rows, columns, number)
+    figure, panels = grid(rows, columns, 3.2 * rows, width=3.6 * columns, constrained=True)
+    for axes in panels.flat[len(fits) :]:
+        axes.remove()
+    for axes, (title, fit) in zip(panels.flat, fits.items(), strict=False):
         dots = _draw(axes, title, fit, inside[title], limit)
     bar = figure.colorbar(dots, ax=figure.axes, shrink=0.6, aspect=30, extend="both")
     bar.set_label("distance outside the fit, mm (ringed: beyond the scale)")
@@ -110,14 +108,9 @@ _FITS = (
     "held_out_rms_mm",
 )  # fmt: skip
 _SHOWN = {
-    "rms_mm": "rms, mm", "max_mm": "at most, mm", "patch_mean_max_mm": "worst patch, mm",
-    "held_out_rms_mm": "held out, mm",
+    "surface": (), "rms_mm": ("rms, mm", ".3f"), "max_mm": ("at most, mm", ".3f"),
+    "patch_mean_max_mm": ("worst patch, mm", ".3f"), "held_out_rms_mm": ("held out, mm", ".3f"),
 }  # fmt: skip
-_FIT_NOTE = (
-    "rms, max and mean are normal distances of the mesh's corners in the contact region, weighted "
-    "by the area that each stands for; patch means are formed over 5 mm; held-out distances are of "
-    "corners that the fit did not see, 4 mm patches at a time."
-)
 _MISSED = "doubtful: a surface misses its target; the report says which"
 
 
@@ -139,11 +132,8 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
             name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms, q.maximum,
             q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms, q.held_out_rms,
         ])  # fmt: skip
-    columns = [
-        Column(x, _SHOWN.get(x, ""), digits(3) if x in _SHOWN else None, words=x == "surface",
-               shown=x in _SHOWN or x == "surface")
-        for x in _FITS
-    ]  # fmt: skip
+    columns = columns_of(_FITS, _SHOWN, ("surface",))
+    fits_table = Table(columns, rows, "What the fits leave over, mm", prose("fit_report"))
     worst = max(rows, key=lambda row: row[5])
     return Answer(
         title="Surfaces from meshes",
@@ -151,16 +141,13 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
         verdict=Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
         sentence=f"The worst, {worst[0]}, is {worst[5]:.3f} mm rms off its mesh in the contact "
         f"region and {worst[6]:.2f} mm at most.",
-        tables={"fit_report": Table(columns, rows, "What the fits leave over, mm", _FIT_NOTE)},
+        tables={"fit_report": fits_table},
         main=["fit_report"],
         drawings={
             "surface_fits": Drawing(
-                functools.partial(
-                    surface_fit_figure, {name: part.fit for name, part in fits.items()},
-                    {name: part.region for name, part in fits.items()},
-                ),
-                "Distance of the mesh from its surface; condyles are unrolled.",
-            )
+                surface_fit_figure, {name: part.fit for name, part in fits.items()},
+                {name: part.region for name, part in fits.items()},
+            ),  # fmt: skip
         },
         picture="surface_fits",
         doubts=[_MISSED] if doubtful else [],
@@ -171,13 +158,8 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
 
 
 def osim_import_answer(
-    name: str,
-    said: Sequence[str],
-    sections: Mapping[str, Sequence[str]],
-    ligaments: Mapping[str, Mapping[str, Any]],
-    doubts: Sequence[str],
-    *,
-    missed: bool = False,
+    name: str, said: Sequence[str], sections: Mapping[str, Sequence[str]],
+    ligaments: Mapping[str, Mapping[str, Any]], doubts: Sequence[str], *, missed: bool = False,
 ) -> Answer:
     """A knee from an OpenSim model.
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import itertools
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import numpy as np
@@ -14,19 +13,14 @@ from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxit
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
 from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section
-from kneejax.report.panels import flexion_axis, mark_status
-from kneejax.report.look.style import BLUE, GREY, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.look.tables import Column, Table
-from kneejax.report.pose_tables import digits, force_table, pose_table, text_of, verdict_of
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, text_of
+from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
+from kneejax.report.pose_tables import force_table, pose_table, verdict_of
 from kneejax.statics import Status, converged
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-
-_PANEL = 2.7  # inches high
 #: Flexions with a curve each; of more, evenly chosen ones are named.
 _MOST_NAMED = 8
 #: Of a displacement, by what it is counted from.
@@ -45,53 +39,34 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         Displacements to the right, loads upwards, as laxity papers draw them. Where a knee gives
         way or is no knee any more, a cross marks the last load that it held.
     """
-    figure, panels = _panels(len(curves), 0.8)
-    for axes, one, own in zip(panels, curves, status, strict=True):
-        _curves_panel(axes, one, own)
+    from matplotlib import colormaps
+
+    figure, panels = _panels(len(curves), 1.4)
+    for axes, one, own in zip(panels[:, 0], curves, status, strict=True):
+        test, loads = one.test, np.asarray(one.driving_load)
+        moved, held = np.asarray(one.displacement_by_load), [_ends(one.part, x) for x in own]
+        colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(moved)))
+        every, shown = max(1, -(-len(moved) // _MOST_NAMED)), {}
+        for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
+            (line,) = axes.plot(x, load, color=color)
+            shown |= {f"{test.flexion_deg[k]:g}": line} if k % every == 0 else {}
+            axes.plot(x[held[k]], load[held[k]], "x", color=VERMILLION, markersize=5, zorder=5)
+        if any(held):
+            (shown["last load held"],) = axes.plot([], [], "x", color=VERMILLION, markersize=5)
+        kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        axes.axvline(0.0, color=GREY, linewidth=0.5)
+        axes.set_title(verbatim(f"{test.name}: {test.words}"))
+        axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
+        axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+        part_legend(axes, shown, (1.02, 1.02), title="Flexion, deg", title_fontsize=8,
+                    handlelength=1.6)  # fmt: skip
     return figure
 
 
-def _panels(count: int, right: float) -> tuple[Figure, np.ndarray]:
+def _panels(count: int, right: float):
     """Panels one below the other, with room for legends to the right."""
-    from matplotlib.figure import Figure
-
-    height = _PANEL * count + 0.35
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(count, 1, squeeze=False)[:, 0]
-    figure.subplots_adjust(
-        left=0.1, right=right, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.42
-    )
-    return figure, panels
-
-
-def _curves_panel(axes: Axes, one: Curves, status: np.ndarray) -> None:
-    from matplotlib import colormaps
-
-    test = one.test
-    loads = np.asarray(one.driving_load)
-    moved = np.asarray(one.displacement_by_load)
-    colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(moved)))
-    every = max(1, -(-len(moved) // _MOST_NAMED))
-    for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
-        label = f"{test.flexion_deg[k]:g}" if k % every == 0 else None
-        axes.plot(x, load, color=color, label=label)
-        ends = _ends(one.part, status[k])
-        if ends:
-            axes.plot(x[ends], load[ends], "x", color=VERMILLION, markersize=5, zorder=5)
-    kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.axvline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title(verbatim(f"{test.name}: {test.words}"))
-    axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
-    axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
-    handles, labels = axes.get_legend_handles_labels()
-    if any(_ends(one.part, own) for own in status):
-        (mark,) = axes.plot([], [], "x", color=VERMILLION, markersize=5)
-        handles, labels = [*handles, mark], [*labels, "last load held"]
-    axes.legend(
-        handles, labels, title="Flexion, deg", title_fontsize=8, loc="upper left",
-        bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5, handlelength=1.6,
-    )  # fmt: skip
+    return grid(count, 1, 2.7 * count + 0.35, left=0.7, right=right, apart=(0, 0.8))
 
 
 def _ends(part: np.ndarray, status: np.ndarray) -> list[int]:
@@ -123,10 +98,9 @@ def laxity_figure(
         A panel for each test; published means, with two standard deviations where they are known;
         of cut knees the legend says what they are counted from.
     """
-    figure, panels = _panels(len(curves), 0.72)
-    for axes, one in zip(panels, curves, strict=True):
-        rows = [x for x in found if x.test == one.test.name]
-        _laxity_panel(axes, one, rows, bands)
+    figure, panels = _panels(len(curves), 1.96)
+    for axes, one in zip(panels[:, 0], curves, strict=True):
+        _laxity_panel(axes, one, [x for x in found if x.test == one.test.name], bands)
     return figure
 
 
@@ -134,7 +108,7 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
     test = one.test
     flexion = np.array([x.flexion_deg for x in rows])
     kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
-    drawn: list[Any] = []
+    drawn: dict[str, Any] = {}
     by_load = test.displacement is None
     for band in bands if by_load and not test.held else ():
         one_way = band.end in ("positive", "negative")
@@ -145,39 +119,25 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
                 elinewidth=0.8, capsize=2, zorder=1,
             )  # fmt: skip
             counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
-            drawn.append((points, f"{band.label}:\nmean, two SD where known{counted}"))
+            drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
     ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
-    for name, word, color in zip(
-        ends, (kind.positive, kind.negative), (BLUE, VERMILLION), strict=True
-    ):
+    words = (kind.positive, kind.negative)
+    for name, word, color in zip(ends, words, (BLUE, VERMILLION), strict=True):
         y = np.array([getattr(x, name) for x in rows])
         if np.isfinite(y).any():
-            (line,) = axes.plot(flexion, y, "o-", color=color, markersize=3)
-            drawn.append((line, word))
-    status = np.array([int(x.status) for x in rows])
-    marks = mark_status(axes, flexion, status, VERMILLION, 0.03)
-    drawn += [(handle, entry) for entry, handle in marks.items()]
+            (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
+    drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set_title(verbatim(f"{test.name}: {test.words}"))
     change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
     axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
     flexion_axis(axes, flexion)
-    handles, labels = zip(*drawn, strict=True) if drawn else ((), ())
-    axes.legend(
-        handles, [verbatim(x) for x in labels], loc="upper left", bbox_to_anchor=(1.02, 1.02),
-        borderaxespad=0, fontsize=7.5, handlelength=1.6,
-    )  # fmt: skip
+    part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
 
 
 def laboratory_answer(
-    name: str,
-    knee: Knee,
-    curves: Sequence[Curves],
-    mechanics: Mechanics,
-    *,
-    second: Sequence[np.ndarray] = (),
-    bands: Sequence[Any] = (),
-    convention: str = FEMORAL,
+    name: str, knee: Knee, curves: Sequence[Curves], mechanics: Mechanics, *,
+    second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
 ) -> Answer:
     """What tests under load tell of a knee.
 
@@ -215,15 +175,8 @@ def laboratory_answer(
         },
         main=shown,
         drawings={
-            "laxity": Drawing(
-                functools.partial(laxity_figure, curves, found, bands),
-                "Laxity over flexion. Crosses mark angles at which the knee does not hold the "
-                "load; squares are published means with two standard deviations where known.",
-            ),
-            "curves": Drawing(
-                functools.partial(load_figure, curves, status),
-                "Load against displacement, a curve for each angle of flexion.",
-            ),
+            "laxity": Drawing(laxity_figure, curves, found, bands),
+            "curves": Drawing(load_figure, curves, status),
         },
         picture="laxity",
         doubts=doubts,
@@ -234,26 +187,20 @@ def laboratory_answer(
 
 
 def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
-    """Laxity for people: a row for each angle, units in the headings.
-
-    Args:
-        curves: of one test.
-        rows: its laxities.
-    """
+    """Laxity for people: a row for each angle, units in the headings."""
     test, unit = curves.test, rows[0].unit
     load, by_load = NAMED_LOADS[test.driven_by], test.displacement is None
     ends = unit if by_load else load.unit
     slope = f"{load.unit}/{unit}"
     observed = COORDINATES[test.observed].phrase
     counted = ", from the intact knee" if curves.intact is not None else ""
-    two = digits(2)
     columns = [
-        Column("flexion_deg", "flexion, deg", digits(1)), Column("range", f"range, {ends}", two),
-        Column("positive", f"under {load.positive}, {ends}", two),
-        Column("negative", f"under {load.negative}, {ends}", two),
-        Column("neutral", f"neutral, {unit}", two),
-        Column("stiffness_start", f"stiffness at first, {slope}", two),
-        Column("stiffness_end", f"at the end, {slope}", two), Column("status", words=True),
+        Column("flexion_deg", "flexion, deg", ".1f"), Column("range", f"range, {ends}", ".2f"),
+        Column("positive", f"under {load.positive}, {ends}", ".2f"),
+        Column("negative", f"under {load.negative}, {ends}", ".2f"),
+        Column("neutral", f"neutral, {unit}", ".2f"),
+        Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
+        Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True),
     ]
     cells = []
     for x in rows:

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Condition, ParameterMap
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.style import SHOWN, VERMILLION, WIDTH, readable, styled
-from kneejax.report.look.tables import NONE, Column, Table, number, wrapped
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from kneejax.inference import ParameterMap
-
+from kneejax.report.look.colours import VERMILLION
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, readable, styled
+from kneejax.report.look.tables import Column, Table, number, wrapped
+from kneejax.report.panels import colour_bar, grid
 
 #: What is not coloured, by condition: hatch, and its legend entry.
 _HATCHES = {2: ("////", "unphysiological"), 3: ("xxxx", "unstable"), 4: ("\\\\\\\\", "no balance")}
@@ -48,11 +42,8 @@ def map_figure(found: ParameterMap, begun: str = "start") -> Figure:
         Six panels, contours over decades; regions that mean nothing are hatched, those outside the
         fitted surfaces faded, the start and the best grid point are marked.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 5.55))
-    panels = figure.subplots(2, 3, sharex=True, sharey=True)
-    figure.subplots_adjust(left=0.085, right=0.945, top=0.9, bottom=0.165, wspace=0.26, hspace=0.2)
+    figure, panels = grid(2, 3, 5.55, right=0.39, top=0.55, bottom=0.92, apart=(0.45, 0.37),
+                          sharex=True, sharey=True)  # fmt: skip
     figure.text(0.01, 0.99, f"{_ERRORS}; the objective is their weighted sum", va="top")
     names, handles = list(COORDINATES)[1:], {}
     shown = [("Objective", found.objective)]
@@ -88,15 +79,11 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
     Returns:
         One panel per pair, all on one scale of colours.
     """
-    from matplotlib.figure import Figure
-
     names = list(dict.fromkeys(name for one in found for name in one.names))
     size = len(names) - 1
     side = max(WIDTH, 1.4 * size + 1.3)
-    figure = Figure(figsize=(side, side))
-    panels = figure.subplots(size, size, squeeze=False)
-    edge = 0.75 / side
-    figure.subplots_adjust(left=edge, right=0.99, top=0.985, bottom=edge, wspace=0.08, hspace=0.08)
+    figure, panels = grid(size, size, side, width=side, left=0.75, right=0.07, bottom=0.75, top=0.1,
+                          apart=(0.22, 0.22))  # fmt: skip
     for axes in panels.flat:
         axes.set_axis_off()
     limits = _ends(np.concatenate([one.objective[one.drawn] for one in found]))
@@ -106,31 +93,24 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
         low, high = sorted(names.index(name) for name in one.names)
         axes = panels[high - 1, low]
         axes.set_axis_on()
-        upright = one if names.index(one.names[0]) == low else _transposed(one)
+        upright = one
+        if names.index(one.names[0]) != low:
+            arrays = ("objective", "partial_objectives", "condition", "lost")
+            flip = {key: np.swapaxes(getattr(one, key), -1, -2) for key in arrays}
+            turned = {"names": one.names[::-1], "units": one.units[::-1], **flip}
+            upright = dataclasses.replace(one, x=one.y, y=one.x, start=one.start[::-1], **turned)
         filled, marks = _filled(axes, upright, upright.objective, limits)
         handles |= marks | _marks(axes, upright, upright.objective, begun, figure)
         _axes(axes, upright, left=low == 0, bottom=high == size, small=True)
     if filled is not None:
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
-        bar = figure.colorbar(filled, cax=place, orientation="horizontal")
-        bar.set_label("Objective: weighted sum of squared errors")
-        _decade_ticks(bar, limits)
+        label = "Objective: weighted sum of squared errors"
+        _decade_ticks(colour_bar(figure, place, filled, label), limits)
     figure.legend(
         handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
         handlelength=1.6, ncols=1,
     )  # fmt: skip
     return figure
-
-
-def _transposed(one: ParameterMap) -> ParameterMap:
-    flip = {
-        key: np.swapaxes(getattr(one, key), -1, -2)
-        for key in ("objective", "partial_objectives", "condition", "lost")
-    }
-    return dataclasses.replace(
-        one, names=one.names[::-1], units=one.units[::-1], x=one.y, y=one.x,
-        start=one.start[::-1], **flip,
-    )  # fmt: skip
 
 
 def _ends(values: np.ndarray) -> tuple[float, float] | None:
@@ -142,9 +122,8 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
     from matplotlib.colors import LogNorm
     from matplotlib.patches import Patch
 
-    handles: dict[str, Any] = {}
+    handles, filled = {}, None
     shown = np.where(found.drawn & (values > 0), values, np.nan)
-    filled = None
     if np.isfinite(shown).any():
         low, high = limits or (np.nanmin(shown), np.nanmax(shown))
         levels = _levels(float(low), float(high))
@@ -167,9 +146,8 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
             handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
             continue
         hatch, label = _HATCHES[condition]
-        axes.contourf(
-            found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch], zorder=2
-        )
+        axes.contourf(found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch],
+                      zorder=2)  # fmt: skip
         handles[label] = Patch(facecolor="none", edgecolor="#555555", hatch=hatch)
     return filled, handles
 
@@ -227,8 +205,7 @@ def _marks(
     dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
     best = np.where(found.drawn, values, np.inf)
     edges = zip((found.x, found.y), found.start, strict=True)
-    inside = all(line[0] <= own <= line[-1] for line, own in edges)
-    if inside:
+    if all(line[0] <= own <= line[-1] for line, own in edges):
         (handles[begun],) = axes.plot(
             *found.start, "o", markersize=5, **{**style, **dark, "markerfacecolor": "white"}
         )
@@ -269,39 +246,20 @@ _COLUMNS = (
     "x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
     "objective_start", *(condition.word for condition in Condition),
 )  # fmt: skip
-_CAPTION = (
-    "Objective and the sum of squared errors of each coordinate; dark is low. Hatched regions have "
-    "no result that counts. A round valley: the data determine both parameters. A long one: a "
-    "change of one is compensated by the other."
-)
-
 
 def map_answer(
-    maps: Sequence[ParameterMap],
-    about: Mapping[str, str],
-    versions: Mapping[str, str],
+    maps: Sequence[ParameterMap], about: Mapping[str, str], versions: Mapping[str, str],
     begun: str = "start",
 ) -> Answer:
-    """What maps of the objective show.
-
-    Args:
-        maps: one for each pair of parameters.
-        about: what they are of, in words (`kneejax.studies.about_maps`).
-        versions: package -> version.
-        begun: what the knee's own values are: `start` of a search, or its `fit`.
-
-    Returns:
-        The answer; its table is maps.
-    """
+    """What maps of the objective show."""
     lowest = lowest_table(maps, begun)
     drawings = {}
     for one in maps:
         name = "map" if len(maps) == 1 else f"map-{one.names[0]}-{one.names[1]}"
-        drawings[name] = Drawing(functools.partial(map_figure, one, begun), _CAPTION)
+        drawings[name] = Drawing(map_figure, one, begun)
     single = list(drawings)
     if len(maps) > 2:
-        caption = f"All pairs on one scale of colours. {_CAPTION}"
-        drawings["maps"] = Drawing(functools.partial(map_matrix_figure, maps, begun), caption)
+        drawings["maps"] = Drawing(map_matrix_figure, maps, begun, more=prose("map_figure"))
     picture = "maps" if len(maps) > 2 else single[0]
     empty = [one for one in maps if not one.drawn.any()]
     found = [(" and ".join(one.names), _doubt(one, begun)) for one in maps]
@@ -314,9 +272,6 @@ def map_answer(
             f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
         )
     words = [line for one in (lowest.note, *notes, *doubts) for line in wrapped(one)]
-    # A terminal is too narrow for all columns; the counts below say what is not drawn.
-    wide = (f"at_the_{begun}", "not_drawn")
-    narrow = [dataclasses.replace(one, shown=one.name not in wide) for one in lowest.columns]
     return Answer(
         title=f"Objective over {' and '.join(maps[0].names)}" if len(maps) == 1 else
         f"Objective over {len(maps)} pairs of parameters",
@@ -335,20 +290,14 @@ def map_answer(
             *([Section("Each pair", drawings=[x for x in single if x != picture])]
               if len(maps) > 1 else []),
         ],
-        text="\n".join([dataclasses.replace(lowest, columns=narrow).terminal(), *words]),
+        text="\n".join([lowest.fitting("not_drawn", f"at_the_{begun}").terminal(), *words]),
         document={"about": dict(about), "versions": dict(versions)},
         exit_status=int(bool(empty) or any(one.left_out for one in maps)),
     )  # fmt: skip
 
 
 def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
-    """Where the objective is lowest, and how well the pair is determined there.
-
-    Args:
-        maps: one for each pair of parameters.
-        begun: what the knee's own values are.
-    """
-    two, percent = functools.partial(number, digits=2), lambda part: f"{part:.1%}"
+    """Where the objective is lowest, and how well the pair is determined there."""
     rows = []
     for one in maps:
         x, y, objective = one.minimum or (np.nan, np.nan, np.nan)
@@ -362,34 +311,23 @@ def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
         [
             Column("x", words=True), Column("y", words=True), Column("lowest_at_x"),
             Column("at_y"), Column("objective"), Column(f"at_the_{begun}"),
-            Column("within_twice", "within twice", percent), Column("correlation", show=two),
-            Column("not_drawn", show=percent),
+            Column("within_twice", "within twice", ".1%"), Column("correlation", show="2"),
+            Column("not_drawn", show=".1%"),
         ],
         rows,
         "Lowest grid point of each pair",
-        f"Within twice: part of the map whose objective is at most twice the lowest. Correlation: "
-        f"of the two estimates, by the curvature at the lowest point ({NONE} where it is on an "
-        "edge); near 1 or -1 the data determine one combination of the two only.",
+        prose("lowest"),
     )  # fmt: skip
 
 
 def _best(one: ParameterMap) -> tuple[int, int]:
     """Row and column of the lowest grid point that may be coloured."""
     best = np.argmin(np.where(one.drawn, one.objective, np.inf))
-    row, column = np.unravel_index(best, one.objective.shape)
-    return int(row), int(column)
+    return tuple(map(int, np.unravel_index(best, one.objective.shape)))
 
 
 def correlation(one: ParameterMap) -> float:
-    """Correlation of two estimates by the curvature of the objective at its lowest grid point.
-
-    Args:
-        one: map of the pair.
-
-    Returns:
-        Between -1 and 1; NaN where the point or a neighbour has no result that counts, or where
-        the objective does not curve upwards.
-    """
+    """Correlation of two estimates by the curvature of the objective at its lowest grid point."""
     row, column = _best(one)
     values = np.pad(np.where(one.drawn, one.objective, np.nan), 1, constant_values=np.nan)
     near = values[row : row + 3, column : column + 3]

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.geometry import TIBIA
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, paragraphs, prose
 from kneejax.report.look.tables import json_safe, number, wrapped
 from kneejax.report.plan_figures import (
     front_figure,
@@ -30,25 +28,10 @@ from kneejax.report.plan_tables import (
     tradeoff_table,
     variants,
 )
-from kneejax.report.plan_words import (
-    CAPTIONS,
-    NOT_FOR_PATIENTS,
-    OF_CRITERIA,
-    OF_KNEES,
-    OF_MAP,
-    VIEWS,
-    assumptions,
-    said_of_limits,
-    said_of_octagon,
-    said_of_plan,
-)
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
     from kneejax.planning import PlanResult
-
-
-_three = functools.partial(number, digits=3)
 
 
 def plan_answer(result: PlanResult) -> Answer:
@@ -71,25 +54,22 @@ def plan_answer(result: PlanResult) -> Answer:
     where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
                   "From the middles of the footprints.")  # fmt: skip
     knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
-                  OF_KNEES.format(force=surgery.protocol.force_N))  # fmt: skip
+                  prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
     exact = exactness_table(result)
     eight = part_of(whole, corners, does, "Eight places on the tibia")
     drawings = {
-        f"map_{one.bone}": Drawing(
-            functools.partial(tunnel_map_figure, result, one),
-            OF_MAP.format(bone=one.bone, view=VIEWS[one.bone == TIBIA]),
-        )
+        f"map_{one.bone}": Drawing(tunnel_map_figure, result, one, more=prose(f"plan.{one.bone}"))
         for one in result.maps
     }
     places = list(drawings)
     if result.has_front:
-        drawings["front"] = Drawing(functools.partial(front_figure, result), CAPTIONS["front"])
-    for name, draw in (("strains", strain_figure), ("tension", tension_figure)):
-        drawings[name] = Drawing(functools.partial(draw, result), CAPTIONS[name])
+        drawings["front"] = Drawing(front_figure, result)
+    drawings["strains"] = Drawing(strain_figure, result)
+    drawings["tension"] = Drawing(tension_figure, result)
     first = places[0] if places else "strains"
     sections = [
         Section("How exact must a tunnel be?", tables=[exact], opened=True),
-        Section("How the optimum was found", said_of_limits(result) + _of_search(result)),
+        Section("How the optimum was found", [*_limits(result), *_of_search(result)]),
     ]
     if places[1:]:
         sections.append(Section("The other tunnel", drawings=places[1:]))
@@ -98,32 +78,29 @@ def plan_answer(result: PlanResult) -> Answer:
         tables["front"] = front_table(result)
     if result.has_front:
         tradeoff = tradeoff_table(result)
-        sections.append(
-            Section("What must be given up for what", [OF_CRITERIA], [tradeoff], ["front"])
-        )
+        title, said = "What must be given up for what", [prose("plan.criteria")]
+        sections.append(Section(title, said, [tradeoff], ["front"]))
     if result.intervals is not None:
         intervals = interval_table(result)
         sections.append(Section("How well it is known", tables=[intervals]))
     sections += [
         Section("The tension", drawings=["tension"]),
         Section(
-            "Eight places on the tibia", said_of_octagon(result), [octagon, eight],
+            "Eight places on the tibia", _octagon(result), [octagon, eight],
             ["strains"] if first != "strains" else [],
         ),
-        Section("What was assumed", [*assumptions(result), NOT_FOR_PATIENTS]),
+        Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
     facts = [("Knee", plan.own.name), ("Graft", plan.graft.name.replace("_", " "))]
     intact = surgery.laxity(surgery.before)[0]
     for k, angle in enumerate(surgery.protocol.lachman_deg):
         both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
         facts.append((f"Laxity at {angle:g}°, mm (intact)", both))
-    facts.append(("Largest graft force, N", _three(result.best.peak_N[0])))
-    sentence, asked = _sentence(result), said_of_plan(result)
-    lines = [plan.title, *wrapped(asked), *wrapped(sentence), knees.terminal()]
-    lines += wrapped(knees.note)
-    for one in (exact, eight, tradeoff, intervals):
-        if one is not None:
-            lines += ["", *wrapped(one.title), one.terminal(), *wrapped(one.note)]
+    facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
+    sentence, asked = _sentence(result), _asked(result)
+    lines = [plan.title, *wrapped(asked), *wrapped(sentence), knees.terminal(),
+             *wrapped(knees.note)]  # fmt: skip
+    lines += [x for one in (exact, eight, tradeoff, intervals) if one for x in ("", one.text())]
     for text in _of_search(result):
         lines += wrapped(text)
     for text in doubts:
@@ -131,7 +108,7 @@ def plan_answer(result: PlanResult) -> Answer:
     failed = plan_failed(result)
     return Answer(
         title=plan.title,
-        asked=f"{asked} {NOT_FOR_PATIENTS}",
+        asked=f"{asked} {prose('plan.note')}",
         verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
         Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
         sentence=sentence,
@@ -142,7 +119,7 @@ def plan_answer(result: PlanResult) -> Answer:
         doubts=doubts,
         facts=facts,
         sections=sections,
-        text="\n".join([*lines, *wrapped(NOT_FOR_PATIENTS)]),
+        text="\n".join([*lines, *wrapped(prose("plan.note"))]),
         exit_status=int(failed),
     )  # fmt: skip
 
@@ -172,19 +149,65 @@ def _sentence(result: PlanResult) -> str:
 def _of_search(result: PlanResult) -> list[str]:
     if (found := result.optimum) is None:
         return []
-    ends = ", ".join(_three(x) for x in np.sort(found.ends))
+    ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
     return [
         f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
         f"distances found from the starts that were followed: {ends}."
     ]
 
 
-def plan_doubts(result: PlanResult) -> list[str]:
-    """What a reader must know before the numbers, one sentence each; empty where nothing is wrong.
+def _asked(result: PlanResult) -> str:
+    """What is done, in a sentence."""
+    plan, surgery = result.plan, result.plan.surgery
+    bundles = len(surgery.plan.bundles)
+    return prose(
+        "plan.asked", knee=plan.own.name, ligament=plan.ligament,
+        graft=plan.graft.name.replace("_", " "), flexion=f"{surgery.fixation_deg:g}",
+        how="one bundle" if bundles == 1 else f"{bundles} bundles",
+        stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
+        tension=", ".join(f"{x:g}" for x in plan.base[4::5]),
+    )  # fmt: skip
 
-    Args:
-        result: of a plan.
-    """
+
+def _limits(result: PlanResult) -> list[str]:
+    """Among which choices the optimum was sought."""
+    limits = result.plan.surgery.limits
+    if result.optimum is None:
+        return ["No optimum was asked for."]
+    numbers = {"graft": limits.graft_N, "band": limits.band_mm, "least": limits.tension_N[0],
+               "most": limits.tension_N[1]}  # fmt: skip
+    shown = {name: f"{x:g}" for name, x in numbers.items()}
+    return [prose("plan.limits", free=", ".join(result.plan.free), **shown)]
+
+
+def _octagon(result: PlanResult) -> list[str]:
+    """Where the corners are, and which is best."""
+    total, best = result.octagon.total, ""
+    if np.isfinite(total).any():
+        order = [int(k) + 1 for k in np.argsort(total) if np.isfinite(total[k])]
+        best = f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
+    return [prose("plan.octagon", apothem=f"{result.plan.octagon_mm:g}") + best]
+
+
+def _assumptions(result: PlanResult) -> list[str]:
+    """What was assumed, a paragraph each."""
+    surgery, graft = result.plan.surgery, result.plan.graft
+    feet, extension = (surgery.tibia, surgery.femur), surgery.protocol.extension_deg
+    meshes = [one.bone for one in feet if one.surface is not None]
+    place = f"on the mesh of {' and '.join(meshes)}" if meshes else prose("plan.plane")
+    axes = [f"{a:g} and {b:g} mm" for a, b in (x.semi_axes_mm for x in feet)]
+    pairs = zip(surgery.plan.bundles, surgery.replaced, strict=True)
+    return paragraphs(
+        "plan.assumed", graft=graft.says, stiffness=f"{graft.stiffness_N_per_mm:g}",
+        failure=f"{graft.failure_N:g}", source=graft.source, place=place, tibia=axes[0],
+        femur=axes[1], count=len(extension), first=f"{extension[0]:g}", last=f"{extension[-1]:g}",
+        window=surgery.window, knee=result.plan.own.name,
+        pairs="; ".join(f"{name} for {', '.join(own)}" for name, own in pairs),
+    )  # fmt: skip
+
+
+def plan_doubts(result: PlanResult) -> list[str]:
+    """What a reader must know before the numbers; empty where nothing is wrong."""
     surgery, said = result.plan.surgery, []
     for row, name in enumerate(BEFORE):
         lost = np.unique(surgery.protocol.flexion_deg[~surgery.before.converged[row]])
@@ -225,7 +248,7 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
     plan, surgery, optimum = result.plan, result.plan.surgery, result.optimum
     document: dict[str, Any] = {
         "title": plan.title,
-        "note": NOT_FOR_PATIENTS,
+        "note": prose("plan.note"),
         "knee": plan.own.name,
         "ligament": plan.ligament,
         "torn": list(surgery.plan.torn),

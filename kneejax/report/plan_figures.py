@@ -8,15 +8,13 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.planning import criteria_of
-from kneejax.report.look.style import BLACK, BLUE, GREY, LIGHT, VERMILLION, WIDTH, styled, verbatim
+from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.panels import grid
 from kneejax.report.scene.surfaces import surface_grid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.planning import Footprint, PlanResult, TunnelMap
-
 
 #: Of the first panel, from the middle of the footprint, mm.
 _FARTHEST_MM = 32.0
@@ -34,7 +32,6 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         The bone with the region, then a panel for each quantity. The tibia is seen from above,
         the notch's lateral wall from its medial side, of a right knee.
     """
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch
 
     tests = [f"Laxity at {angle:g} deg, mm" for angle in found.lachman_deg]
@@ -43,8 +40,7 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm),
     ]
     rows = -(-(len(shown) + 1) // 3)
-    figure = Figure(figsize=(WIDTH, 2.15 * rows + 0.35), layout="constrained")
-    panels = figure.subplots(rows, 3, squeeze=False)
+    figure, panels = grid(rows, 3, 2.15 * rows + 0.35, constrained=True)
     for axes in panels.flat[len(shown) + 1 :]:
         axes.set_axis_off()
     _bone_panel(panels.flat[0], result, found)
@@ -178,7 +174,6 @@ def _shade(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
 
 #: Most ligaments with a panel each; of more, those whose curves are farthest off.
 _MOST = 12
-_ROW = 1.55  # inches
 
 
 @styled
@@ -192,26 +187,19 @@ def strain_figure(result: PlanResult) -> Figure:
         A panel for each ligament: intact, the eight corners of the octagon, the plan and the
         optimum.
     """
-    from matplotlib.figure import Figure
 
     surgery = result.plan.surgery
-    names = list(surgery.ligaments)
     worst = np.nan_to_num(np.nanmax(result.octagon.distance, axis=0), nan=-1.0)
     shown = sorted(np.argsort(-worst)[:_MOST])
     columns = 2 if len(shown) <= 4 else 3
     rows = -(-len(shown) // columns)
-    figure = Figure(figsize=(WIDTH, _ROW * rows + 0.75))
-    panels = figure.subplots(rows, columns, sharex=True, squeeze=False)
-    height = figure.get_figheight()
-    figure.subplots_adjust(
-        left=0.085, right=0.99, top=1 - 0.28 / height, bottom=0.85 / height, hspace=0.32,
-        wspace=0.26,
-    )  # fmt: skip
+    figure, panels = grid(rows, columns, 1.55 * rows + 0.75, top=0.28, bottom=0.85,
+                          apart=(0.5, 0.37), sharex=True)  # fmt: skip
     for axes in panels.flat[len(shown) :]:
         axes.set_axis_off()
     for axes, k in zip(panels.flat, shown, strict=False):
         _strain_panel(axes, result, k)
-        axes.set_title(verbatim(names[k]))
+        axes.set_title(verbatim(surgery.ligaments[k]))
     for axes in panels[:, 0]:
         axes.set_ylabel("Strain, %")
     for axes in panels.flat[max(len(shown) - columns, 0) : len(shown)]:
@@ -245,21 +233,11 @@ def _strain_panel(axes: Axes, result: PlanResult, k: int) -> None:
 
 @styled
 def tension_figure(result: PlanResult) -> Figure:
-    """Draw laxity, the graft's largest force and the strain distance over the pretension.
-
-    Args:
-        result: of a plan.
-
-    Returns:
-        Three panels; what the intact knee has, and the limits, are dashed.
-    """
-    from matplotlib.figure import Figure
+    """Draw laxity, the graft's largest force and the strain distance over the pretension."""
 
     surgery, found = result.plan.surgery, result.tension
     tension, limits = found.choices[:, 4], surgery.limits
-    figure = Figure(figsize=(WIDTH, 2.45))
-    panels = figure.subplots(1, 3)
-    figure.subplots_adjust(left=0.075, right=0.99, top=0.89, bottom=0.19, wspace=0.3)
+    figure, ((*panels,),) = grid(1, 3, 2.45, left=0.53, bottom=0.47)
     intact = surgery.laxity(surgery.before)[0]
     for k, (angle, colour) in enumerate(
         zip(surgery.protocol.lachman_deg, (BLUE, VERMILLION, GREY, BLACK), strict=False)
@@ -292,7 +270,6 @@ def front_figure(result: PlanResult) -> Figure:
         A panel for each laxity over the graft's largest force, coloured by strain distance, and
         one of strain distance over the force, coloured by the first laxity.
     """
-    from matplotlib.figure import Figure
 
     front = result.front
     assert front is not None
@@ -303,8 +280,7 @@ def front_figure(result: PlanResult) -> Figure:
     shown = [("planned", result.planned, "P", BLUE, 8)]
     if result.optimum is not None:
         shown.append(("optimum", result.optimum.outcome, "*", VERMILLION, 11))
-    figure = Figure(figsize=(WIDTH, 2.75), layout="constrained")
-    every = np.atleast_1d(figure.subplots(1, len(panels)))
+    figure, (every,) = grid(1, len(panels), 2.75, constrained=True)
     for axes, (up, colour) in zip(every, panels, strict=True):
         points = axes.scatter(
             front.criteria[:, force], front.criteria[:, up], c=front.criteria[:, colour], s=14,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +14,8 @@ from kneejax.statics import Status
 if TYPE_CHECKING:
     from kneejax.planning import Outcome, PlanResult, Surgery
 
-
 BEFORE = ("intact", "deficient")
 _OPPOSITE = {"anterior": "posterior", "medial": "lateral", "proximal": "distal"}
-_three = functools.partial(number, digits=3)
 
 
 def variants(result: PlanResult) -> Iterator[tuple[str, Outcome, int]]:
@@ -34,23 +31,15 @@ def choice_columns(surgery: Surgery, bundle: str) -> list[Column]:
     """A bundle's five choices; its name stands in the headings where there are several."""
     named = f"{bundle} " * (len(surgery.plan.bundles) > 1)
     places = [
-        Column(f"{bundle}_{foot.bone}_{axis}_mm", f"{named}{foot.bone} {axis}, mm", _one_digit)
+        Column(f"{bundle}_{foot.bone}_{axis}_mm", f"{named}{foot.bone} {axis}, mm", ".1f")
         for foot in (surgery.tibia, surgery.femur)
         for axis in foot.names
     ]
-    return [*places, Column(f"{bundle}_tension_N", f"{named}tension, N", _one_digit)]
-
-
-def _one_digit(value: float) -> str:
-    return f"{value:.1f}" if np.isfinite(value) else NONE
+    return [*places, Column(f"{bundle}_tension_N", f"{named}tension, N", ".1f")]
 
 
 def knees_table(result: PlanResult) -> Table:
-    """Choices and what they do: the intact and the deficient knee, then every reconstruction.
-
-    Args:
-        result: of a plan.
-    """
+    """Choices and what they do: the intact and the deficient knee, then every reconstruction."""
     surgery, before = result.plan.surgery, result.plan.surgery.before
     bundles, others = surgery.plan.bundles, len(surgery.ligaments)
     named = {"deficient": f"without {result.plan.ligament}"}
@@ -59,12 +48,12 @@ def knees_table(result: PlanResult) -> Table:
         columns += choice_columns(surgery, name)
         columns.append(Column(f"{name}_slack_length_mm", shown=False))
         own = f"{name} " * (len(bundles) > 1)
-        columns.append(Column(f"{name}_length_change_mm", f"{own}length change, mm", _three))
+        columns.append(Column(f"{name}_length_change_mm", f"{own}length change, mm", "3"))
     for angle in surgery.protocol.lachman_deg:
-        columns.append(Column(f"laxity_{angle:g}_deg_mm", f"laxity {angle:g} deg, mm", _three))
-    columns.append(Column("graft_peak_N", "graft peak, N", _three))
+        columns.append(Column(f"laxity_{angle:g}_deg_mm", f"laxity {angle:g} deg, mm", "3"))
+    columns.append(Column("graft_peak_N", "graft peak, N", "3"))
     columns += [Column(f"strain_distance_{name}", shown=False) for name in surgery.ligaments]
-    columns.append(Column("strain_distance", show=_three))
+    columns.append(Column("strain_distance", show="3"))
     columns.append(Column("status", show=lambda word: word.replace("_", " "), words=True))
     rows: list[list[Any]] = []
     for row, (name, laxity) in enumerate(zip(BEFORE, surgery.laxity(before), strict=True)):
@@ -97,7 +86,7 @@ def part_of(
 def octagon_table(result: PlanResult) -> Table:
     """Paper 2's Table 4: position, strain distance of each ligament, and of all."""
     found, names = result.octagon, (*result.plan.surgery.ligaments, "total")
-    columns = [Column("position", show=str), *(Column(name, show=_three) for name in names)]
+    columns = [Column("position", show=str), *(Column(name, show="3") for name in names)]
     rows = [[k + 1, *found.distance[k], found.total[k]] for k in range(len(found.choices))]
     return Table(columns, rows, "Strain distance by place")
 
@@ -129,7 +118,7 @@ def front_table(result: PlanResult) -> Table:
     assert front is not None
     tests = [Column(f"laxity_{angle:g}_deg_mm") for angle in surgery.protocol.lachman_deg]
     columns = [*tests, Column("graft_peak_N"), Column("strain_distance")]
-    columns = [dataclasses.replace(one, show=_three) for one in columns]
+    columns = [dataclasses.replace(one, show="3") for one in columns]
     columns += [one for name in surgery.plan.bundles for one in choice_columns(surgery, name)]
     pairs = zip(front.criteria, front.outcome.choices, strict=True)
     rows = [[*criteria, *choices, int(k == front.compromise)]
@@ -166,7 +155,7 @@ def interval_table(result: PlanResult) -> Table:
         cells = []
         for (low, middle, high), known in zip(own.limits[row], own.known[row], strict=True):
             few = f" in {known}" if 0 < known < own.draws else ""
-            limits = f"{_three(middle)} ({_three(low)} to {_three(high)}){few}"
+            limits = f"{number(middle, 3)} ({number(low, 3)} to {number(high, 3)}){few}"
             cells.append(limits if known else NONE)
         kept = own.kept[row]
         rows.append([name, *cells, f"{kept:.0%}" if np.isfinite(kept) else NONE])
@@ -202,9 +191,9 @@ def exactness_table(result: PlanResult) -> Table:
         [
             Column("tunnel", words=True), Column("bundle", words=True),
             Column("towards", words=True), Column("off_by_mm", "off by, mm"),
-            Column("by_derivative_mm", show=lambda x: f"{x:.1f}"),
-            Column("laxity_at_deg", show=lambda x: f"{x:g}"),
-            Column("laxity_per_mm", "laxity a mm, mm", lambda x: f"{x:.2f}"),
+            Column("by_derivative_mm", show=".1f"),
+            Column("laxity_at_deg", show="g"),
+            Column("laxity_per_mm", "laxity a mm, mm", ".2f"),
         ],
         rows,
         f"How exact must a tunnel be? Distance from the {what} at which laxity leaves its band "

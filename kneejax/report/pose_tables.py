@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,21 +19,12 @@ from kneejax.geometry import (
 )
 from kneejax.mechanics import Knee
 from kneejax.report.look.page import Verdict
-from kneejax.report.look.tables import NONE, Column, Table, wrapped
+from kneejax.report.look.tables import Column, Table
 from kneejax.statics import Status
 
 _HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
 #: Parts whose largest force is less than this part of the largest of all are not listed.
 _SMALL = 0.01
-
-
-def digits(count: int) -> Callable[[Any], str]:
-    """Cells with so many digits after the point; a dash where there is no number."""
-    return functools.partial(_digits, count)
-
-
-def _digits(count: int, value: float) -> str:
-    return f"{value:.{count}f}" if value is not None and np.isfinite(value) else NONE
 
 
 def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
@@ -43,16 +33,13 @@ def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
         f"{head}, {column.rsplit('_', 1)[1]}" for head, column in zip(_HEADS, COLUMNS, strict=True)
     ]
     return [
-        Column(name, head, digits(1 if k == 0 else 2))
+        Column(name, head, ".1f" if k == 0 else ".2f")
         for k, (name, head) in enumerate(zip(names, heads, strict=True))
     ]
 
 
 def pose_table(
-    table: ArrayLike,
-    status: ArrayLike,
-    convention: str = FEMORAL,
-    *,
+    table: ArrayLike, status: ArrayLike, convention: str = FEMORAL, *,
     more: Mapping[str, Sequence[Any]] | None = None,
 ) -> Table:
     """Poses in a convention, as `poses.csv` holds them and as people read them.
@@ -100,34 +87,16 @@ def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
     return Table(pose_columns(names), rows, title)
 
 
-def text_of(*tables: Table) -> str:
-    """Tables with their titles and notes for a terminal."""
-    blocks = [[*wrapped(one.title), one.terminal(), *wrapped(one.note)] for one in tables]
-    return "\n\n".join("\n".join(block) for block in blocks)
-
-
 def contact_forces(mechanics: Mechanics) -> np.ndarray:
     """Sizes of the contact forces, N, `(poses, contacts)`."""
     return np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
 
 
 def part_table(
-    keys: Mapping[str, Sequence[Any]],
-    part: str,
-    names: Sequence[str],
-    numbers: Mapping[str, Any],
+    keys: Mapping[str, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[str, Any],
     last: Mapping[str, Sequence[Any]] | None = None,
 ) -> Table:
-    """Numbers of the parts of a knee, a row for each part at each pose.
-
-    Args:
-        keys: column -> what each pose is called, e.g. its flexion, `(poses,)`.
-        part: what the parts are, e.g. `ligament`.
-        names: of the parts.
-        numbers: column -> of each part, `(poses, parts)`; several columns by a tuple of their
-            names, `(poses, parts, columns)`.
-        last: column -> of each pose, `(poses,)`.
-    """
+    """Numbers of the parts of a knee, a row for each part at each pose."""
     heads, arrays = [], []
     for name, values in numbers.items():
         many = isinstance(name, tuple)
@@ -147,26 +116,14 @@ def part_table(
 def force_table(
     knee: Knee, mechanics: Mechanics, keys: Mapping[str, Sequence[Any]], **more: np.ndarray
 ) -> Table:
-    """Forces of ligaments, then of contacts, at each pose: `forces.csv`.
-
-    Args:
-        knee: whose parts they are.
-        mechanics: of its poses.
-        keys: column -> what each pose is called, e.g. its flexion.
-        more: further numbers of each part, `(poses, parts)`.
-    """
+    """Forces of ligaments, then of contacts, at each pose: `forces.csv`."""
     names = [*knee.ligaments.names, *knee.contact_names]
     forces = np.concatenate([np.asarray(mechanics.tension), contact_forces(mechanics)], axis=1)
     return part_table(keys, "part", names, {"force_N": forces, **more})
 
 
 def bundles(knee: Knee, among: Sequence[str] | None = None) -> dict[str, list[str]]:
-    """Ligaments, the fibres of the largest groups together: name -> fibres.
-
-    Args:
-        knee: any knee.
-        among: names of the fibres that count; all by default.
-    """
+    """Ligaments, the fibres of the largest groups together: name -> fibres."""
     left = list(knee.ligaments.names if among is None else among)
     answer: dict[str, list[str]] = {}
     # The largest groups first: a bundle that is part of a ligament is drawn with it.
@@ -180,13 +137,7 @@ def bundles(knee: Knee, among: Sequence[str] | None = None) -> dict[str, list[st
 def bundle_forces(
     knee: Knee, tension: ArrayLike, among: Sequence[str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Forces of `bundles`: name -> N, `(poses,)`.
-
-    Args:
-        knee: any knee.
-        tension: of its fibres, `(poses, fibres)`, N.
-        among: as in `bundles`.
-    """
+    """Forces of `bundles`: name -> N, `(poses,)`."""
     tension, names = np.asarray(tension), knee.ligaments.names
     return {
         name: tension[:, [names.index(fibre) for fibre in fibres]].sum(axis=1)
@@ -195,14 +146,7 @@ def bundle_forces(
 
 
 def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) -> Table:
-    """The largest force of each ligament, fibres together, and of each contact.
-
-    Args:
-        knee: whose parts they are.
-        mechanics: of its poses.
-        places: of the poses, e.g. flexions, `(poses,)`.
-        place: what those are, e.g. `at flexion, deg`.
-    """
+    """The largest force of each ligament, fibres together, and of each contact."""
     contact, pressure = contact_forces(mechanics), np.asarray(mechanics.max_pressure)
     parts = [(name, x, None) for name, x in bundle_forces(knee, mechanics.tension).items()]
     parts.sort(key=lambda one: -_largest(one[1])[0])
@@ -215,9 +159,9 @@ def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) 
         most = None if peak is None else _largest(peak)[0]
         rows.append([name, size, float(np.asarray(places)[row]), most])
     columns = [
-        Column("part", words=True), Column("force_N", "at most, N", digits(0)),
+        Column("part", words=True), Column("force_N", "at most, N", ".0f"),
         Column("place", place, "{:g}".format),
-        Column("max_pressure_MPa", "peak pressure, MPa", digits(2)),
+        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"),
     ]  # fmt: skip
     return Table(columns, rows, "Largest forces", "Fibres of a ligament are added.")
 

@@ -2,36 +2,20 @@
 
 from __future__ import annotations
 
-import functools
 import textwrap
-from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from kneejax.report.look.page import Drawing
-from kneejax.report.panels import flexion_axis
-from kneejax.report.look.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    SHOWN,
-    VERMILLION,
-    WIDTH,
-    readable,
-    styled,
-)
-from kneejax.report.look.tables import Column, Table, number, wrapped
+from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
+from kneejax.report.look.tables import Column, Table, columns_of, number, wrapped
+from kneejax.report.panels import flexion_axis, grid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
     from kneejax.inference import Posterior
-
 
 _COLUMNS = 4
 _BINS = 40
@@ -43,25 +27,14 @@ _ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 
 @styled
 def marginals_figure(found: Posterior) -> Figure:
-    """Draw the posterior of each parameter beside its prior and the normal approximation.
-
-    Args:
-        found: the posterior; a known truth is drawn as well.
-
-    Returns:
-        One panel per parameter; areas under curves are equal, bounds are hatched where they show.
-    """
-    from matplotlib.figure import Figure
+    """Draw the posterior of each parameter beside its prior and the normal approximation."""
 
     rows = -(-len(found.names) // _COLUMNS)
     titles = [_title(found, index) for index in range(len(found.names))]
     two_lines = 0.13 * any("\n" in title for title in titles)
-    height = (1.55 + two_lines) * rows + 0.5
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(rows, min(_COLUMNS, len(found.names)), squeeze=False)
-    figure.subplots_adjust(
-        left=0.03, right=0.98, top=1 - (0.25 + two_lines) / height, bottom=0.65 / height,
-        wspace=0.18, hspace=0.55 + two_lines,
+    figure, panels = grid(
+        rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5, left=0.21,
+        right=0.14, top=0.25 + two_lines, bottom=0.65, apart=(0.28, 0.55 + two_lines),
     )  # fmt: skip
     handles: dict[str, Any] = {}
     for index, axes in enumerate(panels.flat):
@@ -70,7 +43,7 @@ def marginals_figure(found: Posterior) -> Figure:
         else:
             axes.set_axis_off()
     figure.legend(
-        handles.values(), handles.keys(), loc="lower center", ncols=len(handles), handlelength=1.8,
+        handles.values(), handles, loc="lower center", ncols=len(handles), handlelength=1.8,
         bbox_to_anchor=(0.5, 0.0), columnspacing=1.4,
     )  # fmt: skip
     return figure
@@ -134,25 +107,13 @@ def _range(found: Posterior, index: int) -> tuple[float, float]:
 
 @styled
 def pairs_figure(found: Posterior) -> Figure:
-    """Draw the posterior of each pair of parameters.
-
-    Args:
-        found: the posterior; of more than ten parameters, those that are most correlated are shown.
-
-    Returns:
-        Draws below the diagonal with the ellipse of the normal approximation (95 %), correlations
-        above it; a known truth as lines, divergent trajectories as crosses.
-    """
-    from matplotlib.figure import Figure
+    """Draw the posterior of each pair of parameters."""
     from matplotlib.ticker import MaxNLocator
 
-    chosen = _most_correlated(found)
-    count = len(chosen)
-    figure = Figure(figsize=(WIDTH, 0.94 * WIDTH))
-    panels = figure.subplots(count, count, squeeze=False)
-    figure.subplots_adjust(
-        left=0.115, right=0.99, top=0.955, bottom=0.105, wspace=0.08, hspace=0.08
-    )
+    strongest = np.abs(found.correlation) - np.eye(len(found.names))
+    chosen = np.argsort(-strongest.max(axis=0), kind="stable")[:_MOST_PAIRED]
+    chosen, count = sorted(chosen.tolist()), len(chosen)
+    figure, panels = grid(count, count, 6.58, left=0.8, right=0.07, bottom=0.69, apart=(0.09, 0.08))
     handles: dict[str, Any] = {}
     for (i, j), axes in np.ndenumerate(panels):
         row, column = chosen[i], chosen[j]
@@ -164,24 +125,27 @@ def pairs_figure(found: Posterior) -> Figure:
         if i > j:
             handles |= _pair(axes, found, column, row, 0.6 + 8.0 / count)
         elif i == j:
-            axes.hist(
-                found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31), color=BLUE,
-                alpha=0.3, linewidth=0,
-            )  # fmt: skip
+            axes.hist(found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31),
+                      color=BLUE, alpha=0.3, linewidth=0)  # fmt: skip
             axes.set(xlim=_range(found, row), yticks=[])
             axes.spines["left"].set_visible(False)
         else:
-            _coefficient(axes, found.correlation[row, column])
-        label = readable(found.names[column]).replace(" ", "\n", 1)
+            value = found.correlation[row, column]
+            axes.set(xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
+            axes.text(
+                0.5, 0.5, f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
+                ha="center", va="center", transform=axes.transAxes,
+                fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY,
+            )  # fmt: skip
         axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
         if i == count - 1:
             axes.tick_params(axis="x", rotation=50, labelsize=5.5)
             for text in axes.get_xticklabels():
                 text.set(ha="right", rotation_mode="anchor")
-            axes.set_xlabel(label.replace("reference ", "ref. "), fontsize=6.5, labelpad=2)
+            axes.set_xlabel(_narrow(found, column), fontsize=6.5, labelpad=2)
         if j == 0 and i > 0:
-            label = readable(found.names[row]).replace(" ", "\n", 1)
-            axes.set_ylabel(label.replace("reference ", "ref. "), fontsize=6.5, labelpad=2)
+            axes.set_ylabel(_narrow(found, row), fontsize=6.5, labelpad=2)
     figure.align_labels()
     if handles:
         figure.legend(
@@ -191,11 +155,8 @@ def pairs_figure(found: Posterior) -> Figure:
     return figure
 
 
-def _most_correlated(found: Posterior) -> list[int]:
-    size = len(found.names)
-    others = np.abs(found.correlation) - np.eye(size)
-    strongest = np.argsort(-others.max(axis=0), kind="stable")[:_MOST_PAIRED]
-    return sorted(int(i) for i in strongest)
+def _narrow(found: Posterior, row: int) -> str:
+    return readable(found.names[row]).replace(" ", "\n", 1).replace("reference ", "ref. ")
 
 
 def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> dict[str, Any]:
@@ -230,19 +191,6 @@ def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> d
     return handles
 
 
-def _coefficient(axes: Axes, value: float) -> None:
-    """A correlation as a number, the larger the stronger."""
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    axes.text(
-        0.5, 0.5, f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
-        ha="center", va="center", transform=axes.transAxes, fontsize=6.0 + 3.5 * abs(value),
-        color=BLACK if abs(value) >= 0.3 else GREY,
-    )  # fmt: skip
-
-
 @styled
 def predictive_figure(found: Posterior) -> Figure:
     """Draw the motion that the posterior predicts over the measured one.
@@ -254,13 +202,8 @@ def predictive_figure(found: Posterior) -> Figure:
         A row per coordinate: the motion, and beside it how far the measurement is from the median,
         with 95 % bands of the motion itself and of a new measurement of it.
     """
-    from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(WIDTH, 8.2))
-    panels = figure.subplots(len(SHOWN), 2, sharex=True)
-    figure.subplots_adjust(
-        left=0.075, right=0.985, top=0.965, bottom=0.085, wspace=0.16, hspace=0.34
-    )
+    figure, panels = grid(5, 2, 8.2, left=0.53, bottom=0.7, apart=(0.5, 0.45), sharex=True)
     order = np.argsort(found.measured[:, 0], kind="stable")
     flexion = found.measured[order, 0]
     handles: dict[str, Any] = {}
@@ -276,13 +219,11 @@ def predictive_figure(found: Posterior) -> Figure:
         left.set_title(coordinate.axis_label)
         right.set_title(f"Difference from the median, {coordinate.unit}")
         for axes, base in ((left, 0.0), (right, median)):
-            handles["new measurement, 95 %"] = axes.fill_between(
-                flexion, wide[:, 0] - base, wide[:, -1] - base, color=BLUE, alpha=0.18, linewidth=0
-            )
-            handles["motion, 95 %"] = axes.fill_between(
-                flexion, bands[:, 0] - base, bands[:, -1] - base, color=BLUE, alpha=0.55,
-                linewidth=0,
-            )
+            for label, ends, alpha in (("new measurement, 95 %", wide, 0.18),
+                                       ("motion, 95 %", bands, 0.55)):  # fmt: skip
+                low, high = ends[:, 0] - base, ends[:, -1] - base
+                shade = {"color": BLUE, "alpha": alpha, "linewidth": 0}
+                handles[label] = axes.fill_between(flexion, low, high, **shade)
             (handles["median"],) = axes.plot(flexion, median - base, color=BLUE, linewidth=1.0)
             (handles["measured"],) = axes.plot(
                 flexion, measured - base, "o", color=BLACK, markersize=2.6, markeredgewidth=0
@@ -305,22 +246,12 @@ def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
     Returns:
         File name, without ending -> figure; pairs only where there are two parameters or more.
     """
-    one = functools.partial
     drawings = {
-        "posterior": Drawing(
-            one(marginals_figure, found),
-            "Posterior of each parameter beside its prior and the normal approximation.",
-        ),
-        "predictive": Drawing(
-            one(predictive_figure, found),
-            "Motion that the posterior predicts, and how far the measurement is from its median.",
-        ),
+        "posterior": Drawing(marginals_figure, found),
+        "predictive": Drawing(predictive_figure, found),
     }
     if len(found.names) > 1:
-        drawings["posterior_pairs"] = Drawing(
-            one(pairs_figure, found),
-            "Draws of each pair of parameters with the ellipse of the normal approximation.",
-        )
+        drawings["posterior_pairs"] = Drawing(pairs_figure, found)
     return drawings
 
 
@@ -357,18 +288,12 @@ def posterior_table(found: Posterior) -> Table:
         [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
         found.effective_sample_size, found.tail_effective_sample_size,
     )  # fmt: skip
-    two = functools.partial(number, digits=2)
-    seen: dict[str, tuple[str, Callable[[float], str] | None]] = {
-        "name": ("parameter", None), "unit": ("", None), "mean": ("", None), "sd": ("", two),
-        "quantile_025": ("2.5 %", None), "quantile_975": ("97.5 %", None),
-        "laplace_sd": ("Laplace sd", two), "r_hat": ("R-hat", lambda value: f"{value:.3f}"),
-        "effective_sample_size": ("eff.", lambda value: f"{value:.0f}"),
+    seen = {
+        "name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
+        "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",), "laplace_sd": ("Laplace sd", "2"),
+        "r_hat": ("R-hat", ".3f"), "effective_sample_size": ("eff.", ".0f"),
     }  # fmt: skip
-    columns = [
-        Column(name, *seen.get(name, ("", None)), words=name in ("name", "unit"),
-               shown=name in seen)
-        for name in POSTERIOR_COLUMNS
-    ]  # fmt: skip
+    columns = columns_of(POSTERIOR_COLUMNS, seen, ("name", "unit"))
     plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
     return Table(columns, list(zip(*plain, strict=True)))
 

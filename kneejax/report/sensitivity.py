@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import functools
 import importlib.metadata
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -12,15 +10,16 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
-from kneejax.report.index_figures import fit_indices_figure, pose_indices_figure
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed, wrapped
 from kneejax.report.sensitivity_figures import (
     FREE_COLUMN,
     OF_FIBRES,
+    fit_indices_figure,
     local_curves_figure,
     local_heatmap_figure,
+    pose_indices_figure,
     sweep_figure,
 )
 from kneejax.statics import Status, converged
@@ -29,73 +28,42 @@ if TYPE_CHECKING:
     from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
     from kneejax.studies import Sensitivities
 
-
 #: Narrow names of the coordinates, in the order of `SHOWN`.
 _HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
 #: Scale -> one step of it in words.
 _STEP = {"prior": "one standard deviation of its prior", "percent": "one per cent of its value"}
 _MOST_ROWS = 24
-_SWEPT = (
-    "One parameter at a time, from the lowest (dark) to the highest value (bright), the others as "
-    "the study begins with them. Poses that are not sound are dashed, dotted or left out, and "
-    "counted in the legend."
-)
-_CAPTIONS = {
-    "local_heatmap": "Derivative of each coordinate by each parameter over flexion, for one step "
-    "of the parameter; red: it grows, blue: it falls. Poses without an equilibrium are hatched.",
-    "local_curves": "The same derivatives as curves; the colour is the ligament's, the dashes are "
-    "the quantity's.",
-    "fit": "Which parameters decide how far the motion is from the measured one: an index of the "
-    "objective and of the error of each coordinate, with confidence intervals.",
-    "poses": "Which parameters decide each coordinate at several flexions.",
-}
 
 
 def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answer:
-    """What each parameter of a study does to the motion.
-
-    Args:
-        found: sweeps, derivatives, and global indices if they were asked for.
-        options: of the command, for result.json.
-
-    Returns:
-        The answer; its tables are sweeps, local_sensitivity and, if asked for, global_indices.
-    """
+    """What each parameter of a study does to the motion."""
     study, local, sweeps, indices = found.study, found.local, found.sweeps, found.indices
     doubts = sensitivity_doubts(local, sweeps, indices)
     offsets = tuple(study.frame_offset)
     measured = _in_the_model_frame(found.measured, sweeps, offsets)
     ranked, swept = ranked_table(local), swept_table(sweeps)
     tables = {"sweeps": _sweep_values(sweeps), "local_sensitivity": _derivatives(local)}
-    main = [ranked]
-    method = found.question.indices
+    main, method, over_flexion = [ranked], found.question.indices, ["local_curves"]
     drawings = {
         f"sweep_{one.name.replace('.', '_')}": Drawing(
-            functools.partial(sweep_figure, sweeps, one.name, measured, bool(offsets)),
-            f"Motion over {one.name}.",
+            sweep_figure, sweeps, one.name, measured, bool(offsets), more=f"Motion over {one.name}."
         )
         for one in sweeps.sweeps
     }
     every_sweep = list(drawings)
-    for name, draw in (("curves", local_curves_figure), ("heatmap", local_heatmap_figure)):
-        caption = _CAPTIONS[f"local_{name}"]
-        drawings[f"local_{name}"] = Drawing(functools.partial(draw, local), caption)
-    over_flexion = ["local_curves"]
+    drawings["local_curves"] = Drawing(local_curves_figure, local)
+    drawings["local_heatmap"] = Drawing(local_heatmap_figure, local)
     if indices is not None:
         tables["global_indices"] = _every_index(indices)
         main.append(index_table(indices))
-        for name, draw in (("fit", fit_indices_figure), ("poses", pose_indices_figure)):
-            caption = _CAPTIONS[name]
-            drawings[f"{method}_{name}"] = Drawing(functools.partial(draw, indices), caption)
+        drawings[f"{method}_fit"] = Drawing(fit_indices_figure, indices)
+        drawings[f"{method}_poses"] = Drawing(pose_indices_figure, indices)
         over_flexion = ["local_heatmap", "local_curves", f"{method}_poses"]
     lost = not converged(np.maximum(local.status, sweeps.status)).any()
     title = f"{study.title} (knee {study.knee.name})"
     lines = [title]
-    # A terminal is too narrow for steps, which the page and local_sensitivity.csv have.
-    narrow = [dataclasses.replace(one, shown=one.name != "step") for one in ranked.columns]
-    for table in (dataclasses.replace(ranked, columns=narrow), *main[1:], swept):
-        lines += ["", *wrapped(table.title), *([table.terminal()] if table.rows else [])]
-        lines += wrapped(table.note)
+    for table in (ranked.fitting("step"), *main[1:], swept):
+        lines += ["", table.text()]
     for sentence in doubts:
         lines += wrapped(sentence, "warning: ")
     return Answer(
@@ -112,12 +80,12 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         doubts=doubts,
         sections=[
             Section("Over flexion", drawings=over_flexion),
-            Section("One parameter at a time", [_SWEPT], [swept], every_sweep),
+            Section("One parameter at a time", [prose("swept")], [swept], every_sweep),
         ],
         text="\n".join(lines),
         document=_document(found, options, doubts),
         exit_status=int(bool(doubts)),
-    )  # fmt: skip
+    )
 
 
 def sensitivity_doubts(
@@ -185,11 +153,7 @@ def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
 
 
 def ranked_table(local: LocalSensitivity) -> Table:
-    """Parameters by their effect: of one step on each coordinate, with the flexion where it is.
-
-    Args:
-        local: exact derivatives.
-    """
+    """Parameters by their effect: of one step on each coordinate, with the flexion where it is."""
     slopes, rows = local.largest()
     most, cells = np.abs(slopes).argmax(axis=1), []
     for i in _ranked(local)[:_MOST_ROWS]:
@@ -255,11 +219,7 @@ def _sound_range(one: Sweep) -> str:
 
 
 def index_table(found: MotionIndices) -> Table:
-    """Global indices of the objective, the largest first, with their confidence intervals.
-
-    Args:
-        found: Sobol or Morris indices of a motion.
-    """
+    """Global indices of the objective, the largest first, with their confidence intervals."""
     indices, row = found.indices, found.row("")
     main, other = list(indices.measures)[:2]
     half = indices.half_widths[main]
@@ -277,12 +237,11 @@ def index_table(found: MotionIndices) -> Table:
         shown = [indices.measures[main][row, i], half[row, i], indices.measures[other][row, i]]
         decides = "all errors" if len(names) == len(SHOWN) else ", ".join(names)
         rows.append([indices.names[i], limits, *shown, decides])
-    three = functools.partial(number, digits=3)
     return Table(
         [
-            Column("parameter", words=True), Column("range", words=True), Column(main, show=three),
-            Column("half_width", show=functools.partial(number, digits=2)),
-            Column(other, show=three), Column("largest_for", words=True),
+            Column("parameter", words=True), Column("range", words=True), Column(main, show="3"),
+            Column("half_width", show="2"), Column(other, show="3"),
+            Column("largest_for", words=True),
         ],
         rows,
         f"{indices.method.capitalize()} indices of the objective ({indices.runs} motions, "

@@ -10,6 +10,7 @@ import json
 import math
 import os
 import time
+import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
@@ -21,6 +22,8 @@ from kneejax.report.look.tables import Table, json_safe, number
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+_TEMPLATES = resources.files("kneejax.report.look") / "templates"
+
 
 class Verdict(enum.Enum):
     """How far an answer can be trusted; its value is a CSS class of the page's badge."""
@@ -30,17 +33,18 @@ class Verdict(enum.Enum):
     FAILED = "failed"
 
 
-@dataclasses.dataclass(frozen=True)
 class Drawing:
-    """A figure of an answer.
+    """A figure of an answer; its caption is that of the function in `templates/prose.toml`.
 
-    Attributes:
-        draw: makes it; called once, when the answer is written.
-        caption: one or two sentences, plain text: what is drawn and how to read it.
+    Args:
+        figure: a function that draws it; called once, when the answer is written.
+        given: its arguments, also by name.
+        more: a sentence that the caption ends with.
     """
 
-    draw: Callable[[], Figure]
-    caption: str = ""
+    def __init__(self, figure: Callable[..., Figure], *given: Any, more: str = "", **named: Any):
+        self.draw: Callable[[], Figure] = functools.partial(figure, *given, **named)
+        self.caption = f"{_prose().get(figure.__name__, '')} {more}".strip()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,23 +114,10 @@ class Answer:
     exit_status: int = 0
 
     def page(
-        self,
-        pictures: Mapping[str, str],
-        settings: Mapping[str, Any] | None = None,
-        versions: Mapping[str, str] | None = None,
-        seconds: Mapping[str, float] | None = None,
+        self, pictures: Mapping[str, str], settings: Mapping[str, Any] | None = None,
+        versions: Mapping[str, str] | None = None, seconds: Mapping[str, float] | None = None,
     ) -> str:
-        """The page of the answer, which needs no other file and no network.
-
-        Args:
-            pictures: name -> SVG element of each drawing that the page shows.
-            settings: of the command: at the foot of the page, folded.
-            versions: package -> version, likewise.
-            seconds: part of the work -> how long it took, likewise.
-
-        Returns:
-            An HTML document.
-        """
+        """The page of the answer, which needs no other file and no network."""
         asked_again = [
             (name, as_setting(value)) for name, value in json_safe(dict(settings or {})).items()
         ]
@@ -145,13 +136,8 @@ class Answer:
 
 
 def write_page(
-    answer: Answer,
-    folder: str | os.PathLike[str],
-    *,
-    svg: bool = False,
-    figures: bool = True,
-    settings: Mapping[str, Any] | None = None,
-    versions: Mapping[str, str] | None = None,
+    answer: Answer, folder: str | os.PathLike[str], *, svg: bool = False, figures: bool = True,
+    settings: Mapping[str, Any] | None = None, versions: Mapping[str, str] | None = None,
     seconds: dict[str, float] | None = None,
 ) -> list[Path]:
     """Write the page of an answer, and its figures; each is drawn once.
@@ -197,6 +183,22 @@ def as_setting(value: Any) -> str:
     return "none" if value in (None, [], {}) else json.dumps(value, ensure_ascii=False)
 
 
+def prose(name: str, **values: Any) -> str:
+    """What pages say whatever was found: a text of `templates/prose.toml`, its names filled in."""
+    text = _prose()[name]
+    return text.format(**values) if values else text
+
+
+def paragraphs(name: str, **values: Any) -> list[str]:
+    """Likewise a text of several paragraphs, one a line; those left empty are dropped."""
+    return [line for line in prose(name, **values).splitlines() if line.strip()]
+
+
+@functools.cache
+def _prose() -> dict[str, str]:
+    return tomllib.loads((_TEMPLATES / "prose.toml").read_text(encoding="utf-8"))
+
+
 def minus(text: str) -> str:
     """A number, or limits in words, with a minus where a hyphen would be too short."""
     words = text.split()
@@ -229,18 +231,17 @@ def rendered(template: str, **values: Any) -> str:
         template: name of the file.
         values: what its names stand for; plain text is escaped.
     """
-    return _template(template).render(**values)
+    return _environment().get_template(template).render(**values)
 
 
 @functools.cache
-def _template(name: str):
+def _environment():
     # Jinja takes 50 ms to import, which not every command needs.
     import jinja2
 
-    folder = resources.files("kneejax.report.look") / "templates"
     environment = jinja2.Environment(
-        loader=jinja2.FunctionLoader(lambda one: (folder / one).read_text(encoding="utf-8")),
+        loader=jinja2.FunctionLoader(lambda one: (_TEMPLATES / one).read_text(encoding="utf-8")),
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
-    )
+    )  # fmt: skip
     environment.filters |= {"minus": minus, "width": _width}
-    return environment.get_template(name)
+    return environment

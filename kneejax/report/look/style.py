@@ -8,14 +8,15 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from kneejax import _whole_files
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
+else:  # Matplotlib takes long to import; the other rooms' annotations have their types from here.
+    Axes = Figure = Any
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -23,21 +24,6 @@ _R = TypeVar("_R")
 
 #: The five free coordinates as figures show them: translations, then rotations.
 SHOWN = ("lateral", "anterior", "superior", "adduction", "internal_rotation")
-
-#: Colours that stay apart for colour-blind readers (Okabe and Ito).
-BLACK, BLUE, VERMILLION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
-PURPLE, ORANGE, SKY, YELLOW = "#CC79A7", "#E69F00", "#56B4E9", "#B8A900"
-GREY, LIGHT = "#666666", "#E4E7EA"
-MEASURED, START = BLACK, BLUE
-#: Colours of the procedures; the first is the answer.
-FITS = (VERMILLION, GREEN, PURPLE, ORANGE, SKY)
-#: Colours of ligaments, twelve before they repeat, and of contacts.
-PARTS = (
-    BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW,
-    "#7A4B9A", "#8C564B", "#5B8C5A", "#999999",
-)  # fmt: skip
-
-CONTACT_PARTS = (BLACK, "#7A4B9A", "#8C564B", GREY)
 
 WIDTH = 7.0  # inches: the text width of a page
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from kneejax.report.look.style import BLACK, GREY, WIDTH, styled, verbatim
+from kneejax.report.look.colours import BLACK, GREY
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene.rendering import (
     MUSCLE,
@@ -22,11 +23,6 @@ from kneejax.report.scene.rendering import (
     strain_limit,
 )
 from kneejax.report.scene.scene import Fibre, Scene
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 #: Views of `scene_figure`, and of `motion_figure` and the film.
 STILL = MOVING = ("anterior", "medial", "anteromedial, from above")

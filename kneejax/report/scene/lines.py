@@ -133,13 +133,7 @@ def _drawn(fibres: Fibres, state: State):
 
 
 def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:
-    """Grids of what ligaments go around, in their bones' frames, each once, with their bones.
-
-    Args:
-        knee: any knee.
-        every: courses of its ligaments, in their order.
-        places: where the bones are.
-    """
+    """Grids of what ligaments go around, in their bones' frames, each once, with their bones."""
     found: dict[tuple, tuple[np.ndarray, str]] = {}
     passing: dict[tuple, list[np.ndarray]] = {}
     for course in knee.ligaments.courses:

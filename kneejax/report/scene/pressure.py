@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import equinox as eqx
 import jax
@@ -14,13 +13,9 @@ from jax import Array
 
 from kneejax.geometry import TIBIA, Pose, State, Surface, vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
-from kneejax.report.look.style import BLACK, GREY, WIDTH, styled, verbatim
+from kneejax.report.look.colours import BLACK, GREY
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.scene.surfaces import surface_grid
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 
 #: Colours of pressure, pale where it is small.
 PRESSURE_COLOURS = "YlOrRd"

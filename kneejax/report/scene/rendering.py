@@ -52,10 +52,6 @@ def fibre_colour(fibre: Fibre, limit: float) -> str:
 def strain_colour(strain: float, limit: float) -> str:
     """Colour of a fibre, as `#rrggbb`; grey where it is slack.
 
-    Args:
-        strain: any; beyond the limit the last colour holds.
-        limit: strain at the end of the colours.
-
     Example:
         >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
         ('#b40426', '#a9adb2')
@@ -68,12 +64,7 @@ def strain_colour(strain: float, limit: float) -> str:
 
 
 def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
-    """Colour of each point of a plateau, `(m, n, 3)`, 0 to 1; the ground's where not pressed.
-
-    Args:
-        plateau: points with their pressure.
-        limit: pressure at the end of the colours, MPa.
-    """
+    """Colour of each point of a plateau, `(m, n, 3)`, 0 to 1; the ground's where not pressed."""
     from matplotlib import colormaps
     from matplotlib.colors import to_rgb
 
@@ -141,12 +132,7 @@ class Camera:
 
 
 def camera(view: str, every: Sequence[Scene]) -> Camera:
-    """A camera that sees all articular surfaces and fibres of some scenes of one knee.
-
-    Args:
-        view: one of `VIEWS`.
-        every: scenes that shall be comparable.
-    """
+    """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
     anterior, superior, lateral = VIEWS[view]
     towards = np.array([anterior, superior, lateral * every[0].lateral])
     towards /= np.linalg.norm(towards)
@@ -173,16 +159,6 @@ def render(
     scene: Scene, view: Camera, strain_limit: float, pressure_limit: float, height: int = 900
 ) -> np.ndarray:
     """Draw a scene without words.
-
-    Args:
-        scene: what to draw.
-        view: from where.
-        strain_limit: strain at the end of the colours.
-        pressure_limit: pressure at the end of the colours, MPa.
-        height: of the picture, pixels.
-
-    Returns:
-        Colours, `(height, width, 3)`, 0 to 255.
 
     Raises:
         MissingPackage: PyVista is not installed.

@@ -142,9 +142,7 @@ class Scene:
 
 
 def scenes(
-    knee: Knee,
-    poses: Pose | State,
-    bones: Sequence[BoneMesh] = (),
+    knee: Knee, poses: Pose | State, bones: Sequence[BoneMesh] = (),
     points: tuple[int, int] = (48, 48),
 ) -> tuple[Scene, ...]:
     """Place everything that a picture of a knee shows, in the tibia's frame.

@@ -36,13 +36,7 @@ def grid_triangles(rows: int, columns: int) -> np.ndarray:
 
 
 def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
-    """Points on a wrap obstacle, `(m, n, 3)`, in its bone's frame, mm.
-
-    Args:
-        obstacle: sphere, ellipsoid or cylinder.
-        passing_mm: points of the fibres that pass it, `(k, 3)`: a cylinder much longer than
-            them is cut.
-    """
+    """Points on a wrap obstacle, `(m, n, 3)`, in its bone's frame, mm."""
     around, up = np.meshgrid(
         np.linspace(0, 2 * np.pi, _ROUND + 1), np.linspace(0, np.pi, _ROUND // 2 + 1), indexing="ij"
     )
