@@ -68,11 +68,10 @@ def activity_answer(
         own = [*status_doubts(status[name], words[name], *places), *_second(one)]
         own += [*_unexplained(one)]
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
-    tables = {
-        "activity": _activity_table(found, status, words, cycle, convention),
-        "forces": _of_knees(found, _ligament_table), "contact": _of_knees(found, _contact_table),
-        "residual": _of_knees(found, _residual_table),
-    }
+    tables = {"activity": _activity_table(found, status, words, cycle, convention),
+              "forces": _of_knees(found, _ligament_table),
+              "contact": _of_knees(found, _contact_table),
+              "residual": _of_knees(found, _residual_table)}  # fmt: skip
     several, alone = len(found) > 2, len(found) == 1
     ranges, compared = _ranges(found), place_table(found)
     drawings = {"activity": Drawing(activity_figure, dict([*found.items()][:2]), cycle, title)}
@@ -84,11 +83,9 @@ def activity_answer(
         times = np.round(record.time_s, 3)
         forces = peak_table(one.motion.knee, one.mechanics, times, "at time, s")
         peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
-    sections = [
-        Section("Range of each coordinate", tables=[ranges] if not alone else []),
-        Section("Largest forces", tables=peaks),
-        Section("All coordinates and forces", drawings=["activity"] if several else []),
-    ]
+    sections = [Section("Range of each coordinate", tables=[ranges] if not alone else []),
+                Section("Largest forces", tables=peaks),
+                Section("All coordinates and forces", drawings=["activity"] if several else [])]
     sections = [part for part in sections if part.tables or part.drawings]
     if rounds:
         tables["rounds"] = round_table(rounds)
@@ -122,10 +119,8 @@ def activity_answer(
 def _words(one: Activity) -> tuple[str, ...]:
     """What is wrong at each instant, or known of another balance there."""
     here = np.asarray(one.motion.to_table())
-    others = [
-        second_balance(other, own) if np.isfinite(other).all() else ""
-        for other, own in zip(one.other, here, strict=True)
-    ]
+    others = [second_balance(other, own) if np.isfinite(other).all() else ""
+              for other, own in zip(one.other, here, strict=True)]  # fmt: skip
     also = zip(search_words(one.motion), others, strict=True)
     said = ["; ".join(filter(None, pair)) for pair in also]
     return pose_words(one.motion.knee, one.mechanics, said)
@@ -254,10 +249,8 @@ def round_table(rounds: Sequence[Round]) -> Table:
     Args:
         rounds: in their order.
     """
-    names = (
-        "round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
-        "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms",
-    )  # fmt: skip
+    names = ("round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
+             "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms")  # fmt: skip
     whole = ("round", "coordinate", "balanced_instants", "instants")
     rows = []
     for one in rounds:
@@ -276,10 +269,8 @@ def _activity_table(found: Mapping[str, Activity], status, words, cycle: Cycle, 
     knee = next(iter(found.values())).motion.knee
     others = [x.column for body in knee.other_bones for x in BODIES[body].values()]
     extra = [] if convention == FEMORAL else ["convention"]
-    header = [
-        "knee", "time_s", "cycle_percent", *COLUMNS, *(f"record_{name}" for name in COLUMNS),
-        *others, "quadriceps_N", "residual_flexion_Nm", "status", "doubt", *extra,
-    ]  # fmt: skip
+    header = ["knee", "time_s", "cycle_percent", *COLUMNS, *(f"record_{name}" for name in COLUMNS),
+              *others, "quadriceps_N", "residual_flexion_Nm", "status", "doubt", *extra]
     # A record of no gait has no part of a cycle.
     percent = cycle.percent if cycle.is_gait else np.full(len(cycle.percent), np.nan)
     rows = []
@@ -312,10 +303,8 @@ def _ligament_table(keys: dict, one: Activity) -> Table:
 
 def _contact_table(keys: dict, one: Activity) -> Table:
     told, names = one.mechanics, one.motion.knee.contact_names
-    numbers = {
-        "force_N": contact_forces(told), "max_pressure_MPa": told.max_pressure,
-        "area_mm2": told.area, tuple(f"center_{way}_mm" for way in _DIRECTIONS): told.center,
-    }  # fmt: skip
+    numbers = {"force_N": contact_forces(told), "max_pressure_MPa": told.max_pressure,
+               "area_mm2": told.area, tuple(f"center_{way}_mm" for way in _DIRECTIONS): told.center}
     return part_table(keys, "contact", names, numbers)
 
 

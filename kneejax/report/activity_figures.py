@@ -97,10 +97,8 @@ def _mark_lost(axes: Axes, found: Mapping[str, Activity], cycle: Cycle) -> None:
 def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None:
     from matplotlib.lines import Line2D
 
-    handles = [
-        Line2D([], [], color=color, linestyle=dashes, label=verbatim(name))
-        for (name, _), color, dashes in _styles(found)
-    ]
+    handles = [Line2D([], [], color=color, linestyle=dashes, label=verbatim(name))
+               for (name, _), color, dashes in _styles(found)]  # fmt: skip
     if next(iter(found.values())).record.same_frames:
         handles.append(Line2D([], [], color=GREY, linestyle=":", linewidth=1.4, label="record"))
     if np.isfinite(cycle.toe_off):
@@ -108,10 +106,8 @@ def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None
     if any(not one.holds.all() for one in found.values()):
         handles.append(Line2D([], [], color=GREY, marker="x", linestyle="", markersize=4,
                               label="no balance"))  # fmt: skip
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965), ncol=len(handles),
-        fontsize=8, frameon=False,
-    )  # fmt: skip
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965),
+                  ncol=len(handles), fontsize=8, frameon=False)  # fmt: skip
 
 
 def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -120,9 +116,8 @@ def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np
     changing, answer = np.ptp(acts, axis=0) > 0, {}
     for (name, one), stiffness in zip(found.items(), acts, strict=True):
         rows = np.flatnonzero(changing & (stiffness > 0))
-        force, strain = (
-            np.asarray(x)[:, rows] for x in (one.mechanics.tension, one.mechanics.strain)
-        )
+        force, strain = (np.asarray(x)[:, rows]
+                         for x in (one.mechanics.tension, one.mechanics.strain))  # fmt: skip
         nothing = np.full(len(force), np.nan)
         both = (force.sum(axis=1), strain.max(axis=1)) if len(rows) else (nothing, nothing)
         answer[name] = both
@@ -155,10 +150,8 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         away = {name: table[:, column] - intact[:, column] for name, table in tables.items()}
         _curves(axes, cycle, dict(list(away.items())[1:]), first=1)
-    words = (
-        "Strain of ligament or graft, %", "Force of ligament or graft, N",
-        "Forwards of the intact tibia, mm", "Turned inwards of it, deg",
-    )  # fmt: skip
+    words = ("Strain of ligament or graft, %", "Force of ligament or graft, N",
+             "Forwards of the intact tibia, mm", "Turned inwards of it, deg")  # fmt: skip
     for axes, label in zip(panels, words, strict=True):
         axes.set_ylabel(label)
         axes.set_xlim(cycle.percent[0], cycle.percent[-1])

@@ -93,9 +93,8 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "rmse": fit.rmse,
             "tests": [one._asdict() for one in laxity_errors(calibration)],
             "evaluations": {key: fit.evaluations.get(key, 0) for key in TOTALS},
-            "correlation": {
-                "parameters": [e.name for e in fit.estimates], "matrix": fit.correlation,
-            },
+            "correlation": {"parameters": [e.name for e in fit.estimates],
+                            "matrix": fit.correlation},
             "truth": calibration.truth,
             "frame_offset": {e.name: parameter_document(e) | {"unit": e.unit} for e in fit.offsets},
             "noise": calibration.noise,
@@ -121,20 +120,14 @@ def _of_procedure(fit: Fit) -> dict[str, Any]:
         "objective": fit.objective,
         "partial_objectives": fit.partial_objectives,
         "rmse": fit.rmse,
-        "parameters": {
-            e.name: parameter_document(e) | {"unit": e.unit, "remark": reasons(e)}
-            for e in fit.estimates
-        },
+        "parameters": {e.name: parameter_document(e) | {"unit": e.unit, "remark": reasons(e)}
+                       for e in fit.estimates},
         "evaluations": fit.evaluations,
         "iterations": len(fit.history),
-        "starts": [
-            {"objective": objective, "values": dict(zip(names, values, strict=True))}
-            for objective, values in ends
-        ],
-        "status": {
-            Status(value).word: int(np.sum(status == value))
-            for value in sorted(set(status.tolist()))
-        },
+        "starts": [{"objective": objective, "values": dict(zip(names, values, strict=True))}
+                   for objective, values in ends],
+        "status": {Status(value).word: int(np.sum(status == value))
+                   for value in sorted(set(status.tolist()))},
     }
 
 
@@ -167,10 +160,8 @@ def calibration_answer(calibration: Calibration) -> Answer:
     )
     offsets = "Offsets are constants added to the model to compare it with the measurement."
     sections = [
-        Section(
-            "Parameters in detail", [limits.strip(), *[offsets] * bool(fit.offsets)],
-            ["parameters", *[_side_by_side(calibration)] * several], ["parameters"],
-        ),
+        Section("Parameters in detail", [limits.strip(), *[offsets] * bool(fit.offsets)],
+                ["parameters", *[_side_by_side(calibration)] * several], ["parameters"]),
         Section(
             "Motion", ["Root mean square difference between simulated and measured motion, sums "
                        "of squared differences, and the weighted sum that is minimised."],
@@ -206,17 +197,12 @@ def calibration_answer(calibration: Calibration) -> Answer:
         drawings=shown,
         picture=next(iter(shown)),
         doubts=doubts,
-        facts=[
-            ("Objective at the start", number(calibration.start_objective)),
-            ("Objective fitted", number(fit.objective)),
-            ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
-            ("Time, s", number(calibration.seconds.get("total", math.nan), 3)),
-        ],
-        sections=[
-            one
-            for one in sections
-            if one.title not in absent and (one.text or one.tables or one.drawings)
-        ],
+        facts=[("Objective at the start", number(calibration.start_objective)),
+               ("Objective fitted", number(fit.objective)),
+               ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
+               ("Time, s", number(calibration.seconds.get("total", math.nan), 3))],
+        sections=[one for one in sections
+                  if one.title not in absent and (one.text or one.tables or one.drawings)],
         text=calibration_summary(calibration),
         document=result_document(calibration),
         exit_status=became.exit_status,
@@ -232,11 +218,9 @@ def _drawings(calibration: Calibration) -> dict[str, Drawing]:
     if fit.tests:
         every["tests"] = Drawing(tests_figure, calibration)
     names = [e.name for e in fit.estimates]
-    every |= {
-        "parameters": Drawing(parameters_figure, calibration),
-        "correlation": Drawing(correlation_matrix_figure, names, fit.correlation),
-        "convergence": Drawing(convergence_figure, calibration),
-    }
+    every |= {"parameters": Drawing(parameters_figure, calibration),
+              "correlation": Drawing(correlation_matrix_figure, names, fit.correlation),
+              "convergence": Drawing(convergence_figure, calibration)}  # fmt: skip
     if len(calibration.measured):
         every["ligament_forces"] = Drawing(ligament_forces_figure, calibration)
     return every
@@ -257,10 +241,9 @@ def write_report(
     Returns:
         `report.html`, which needs no other file, then `figures/NAME.png`.
     """
-    return write_page(
-        calibration_answer(calibration), folder, svg=svg, figures=figures,
-        settings=calibration.settings, versions=calibration.versions, seconds=calibration.seconds,
-    )  # fmt: skip
+    return write_page(calibration_answer(calibration), folder, svg=svg, figures=figures,
+                      settings=calibration.settings, versions=calibration.versions,
+                      seconds=calibration.seconds)  # fmt: skip
 
 
 def calibration_summary(calibration: Calibration) -> str:
@@ -349,16 +332,12 @@ def _objectives(calibration: Calibration) -> Table:
 
 def _side_by_side(calibration: Calibration) -> Table:
     """What each procedure found for each parameter."""
-    found = [
-        {e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates}
-        for fit in calibration.fits
-    ]
+    found = [{e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates}
+             for fit in calibration.fits]  # fmt: skip
     columns = [Column("parameter", words=True), Column("unit", words=True)]
     columns += [Column(head, head) for head in _each_fit(calibration)]
-    rows = [
-        [e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
-        for e in calibration.fit.estimates
-    ]
+    rows = [[e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
+            for e in calibration.fit.estimates]  # fmt: skip
     return Table(columns, rows, "The procedures side by side", "* ended on a bound")
 
 

@@ -20,15 +20,11 @@ if TYPE_CHECKING:
     from kneejax.inference import Calibration, Estimate
 
 #: What a kind of interval says on the line of an estimate.
-_KINDS = {
-    IntervalKind.NOT_DETERMINED: "not determined", IntervalKind.NOT_COMPUTED: "limits not computed",
-    IntervalKind.PRIOR: "prior alone",
-}
+_KINDS = {IntervalKind.NOT_DETERMINED: "not determined",
+          IntervalKind.NOT_COMPUTED: "limits not computed", IntervalKind.PRIOR: "prior alone"}
 #: Columns of parameters.csv.
-PARAMETER_COLUMNS = (
-    "name", "value", "unit", "start", "lower", "upper", "standard_error", "at_bound", "low", "high",
-    "interval", "remark",
-)  # fmt: skip
+PARAMETER_COLUMNS = ("name", "value", "unit", "start", "lower", "upper", "standard_error",
+                     "at_bound", "low", "high", "interval", "remark")  # fmt: skip
 
 
 def limits(low: float, high: float, digits: int = 4) -> str:
@@ -124,10 +120,8 @@ def parameters_table(calibration: Calibration) -> Table:
     fit = calibration.fit
     named = [(e.name, e) for e in fit.estimates]
     named += [(f"frame_offset.{e.name}", e) for e in fit.offsets]
-    every = [
-        {**parameter_document(e), "name": name, "unit": e.unit, "remark": remark(e)}
-        for name, e in named
-    ]
+    every = [{**parameter_document(e), "name": name, "unit": e.unit, "remark": remark(e)}
+             for name, e in named]  # fmt: skip
     words = ("name", "unit", "interval", "remark")
     columns = [Column(name, words=name in words) for name in PARAMETER_COLUMNS]
     return Table(columns, [[one[name] for name in PARAMETER_COLUMNS] for one in every])
@@ -153,10 +147,9 @@ def parameters_figure(calibration: Calibration) -> Figure:
     depths = [0.42 * max(sizes[i * columns : (i + 1) * columns]) for i in range(rows)]
     longest = max((len(e.name.partition(".")[0]) for e in calibration.fit.estimates), default=4)
     left = min(max(0.5, 0.064 * longest + 0.12), 2.1)
-    figure, panels = grid(
-        rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left, right=0.1, top=0.5,
-        bottom=0.25, apart=(left + 0.1, 0.55), height_ratios=depths,
-    )  # fmt: skip
+    figure, panels = grid(rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left,
+                          right=0.1, top=0.5, bottom=0.25, apart=(left + 0.1, 0.55),
+                          height_ratios=depths)  # fmt: skip
     handles: dict = {}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
         title = quantity.replace(".", " ").replace("_", " ").capitalize()
@@ -164,11 +157,9 @@ def parameters_figure(calibration: Calibration) -> Figure:
         _parameter_rows(axes, group, calibration, handles)
     for axes in panels.flat[len(groups) :]:
         axes.set_axis_off()
-    figure.legend(
-        list(handles.values()), list(handles), loc="upper left", bbox_to_anchor=(0.06, 1.0),
-        ncols=len(handles), columnspacing=1.5, handletextpad=0.5, handlelength=1.4, fontsize=7.5,
-        borderaxespad=0.2,
-    )  # fmt: skip
+    figure.legend(list(handles.values()), list(handles), loc="upper left",
+                  bbox_to_anchor=(0.06, 1.0), ncols=len(handles), columnspacing=1.5,
+                  handletextpad=0.5, handlelength=1.4, fontsize=7.5, borderaxespad=0.2)  # fmt: skip
     return figure
 
 
@@ -186,9 +177,8 @@ def _parameter_rows(
     pad = 0.04 * (high - low) or 1.0
     bounded = np.isfinite(lower) & np.isfinite(upper)
     if bounded.any():
-        bars = axes.barh(
-            y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5, color=LIGHT
-        )
+        bars = axes.barh(y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5,
+                         color=LIGHT)  # fmt: skip
         handles.setdefault("bounds", bars)
     (handles["start"],) = axes.plot(starts, y, "o", color=BLUE, markersize=4.5)
     for row, e in enumerate(group):
@@ -202,10 +192,8 @@ def _parameter_rows(
                 axes.plot(end, row, "|" if closed else arrow, **style)
         words = ["at bound"] * e.at_bound
         words += ["not determined"] * (e.interval is IntervalKind.NOT_DETERMINED)
-        axes.text(
-            high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION,
-            ha="right", va="bottom", style="italic",
-        )  # fmt: skip
+        axes.text(high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION, ha="right",
+                  va="bottom", style="italic")  # fmt: skip
     drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
     handles["estimate and 95 % limits"] = drawn[0]
     hollow: dict[str, Any] = {"markerfacecolor": "none"}
@@ -251,15 +239,11 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
         for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
             hatched(axes, corner, *size, "////")
     axes.set_title("Correlation of the estimates")
-    keys = [
-        Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
-        for value in (1.0, 0.5, 0.0, -0.5, -1.0)
-    ] + list(axes.patches[-1:])
+    keys = [Rectangle((0, 0), 1, 1, facecolor=colours(0.5 + value / 2), edgecolor="#A0A0A0", lw=0.4)
+            for value in (1.0, 0.5, 0.0, -0.5, -1.0)] + list(axes.patches[-1:])  # fmt: skip
     words = ["+1", "+0.5", "0", "\u22120.5", "\u22121", "not determined"]
-    axes.legend(
-        keys, words[: len(keys)], loc="upper left", bbox_to_anchor=(1.03, 1.0), borderaxespad=0,
-        handlelength=1.2, handleheight=1.2, fontsize=7.5,
-    )  # fmt: skip
+    axes.legend(keys, words[: len(keys)], loc="upper left", bbox_to_anchor=(1.03, 1.0),
+                borderaxespad=0, handlelength=1.2, handleheight=1.2, fontsize=7.5)  # fmt: skip
     return figure
 
 

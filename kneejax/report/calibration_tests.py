@@ -24,13 +24,11 @@ _PANEL = 2.9  # inches high
 #: Flexions with a curve each that a legend names.
 _MOST_NAMED = 8
 #: What was compared, by what it is counted from.
-_COMPARED = {
-    "unloaded": "Change from the unloaded pose", "intact": "Change from the intact knee",
-    "least_load": "Change from the least load", "opposite": "Difference of opposite loads",
-    "offset": "Pose in the laboratory's frame",
-    "offset_each_flexion": "Pose in the laboratory's frame", "absolute": "Pose",
-    "extension": "Change from extension",
-}
+_COMPARED = {"unloaded": "Change from the unloaded pose", "intact": "Change from the intact knee",
+             "least_load": "Change from the least load", "opposite": "Difference of opposite loads",
+             "offset": "Pose in the laboratory's frame",
+             "offset_each_flexion": "Pose in the laboratory's frame", "absolute": "Pose",
+             "extension": "Change from extension"}  # fmt: skip
 
 
 class LaxityError(NamedTuple):
@@ -62,12 +60,10 @@ def errors_table(calibration: Calibration) -> Table:
 
     Those of a single reading are left to tests.csv, which has the reading itself.
     """
-    columns = [
-        Column("test", "test under load", words=True), Column("coordinate", words=True),
-        Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
-        Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
-        Column("change", words=True),
-    ]  # fmt: skip
+    columns = [Column("test", "test under load", words=True), Column("coordinate", words=True),
+               Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
+               Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
+               Column("change", words=True)]  # fmt: skip
     rows = []
     for one in laxity_errors(calibration):
         size = [one.readings, one.start, one.fitted, change(one.start, one.fitted)]
@@ -101,9 +97,8 @@ def reading_table(calibration: Calibration) -> Table:
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         test = own.test
         nothing = np.zeros(len(test.flexion_deg))
-        acting = [
-            test.loads.get(name, nothing) + test.constant.get(name, 0.0) for name in NAMED_LOADS
-        ]
+        acting = [test.loads.get(name, nothing) + test.constant.get(name, 0.0)
+                  for name in NAMED_LOADS]  # fmt: skip
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
             [
@@ -182,11 +177,9 @@ def tests_figure(calibration: Calibration) -> Figure:
         A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
         over flexion where there is one reading at each, over time of a knee in motion.
     """
-    panels = [
-        (own, before, name)
-        for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
-        for name in own.compared
-    ]
+    panels = [(own, before, name)
+              for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
+              for name in own.compared]  # fmt: skip
     figure, every = grid(len(panels), 1, _PANEL * len(panels) + 0.35, left=0.7, right=1.54,
                          apart=(0, 0.9))  # fmt: skip
     for axes, (own, before, name) in zip(every[:, 0], panels, strict=True):
@@ -267,17 +260,12 @@ def _along(
 def _legend(axes: Axes, title: str | None) -> None:
     """Flexions by colour; what is drawn how, below."""
     if title:
-        first = axes.legend(
-            title=title, title_fontsize=8, loc="upper left", bbox_to_anchor=(1.02, 1.02),
-            borderaxespad=0, fontsize=7.5, handlelength=1.6,
-        )  # fmt: skip
+        first = axes.legend(title=title, title_fontsize=8, loc="upper left",
+                            bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5,
+                            handlelength=1.6)  # fmt: skip
         axes.add_artist(first)
     style = {"color": GREY}
-    kinds = [
-        axes.plot([], [], "o", markersize=3, **style)[0], axes.plot([], [], **style)[0],
-        axes.plot([], [], ":", linewidth=0.9, **style)[0],
-    ]
-    axes.legend(
-        kinds, ["measured", "fitted", "start"], loc="lower left", bbox_to_anchor=(1.02, -0.02),
-        borderaxespad=0, fontsize=7.5, handlelength=1.6,
-    )  # fmt: skip
+    kinds = [axes.plot([], [], "o", markersize=3, **style)[0], axes.plot([], [], **style)[0],
+             axes.plot([], [], ":", linewidth=0.9, **style)[0]]  # fmt: skip
+    axes.legend(kinds, ["measured", "fitted", "start"], loc="lower left",
+                bbox_to_anchor=(1.02, -0.02), borderaxespad=0, fontsize=7.5, handlelength=1.6)

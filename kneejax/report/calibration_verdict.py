@@ -25,13 +25,10 @@ if TYPE_CHECKING:
 
 #: Method of a study -> the optimiser, and what ends it when it has converged.
 _SEARCHES = {
-    "least_squares": (
-        "bounded Levenberg-Marquardt with exact Jacobians (optimistix)",
-        "the search stopped: further steps no longer improve the fit",
-    ),
-    "lbfgsb": (
-        "L-BFGS-B with exact gradients (jaxopt)", "the projected gradient fell below the tolerance",
-    ),
+    "least_squares": ("bounded Levenberg-Marquardt with exact Jacobians (optimistix)",
+                      "the search stopped: further steps no longer improve the fit"),
+    "lbfgsb": ("L-BFGS-B with exact gradients (jaxopt)",
+               "the projected gradient fell below the tolerance"),
 }
 
 
@@ -75,11 +72,9 @@ def message(fit: Fit, when_converged: str = "converged") -> str:
         fit: of one procedure.
         when_converged: what is said of a search that converged.
     """
-    words = {
-        Ending.CONVERGED: when_converged,
-        Ending.FLAT: "converged to within the noise: further steps gained less than the noise",
-        Ending.STOPPED: fit.reason or "stopped before it converged",
-    }[fit.ending]
+    words = {Ending.CONVERGED: when_converged,
+             Ending.FLAT: "converged to within the noise: further steps gained less than the noise",
+             Ending.STOPPED: fit.reason or "stopped before it converged"}[fit.ending]  # fmt: skip
     lost = int((~converged(row_status(fit.motion))).sum())
     words += f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else ""
     gone = sum(int((~converged(one.status)).sum()) for one in fit.tests)
@@ -306,11 +301,9 @@ def known_words(calibration: Calibration) -> str:
     counts = Counter(e.interval for e in estimates if e.interval is not None)
     if not counts:
         return ""
-    words = {
-        IntervalKind.STANDARD_ERROR: "by a standard error",
-        IntervalKind.PROFILE: "by profile limits", IntervalKind.ONE_SIDED: "from one side",
-        IntervalKind.NOT_DETERMINED: "not at all",
-    }
+    words = {IntervalKind.STANDARD_ERROR: "by a standard error",
+             IntervalKind.PROFILE: "by profile limits", IntervalKind.ONE_SIDED: "from one side",
+             IntervalKind.NOT_DETERMINED: "not at all"}  # fmt: skip
     kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
     sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
     for kind, said in (
@@ -321,11 +314,8 @@ def known_words(calibration: Calibration) -> str:
         sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
     sentence += "."
     truth = calibration.truth
-    shared = [
-        e
-        for e in calibration.fit.estimates
-        if e.name in truth and e.interval is not None and e.interval.has_limits
-    ]
+    shared = [e for e in calibration.fit.estimates
+              if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
     if shared:
         inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
         sentence += (

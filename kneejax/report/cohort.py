@@ -37,10 +37,8 @@ def forest_figure(summary: CohortSummary) -> Figure:
     down = -(-len(names) // across)
     tall = min(max(0.085 * len(knees), 0.8), 7.0)
     high = _ABOVE + down * (tall + _BETWEEN)
-    figure, panels = grid(
-        down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1, bottom=_BETWEEN - 0.1,
-        apart=(0.21, _BETWEEN), sharey=True,
-    )  # fmt: skip
+    figure, panels = grid(down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1,
+                          bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN), sharey=True)  # fmt: skip
     for place, axes in enumerate(panels.flat):
         if place >= len(names):
             axes.set_axis_off()
@@ -55,10 +53,8 @@ def forest_figure(summary: CohortSummary) -> Figure:
 def _panel(axes, summary: CohortSummary, name: str) -> None:
     rows = np.arange(len(summary.fitted))
     estimates = [one.parameters.get(name) for one in summary.fitted]
-    value, low, high = (
-        np.array([np.nan if e is None else e[field] for e in estimates], float)
-        for field in ("value", "low", "high")
-    )
+    value, low, high = (np.array([np.nan if e is None else e[field] for e in estimates], float)
+                        for field in ("value", "low", "high"))  # fmt: skip
     unit = summary.units[name]
     found = summary.populations.get(name)
     told = np.isfinite(low) | np.isfinite(high)
@@ -104,11 +100,10 @@ def _name_knees(axes, names: list[str], first: bool) -> None:
 
 
 #: Columns of cohort.csv; what is else known of a knee follows.
-COHORT_COLUMNS = (
-    "knee", "outcome", "kind", "name", "unit", "value", "low", "high", "standard_error",
-    "interval", "at_bound", "start", "in_population", "in_population_sd", "own_share",
-    "bootstrap_sd", "bootstrap_low", "bootstrap_high",
-)  # fmt: skip
+COHORT_COLUMNS = ("knee", "outcome", "kind", "name", "unit", "value", "low", "high",
+                  "standard_error", "interval", "at_bound", "start", "in_population",
+                  "in_population_sd", "own_share", "bootstrap_sd", "bootstrap_low",
+                  "bootstrap_high")  # fmt: skip
 _FAILED = "No answer"
 
 def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
@@ -132,20 +127,17 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     if summary.fitted and summary.units:
         drawings["parameters"] = Drawing(forest_figure, summary)
     if np.isfinite(summary.correlation).any():
-        drawings["correlation"] = Drawing(
-            correlation_matrix_figure, list(summary.units), summary.correlation,
-            more="Over the knees; of logarithms for stiffness.",
-        )  # fmt: skip
+        drawings["correlation"] = Drawing(correlation_matrix_figure, list(summary.units),
+                                          summary.correlation,
+                                          more="Over the knees; of logarithms for stiffness.")
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
     lines = wrapped(f"{summary.title}: {len(summary.answers)} knees: {words}")
     for one in failed:
         lines += wrapped(one)
     lines += ["", population.terminal()] if population.rows else []
     if summary.outliers:
-        first = ", ".join(
-            f"{one.knee} {plain(one.parameter)} ({one.deviations:+.1f} SD)"
-            for one in summary.outliers[:5]
-        )
+        first = ", ".join(f"{one.knee} {plain(one.parameter)} ({one.deviations:+.1f} SD)"
+                          for one in summary.outliers[:5])  # fmt: skip
         more = len(summary.outliers) - 5
         lines += ["", *wrapped(first + f" and {more} more" * (more > 0), "outliers: ")]
     sections = [Section("Knees", tables=[each], opened=True)]
@@ -183,9 +175,8 @@ def population_table(summary: CohortSummary) -> Table:
     rows = []
     for name, found in summary.populations.items():
         mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
-        spread, *ends = (
-            (100.0 if found.log else 1.0) * x for x in (found.spread, *found.spread_limits)
-        )
+        spread, *ends = ((100.0 if found.log else 1.0) * x
+                         for x in (found.spread, *found.spread_limits))  # fmt: skip
         sign = " %" if found.log else ""
         rows.append(
             [name, found.knees, mean, f"{number(low)} to {number(high)}",
@@ -193,11 +184,9 @@ def population_table(summary: CohortSummary) -> Table:
              f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
         )  # fmt: skip
     return Table(
-        [
-            Column("parameter", words=True), Column("knees", show=str), Column("mean"),
-            Column("mean_limits", "95 % limits"), Column("spread"),
-            Column("spread_limits", "95 % limits"), Column("unit"),
-        ],
+        [Column("parameter", words=True), Column("knees", show=str), Column("mean"),
+         Column("mean_limits", "95 % limits"), Column("spread"),
+         Column("spread_limits", "95 % limits"), Column("unit")],
         rows,
         "Parameters over the knees",
         prose("population"),
@@ -229,11 +218,9 @@ def _knees_table(summary: CohortSummary, knees: str) -> Table:
         for one in summary.answers
     ]  # fmt: skip
     return Table(
-        [
-            Column("knee", show=linked, words=True), Column("outcome", words=True),
-            Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
-            Column("objective"), Column("time_s", show="3"),
-        ],
+        [Column("knee", show=linked, words=True), Column("outcome", words=True),
+         Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
+         Column("objective"), Column("time_s", show="3")],
         rows,
         note="Root mean square errors of the poses: the largest of the displacements and of the "
         "rotations.",

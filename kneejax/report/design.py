@@ -24,9 +24,8 @@ _HATCHES = {
     Status.OVERSTRETCHED: ("||||", "overstretched"),
     Status.UNSTABLE: ("xxxx", "unstable"),
     Status.DISLOCATED: ("////", "dislocated"),
-    **dict.fromkeys(
-        (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), ("----", "wrong way"),
-    ),
+    **dict.fromkeys((Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE),
+                    ("----", "wrong way")),
     **dict.fromkeys([s for s in Status if not s.converged], ("\\\\\\\\", "no balance")),
 }
 _MOST_COLUMNS = 16
@@ -77,19 +76,15 @@ def candidates_figure(design: Design) -> Figure:
     for row, own in steps.items():
         i, j = places[row]
         axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
-        axes.text(
-            j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
-            color="white", fontweight="bold",
-            bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"},
-        )  # fmt: skip
+        axes.text(j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
+                  color="white", fontweight="bold",
+                  bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"})  # fmt: skip
     axes.set_xlabel("Flexion, deg")
     axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
-    figure.legend(
-        list(handles.values()), list(handles), loc="lower left",
-        bbox_to_anchor=((left - 0.08) / wide, 0.0), ncols=4, handlelength=1.5, handleheight=1.1,
-        columnspacing=1.5,
-    )  # fmt: skip
+    figure.legend(list(handles.values()), list(handles), loc="lower left",
+                  bbox_to_anchor=((left - 0.08) / wide, 0.0), ncols=4, handlelength=1.5,
+                  handleheight=1.1, columnspacing=1.5)  # fmt: skip
     place = (right + 0.12) / wide, 0.74 / height, 0.11 / wide, 0.32 * len(rows) / height
     bar = figure.colorbar(filled, cax=figure.add_axes(place))
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
@@ -146,15 +141,12 @@ def standard_errors_figure(design: Design) -> Figure:
         axes.text(x, -0.62, head, transform=edge, ha="right", va="bottom", fontsize=7.5, color=GREY)
     for i, unit in enumerate(map(_unit, design.names)):
         for x, row in ((before, 0), (after, -1)):
-            axes.text(
-                x, i, number(design.standard_errors[row, i], 2), transform=edge,
-                ha="right", va="center_baseline", fontsize=7.5,
-            )  # fmt: skip
+            axes.text(x, i, number(design.standard_errors[row, i], 2), transform=edge, ha="right",
+                      va="center_baseline", fontsize=7.5)  # fmt: skip
         axes.text(after + 0.07 * inch, i, unit, transform=edge, va="center_baseline", fontsize=7.5)
-    figure.legend(
-        list(handles.values()), list(handles), loc="upper left",
-        bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4, handlelength=1.2, columnspacing=1.5,
-    )  # fmt: skip
+    figure.legend(list(handles.values()), list(handles), loc="upper left",
+                  bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4, handlelength=1.2,
+                  columnspacing=1.5)  # fmt: skip
     return figure
 
 
@@ -228,10 +220,8 @@ def next_tests_table(design: Design) -> Table:
     acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
     measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
     columns = (COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured))
-    rows = [
-        [test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
-        for test in tests
-    ]
+    rows = [[test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
+            for test in tests]  # fmt: skip
     return Table([Column(name) for name in columns], rows)
 
 
@@ -330,21 +320,16 @@ def design_tables(design: Design) -> list[Table]:
     parameter, unit = Column("parameter", words=True), Column("unit", words=True)
     errors = Table(
         [parameter, unit, *(Column(head, show="2") for head in ("prior SD", *heads))],
-        [
-            [name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
-            for i, name in enumerate(design.names)
-        ],
+        [[name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
+         for i, name in enumerate(design.names)],
         "Expected standard errors (the prior SD is the spread between knees)",
     )
     order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
     factor, digits = (1.0, 1) if design.criterion == "D" else (100.0, 0)
     best = Table(
         [Column("test", words=True), Column("gain")],
-        [
-            [str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"]
-            for row in order
-            if np.isfinite(design.gains[row])
-        ],
+        [[str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"] for row in order
+         if np.isfinite(design.gains[row])],
         f"The best next tests by themselves ({gain_words(design.criterion)})",
     )
     after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
@@ -354,8 +339,6 @@ def design_tables(design: Design) -> list[Table]:
         for row in [int(np.argmin(after[:, i]))]
     ]
     columns = [Column("best next test", words=True), Column("before", show="2")]
-    single = Table(
-        [parameter, *columns, Column("after", show="2"), unit], rows,
-        "If only one parameter matters, the best next test for it",
-    )
+    single = Table([parameter, *columns, Column("after", show="2"), unit], rows,
+                   "If only one parameter matters, the best next test for it")  # fmt: skip
     return [errors, best, single]

@@ -147,10 +147,8 @@ def pose_words(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) 
     """
     found, flips = jax.tree.map(np.asarray, found), flipped(found)
     also = [""] * len(flips) if also is None else also
-    return tuple(
-        "; ".join([*_of_pose(knee, found, row, flips[row]), *filter(None, [more])])
-        for row, more in enumerate(also)
-    )
+    return tuple("; ".join([*_of_pose(knee, found, row, flips[row]), *filter(None, [more])])
+                 for row, more in enumerate(also))  # fmt: skip
 
 
 def search_words(motion: Motion, loads: Mapping[str, ArrayLike] | None = None) -> tuple[str, ...]:
@@ -228,9 +226,8 @@ def _of_contacts(knee: Knee, found: Mechanics, row: int):
         if not found.known[row, k] or found.beyond_mm[row, k] > 0.0:
             yield f"{name} contact{_beyond(found, row, k)}"
     if len(depth) and (depth < -_APART_MM).all() and (depth >= -WIDEST_GAP_MM).all():
-        gaps = ", ".join(
-            f"{name} {-d:.1f} mm" for name, d in zip(knee.contact_names, depth, strict=True)
-        )
+        gaps = ", ".join(f"{name} {-d:.1f} mm"
+                         for name, d in zip(knee.contact_names, depth, strict=True))  # fmt: skip
         yield f"compartments apart: {gaps}"
 
 

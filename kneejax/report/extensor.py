@@ -83,9 +83,8 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     turns = {"flexion": patella[:, 0], "tilt": patella[:, 2], "rotation": patella[:, 1]}
     by_kind(panels[3], turns, "Patella, deg")
     knee = found.motion.knee
-    draw_ligaments(
-        panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found), rows=rows
-    )
+    draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
+                   rows=rows)  # fmt: skip
     by_flexion(panels[5], np.asarray(found.motion.to_table())[:, 3], "Tibia, anterior, mm")
     for axes in panels:
         if over_pull:
@@ -149,13 +148,11 @@ def _grouped(found: Extensor) -> dict[str, np.ndarray]:
 
 
 #: Columns of extensor.csv that people read, with heading and digits.
-_SHOWN = {
-    "flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, N", ".1f"),
-    "tendon_by_quadriceps": ("tendon, / quadriceps", ".2f"), "arm_mm": ("arm, mm", ".1f"),
-    "patellofemoral_by_quadriceps": ("contact, / quadriceps", ".2f"), "status": (),
-    "patella_flexion_deg": ("patella: flexion, deg", ".1f"),
-    "patella_tilt_deg": ("tilt, deg", ".1f"),
-}  # fmt: skip
+_SHOWN = {"flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, N", ".1f"),
+          "tendon_by_quadriceps": ("tendon, / quadriceps", ".2f"), "arm_mm": ("arm, mm", ".1f"),
+          "patellofemoral_by_quadriceps": ("contact, / quadriceps", ".2f"), "status": (),
+          "patella_flexion_deg": ("patella: flexion, deg", ".1f"),
+          "patella_tilt_deg": ("tilt, deg", ".1f")}  # fmt: skip
 _BY_LENGTH = (
     "slack: {:g} mm longer than at rest, at {:g} deg: the cable hangs loose, and the heads pull "
     "as at rest"
@@ -193,16 +190,11 @@ def extensor_answer(
         notes += [_BY_LENGTH.format(*one) for one in slack]
     keys = {"flexion_deg": flexion, "quadriceps_N": pull}
     axes = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
-    on_tibia = [
-        [*place, part, *force]
-        for part, forces in found.forces_on_tibia.items()
-        for *place, force in zip(flexion, pull, forces, strict=True)
-    ]
-    tables = {
-        "extensor": extensor_table(found, status, driven),
-        "forces": force_table(knee, found.mechanics, keys),
-        "tibia_forces": Table([Column(x) for x in (*keys, "part", *axes)], on_tibia),
-    }
+    on_tibia = [[*place, part, *force] for part, forces in found.forces_on_tibia.items()
+                for *place, force in zip(flexion, pull, forces, strict=True)]  # fmt: skip
+    tables = {"extensor": extensor_table(found, status, driven),
+              "forces": force_table(knee, found.mechanics, keys),
+              "tibia_forces": Table([Column(x) for x in (*keys, "part", *axes)], on_tibia)}
     peaks = peak_table(knee, found.mechanics, flexion, "at flexion, deg")
     drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
     sections = [Section("Largest forces", tables=[peaks])]

@@ -59,14 +59,10 @@ def flexion_answer(
     table = np.array(motion.to_table())
     table[:, 0] = flexion
     words = pose_words(knee, mechanics, search_words(motion, loads))
-    more = {
-        "converged": np.asarray(motion.equilibrium.converged).tolist(),
-        "stable": np.asarray(motion.stable).tolist(), "doubt": words,
-    }
-    tables = {
-        "poses": pose_table(table, status, convention, more=more),
-        "forces": force_table(knee, mechanics, {"flexion_deg": flexion}),
-    }
+    more = {"converged": np.asarray(motion.equilibrium.converged).tolist(),
+            "stable": np.asarray(motion.stable).tolist(), "doubt": words}  # fmt: skip
+    tables = {"poses": pose_table(table, status, convention, more=more),
+              "forces": force_table(knee, mechanics, {"flexion_deg": flexion})}  # fmt: skip
     main, text = ["poses"], [f"{name}, {load_words(loads)}", tables["poses"].text()]
     if unloaded is not None:
         tables["displacement"] = change_table(flexion, displacement(motion, unloaded))
@@ -90,9 +86,8 @@ def flexion_answer(
         tables=tables,
         main=main,
         drawings={
-            "simulation": Drawing(
-                simulation_figure, flexion, shown, status, *_parts(knee, mechanics), convention
-            )
+            "simulation": Drawing(simulation_figure, flexion, shown, status,
+                                  *_parts(knee, mechanics), convention)
         },
         picture="simulation",
         doubts=doubts,
@@ -120,15 +115,12 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
         asked=f"Ligament and contact forces at {count} given poses; nothing is moved.",
         verdict=verdict_of(status),
         sentence=_sound(status) + ".",
-        tables={
-            "ligaments": _ligament_table(knee, table, found),
-            "contact": _contact_table(knee, found, status),
-        },
+        tables={"ligaments": _ligament_table(knee, table, found),
+                "contact": _contact_table(knee, found, status)},
         main=[_summary(knee, table, found, status)],
         doubts=doubts,
-        sections=[
-            Section("Ligaments", tables=["ligaments"]), Section("Contact", tables=["contact"]),
-        ],
+        sections=[Section("Ligaments", tables=["ligaments"]),
+                  Section("Contact", tables=["contact"])],
         text="\n".join([f"{count} pose{'s' * (count != 1)} of {knee.name}", *doubts]),
         exit_status=int((status != Status.BALANCED).any()),
     )
@@ -198,10 +190,8 @@ def _branches(
 ) -> tuple[Table, Table, str]:
     """All balances for the file; the others for people, and what they are."""
     poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in found]).reshape(-1, len(COLUMNS))
-    more = {
-        "by_test": [int(b.by_test) for b in found], "apart_mm": [b.apart_mm for b in found],
-        "starts": [b.starts for b in found],
-    }
+    more = {"by_test": [int(b.by_test) for b in found], "apart_mm": [b.apart_mm for b in found],
+            "starts": [b.starts for b in found]}  # fmt: skip
     whole = pose_table(poses, [b.status for b in found], convention, more=more)
     rows = [row for row, b in zip(whole.rows, found, strict=True) if not b.by_test]
     columns = [one for one in whole.columns if one.name != "convention"]
@@ -214,11 +204,9 @@ def _branches(
 
 def _ligament_table(knee: Knee, table: np.ndarray, found: Mechanics) -> Table:
     words = {way.value: way.word for way in Way}
-    numbers = {
-        "length_mm": found.length, "strain": found.strain, "force_N": found.tension,
-        "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
-        "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0)),
-    }  # fmt: skip
+    numbers = {"length_mm": found.length, "strain": found.strain, "force_N": found.tension,
+               "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
+               "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}  # fmt: skip
     keys = {"pose": range(len(table)), "flexion_deg": table[:, 0]}
     return part_table(keys, "ligament", knee.ligaments.names, numbers)
 

@@ -37,12 +37,10 @@ if TYPE_CHECKING:
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
 #: Columns of parameters.csv.
-_COLUMNS = (
-    "name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
-    "profile_high", "profile_low_open", "profile_high_open", "posterior_mean", "posterior_sd",
-    "posterior_low", "posterior_high", "r_hat", "effective_sample_size", "interval",
-    "determined", "reason",
-)  # fmt: skip
+_COLUMNS = ("name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
+            "profile_high", "profile_low_open", "profile_high_open", "posterior_mean",
+            "posterior_sd", "posterior_low", "posterior_high", "r_hat", "effective_sample_size",
+            "interval", "determined", "reason")  # fmt: skip
 _TO_MEASURE = (
     "To be measured: next_tests.csv. Filled in, it is a test of the study:\n"
     "  tests: [{name: next, file: next_tests.csv, counted_from: absolute}]"
@@ -77,19 +75,15 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
                  *planned.design_words(design), *planned.design_notes(design)],
                 planned.design_tables(design), ["next_tests"]),
     ]  # fmt: skip
-    tables = {
-        "parameters": every, "profiles": _profiles_table(found),
-        "candidates": planned.candidates_table(design),
-    }  # fmt: skip
+    tables = {"parameters": every, "profiles": _profiles_table(found),
+              "candidates": planned.candidates_table(design)}  # fmt: skip
     if design.chosen:
         tables["next_tests"] = planned.next_tests_table(design)
-    drawings = {
-        "standard_errors": Drawing(planned.standard_errors_figure, design),
-        "profiles": Drawing(profiles_figure, found.profiles, study.truth),
-        "spectrum": Drawing(spectrum_figure, information),
-        "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
-        "next_tests": Drawing(planned.candidates_figure, design),
-    }
+    drawings = {"standard_errors": Drawing(planned.standard_errors_figure, design),
+                "profiles": Drawing(profiles_figure, found.profiles, study.truth),
+                "spectrum": Drawing(spectrum_figure, information),
+                "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
+                "next_tests": Drawing(planned.candidates_figure, design)}  # fmt: skip
     estimates = [*wrapped(_fit_words(found)), "", known.fitting("times_better", "scale").terminal(),
                  *wrapped(sums_in_words(found.problem.knee, names)), *[""] * bool(told or doubts)]
     estimates += [line for note in told for line in wrapped(note, "note: ")]
@@ -227,11 +221,8 @@ def _shown(found: Identification, sampled: Posterior | None) -> Table:
 def _profiles_table(found: Identification) -> Table:
     """Every point of every profile, profiles.csv."""
     columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
-    rows = [
-        [one.name, value, rise, *others]
-        for one in found.profiles
-        for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)
-    ]
+    rows = [[one.name, value, rise, *others] for one in found.profiles
+            for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
     return Table([Column(name) for name in columns], rows)
 
 

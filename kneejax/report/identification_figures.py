@@ -43,10 +43,9 @@ def spectrum_figure(found: Information) -> Figure:
     cell = min(0.44, 6.0 / max(n, 1))
     left, right = 0.062 * max(map(len, names), default=8) + 0.15, 1.0
     wide, tall = max(left + cell * n, left + 3.4) + right, cell * n
-    figure, ((top,), (table,)) = grid(
-        2, 1, tall + 2.34, width=wide, left=left, right=wide - left - tall, top=0.32, bottom=0.55,
-        apart=(0, 0.12), height_ratios=(1.35, tall),
-    )  # fmt: skip
+    figure, ((top,), (table,)) = grid(2, 1, tall + 2.34, width=wide, left=left,
+                                      right=wide - left - tall, top=0.32, bottom=0.55,
+                                      apart=(0, 0.12), height_ratios=(1.35, tall))  # fmt: skip
     _draw_bars(top, better)
     weights = draw_matrix(
         table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
@@ -75,15 +74,11 @@ def _draw_bars(top: Axes, better: np.ndarray) -> None:
     for place, size in zip(places, better, strict=True):
         word = f"{size:.0f}" if size >= 9.95 else f"{size:.2g}" if size > low else "0"
         if n <= 16:
-            top.annotate(
-                word, (place, max(size, floor)), (0, 1.5), textcoords="offset points",
-                ha="center", va="bottom", fontsize=6.8,
-            )  # fmt: skip
+            top.annotate(word, (place, max(size, floor)), (0, 1.5), textcoords="offset points",
+                         ha="center", va="bottom", fontsize=6.8)  # fmt: skip
     top.axhline(1.0, color=GREY, linewidth=0.8)
-    top.annotate(
-        "no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
-        va="center", fontsize=7, color=GREY,
-    )  # fmt: skip
+    top.annotate("no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
+                 va="center", fontsize=7, color=GREY)  # fmt: skip
     top.set_yscale("log")
     most = max(better.max(initial=1.0), 2.0)
     # Room for the number above the longest bar.
@@ -121,10 +116,8 @@ def profiles_figure(
         axes.set_axis_off()
     for axes in panels[:, 0]:
         axes.set_ylabel("Rise of $\\chi^2$")
-    figure.legend(
-        handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
-        bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5,
-    )  # fmt: skip
+    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
+                  bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5)  # fmt: skip
     return figure
 
 
@@ -150,9 +143,8 @@ def _panel(axes: Axes, profile: Profile, truth: float | None) -> dict[str, Any]:
     axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
     limit = f"95 % limit: {profile.threshold:.2f}"
     handles[limit] = axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":")
-    (handles["estimate"],) = axes.plot(
-        [profile.estimate], [0.0], "o", color=VERMILLION, markersize=4, clip_on=False, zorder=5
-    )
+    (handles["estimate"],) = axes.plot([profile.estimate], [0.0], "o", color=VERMILLION,
+                                       markersize=4, clip_on=False, zorder=5)  # fmt: skip
     if truth is not None:
         if left <= truth <= right:
             handles["truth"] = axes.axvline(truth, color=GREEN, linewidth=1.2)
@@ -165,11 +157,9 @@ def _panel(axes: Axes, profile: Profile, truth: float | None) -> dict[str, Any]:
     for why, side, place in ((profile.low_open, "left", 0.03), (profile.high_open, "right", 0.97)):
         if why:
             words = "open: bound" if why == "its bound" else "open: no\nbalance beyond"
-            axes.text(
-                place, 0.95, words, ha=side, va="top", fontsize=6.5, color=VERMILLION,
-                transform=axes.transAxes, zorder=6,
-                bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0},
-            )  # fmt: skip
+            axes.text(place, 0.95, words, ha=side, va="top", fontsize=6.5, color=VERMILLION,
+                      transform=axes.transAxes, zorder=6,
+                      bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0})
     axes.locator_params(axis="x", nbins=3)
     axes.tick_params(labelsize=7)
     return handles

@@ -20,9 +20,8 @@ from kneejax.report.pose_tables import contact_forces, force_table, peak_table
 from kneejax.statics import Status
 
 _COLORS = (BLUE, VERMILLION, GREEN)
-_ENERGIES = {
-    "work": BLACK, "kinetic": BLUE, "potential": GREEN, "dissipated": PURPLE, "missing": GREY
-}  # fmt: skip
+_ENERGIES = {"work": BLACK, "kinetic": BLUE, "potential": GREEN, "dissipated": PURPLE,
+             "missing": GREY}  # fmt: skip
 
 
 @styled
@@ -189,11 +188,9 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
          found.held.quadriceps_N[k], table[row, patella]]
         for k, row in zip(picked, np.asarray(found.rows)[picked], strict=True)
     ]  # fmt: skip
-    columns = [
-        Column("time_s", "time, s", ".2f"), Column("flexion_deg", "flexion, deg", ".2f"),
-        Column("quadriceps_N", "quadriceps, N", ".1f"), Column("held_N", "held, N", ".1f"),
-        Column("patella_flexion_deg", "patella, deg", ".2f"),
-    ]  # fmt: skip
+    columns = [Column("time_s", "time, s", ".2f"), Column("flexion_deg", "flexion, deg", ".2f"),
+               Column("quadriceps_N", "quadriceps, N", ".1f"), Column("held_N", "held, N", ".1f"),
+               Column("patella_flexion_deg", "patella, deg", ".2f")]  # fmt: skip
     raised = Table(columns, rows, note="Held: the quadriceps force that holds the leg there.")
     sentence = "The leg was nowhere at a flexion at which it was held."
     if np.isfinite(found.from_held).any():
@@ -216,10 +213,8 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
         drawings={"raised_leg": Drawing(motor_raise_figure, found, title)},
         picture="raised_leg",
         doubts=doubts,
-        sections=[
-            Section("The leg that is held", tables=["extensor"]), *_sections(one),
-            Section("Time steps and energy", exact),
-        ],
+        sections=[Section("The leg that is held", tables=["extensor"]), *_sections(one),
+                  Section("Time steps and energy", exact)],
         text="\n".join([title, raised.text(), sentence, *exact, *doubts]),
         exit_status=_exit_status(one),
     )  # fmt: skip
@@ -247,15 +242,12 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     poses = convert_table(table[:, :6], FEMORAL, convention)
     loads = np.stack(list(more.values()), 1) if more else np.zeros((len(poses), 0))
     extra = [] if convention == FEMORAL else ["convention"]
-    header = [
-        "time_s", *COLUMNS, *motion.columns[6:],
-        *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status", *extra,
-    ]  # fmt: skip
+    header = ["time_s", *COLUMNS, *motion.columns[6:],
+              *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status",
+              *extra]  # fmt: skip
     numbers = np.column_stack([found.time_s, poses, table[:, 6:], motion.rates_to_table(), loads])
-    rows = [
-        [*row, Status(int(word)).word, *[convention] * len(extra)]
-        for row, word in zip(numbers.tolist(), np.asarray(motion.status), strict=True)
-    ]
+    rows = [[*row, Status(int(word)).word, *[convention] * len(extra)]
+            for row, word in zip(numbers.tolist(), np.asarray(motion.status), strict=True)]
     knee = motion.moving.knee
     damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
     damping[:, : len(knee.ligaments.names)] = found.damping_N
@@ -264,9 +256,8 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     energy_rows = np.column_stack([found.time_s, *energies]).tolist()
     return {
         "motion": Table([Column(name) for name in header], rows),
-        "forces": force_table(
-            knee, found.mechanics, {"time_s": found.time_s.tolist()}, damping_N=damping
-        ),
+        "forces": force_table(knee, found.mechanics, {"time_s": found.time_s.tolist()},
+                              damping_N=damping),
         "energy": Table([Column("time_s"), *(Column(f"{x}_Nmm") for x in kinds)], energy_rows),
     }
 
@@ -343,10 +334,8 @@ def _wrong(found: Transient) -> Iterator[str]:
 
 def _damping_table(fit: FittedTransient) -> Table:
     """Dampers with their 95 % limits, six digits, damping.csv."""
-    rows = [
-        [name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
-        for name, *sizes in zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)
-    ]
+    rows = [[name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
+            for name, *sizes in zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)]
     heads = [Column("name", "damper", words=True), Column("value"),
              Column("lower_95", "95 % from"), Column("upper_95", "to")]  # fmt: skip
     left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())

@@ -33,10 +33,8 @@ _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
 #: Columns of a table of what the data determine of each parameter.
-INFORMATION_COLUMNS = (
-    "name", "value", "standard_error", "unit", "scale", "times_better", "determined", "at_bound",
-    "reason", "remark",
-)  # fmt: skip
+INFORMATION_COLUMNS = ("name", "value", "standard_error", "unit", "scale", "times_better",
+                       "determined", "at_bound", "reason", "remark")  # fmt: skip
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -83,9 +81,8 @@ def sloppy_words(found: Information) -> list[str]:
 
 def reason_words(found: Information) -> list[str]:
     """For each parameter that is not determined a sentence why; empty for the others."""
-    return [
-        "" if determined else _reason(found, row) for row, determined in enumerate(found.determined)
-    ]
+    return ["" if determined else _reason(found, row)
+            for row, determined in enumerate(found.determined)]  # fmt: skip
 
 
 def information_table(found: Information) -> Table:
@@ -100,13 +97,11 @@ def information_table(found: Information) -> Table:
     """
     reasons = reason_words(found)
     rows = [
-        [
-            name, float(found.values[i]), float(found.standard_error[i]),
-            unit_of_quantity(name.split(".", 1)[-1]), float(found.scale[i]),
-            float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
-            bool(found.at_bound[i]), reasons[i],
-            remark(bool(found.determined[i]), bool(found.at_bound[i])),
-        ]
+        [name, float(found.values[i]), float(found.standard_error[i]),
+         unit_of_quantity(name.split(".", 1)[-1]), float(found.scale[i]),
+         float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
+         bool(found.at_bound[i]), reasons[i],
+         remark(bool(found.determined[i]), bool(found.at_bound[i]))]
         for i, name in enumerate(found.names)
     ]  # fmt: skip
     columns = [

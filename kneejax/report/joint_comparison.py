@@ -19,10 +19,8 @@ from kneejax.report.panels import grid
 if TYPE_CHECKING:
     from kneejax.joints import Comparison
 
-_NAMES = {
-    "ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction", "AA": "Adduction",
-    "IE": "Internal rotation",
-}  # fmt: skip
+_NAMES = {"ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction",
+          "AA": "Adduction", "IE": "Internal rotation"}  # fmt: skip
 _MOST_COLUMNS = 4
 _DENSE = 20
 
@@ -53,10 +51,8 @@ def joint_comparison_figure(
         shown = subject_flexion_deg
     # One column would leave the page half empty, four need all of it.
     width = {1: 0.55, 2: 0.85}.get(len(names), 1.0) * WIDTH
-    figure, panels = grid(
-        len(MEASURES), len(names), 8.4, width=width, left=0.78, right=0.08, top=0.63, bottom=0.46,
-        apart=(0.1, 0.17), sharex=True, sharey="row",
-    )  # fmt: skip
+    figure, panels = grid(len(MEASURES), len(names), 8.4, width=width, left=0.78, right=0.08,
+                          top=0.63, bottom=0.46, apart=(0.1, 0.17), sharex=True, sharey="row")
     for row, measure in enumerate(MEASURES):
         for column, name in enumerate(names):
             axes = panels[row, column]
@@ -111,11 +107,9 @@ _COLUMNS = tuple(one.column for one in MEASURES)
 #: More flexions than these are not listed on a screen.
 _MOST_ROWS = 12
 _MOST_LISTED = 6
-_TEST_COLUMNS = (
-    "measure", "unit", "flexion_deg", "smallest_shapiro_p", "f", "df_between", "df_error",
-    "epsilon", "p", "first", "second", "difference", "standard_error", "p_bonferroni", "lower",
-    "upper", "significant",
-)  # fmt: skip
+_TEST_COLUMNS = ("measure", "unit", "flexion_deg", "smallest_shapiro_p", "f", "df_between",
+                 "df_error", "epsilon", "p", "first", "second", "difference", "standard_error",
+                 "p_bonferroni", "lower", "upper", "significant")  # fmt: skip
 
 
 def comparison_answer(
@@ -146,9 +140,8 @@ def comparison_answer(
     )
     drawings = {}
     if curves is not None:
-        drawings["joints"] = Drawing(
-            joint_comparison_figure, found, curve_flexion_deg, curves, subject_flexion_deg
-        )
+        drawings["joints"] = Drawing(joint_comparison_figure, found, curve_flexion_deg, curves,
+                                     subject_flexion_deg)  # fmt: skip
     notes, gaps = [*comparison_notes(found)], [*comparison_doubts(found)]
     doubts = [*doubts, *gaps]
     motions, differences = [*_motions(found)], [*_differences(found)]
@@ -166,10 +159,9 @@ def comparison_answer(
         drawings=drawings,
         picture="joints" if drawings else "",
         doubts=doubts,
-        sections=[
-            Section("Measured minus modelled", tables=differences),
-            Section("Each motion", tables=motions), Section("How the numbers were made", notes),
-        ],
+        sections=[Section("Measured minus modelled", tables=differences),
+                  Section("Each motion", tables=motions),
+                  Section("How the numbers were made", notes)],
         text="\n".join(text),
         document=_document(found, settings or {}, notes, doubts),
         exit_status=int(bool(doubts)),
@@ -182,16 +174,10 @@ def comparison_tables(found: Comparison) -> dict[str, Table]:
     Args:
         found: the comparison.
     """
-    summary = [
-        [one.motion, condition, *_beside(one.mean[i], one.sd[i])]
-        for one in found.summaries
-        for i, condition in enumerate(one.conditions)
-    ]
-    differences = [
-        [one.first, one.second, condition, *_beside(one.mean[i], one.standard_error[i])]
-        for one in found.differences
-        for i, condition in enumerate(one.conditions)
-    ]
+    summary = [[one.motion, condition, *_beside(one.mean[i], one.sd[i])] for one in found.summaries
+               for i, condition in enumerate(one.conditions)]  # fmt: skip
+    differences = [[one.first, one.second, condition, *_beside(one.mean[i], one.standard_error[i])]
+                   for one in found.differences for i, condition in enumerate(one.conditions)]
     predictions = [
         [one.model, measure.name, measure.unit, one.points, *numbers]
         for one in found.predictions
@@ -201,9 +187,8 @@ def comparison_tables(found: Comparison) -> dict[str, Table]:
     made = {
         "summary": (("motion", "condition", *spread["sd"]), summary),
         "differences": (("first", "second", "condition", *spread["se"]), differences),
-        "predictions": (
-            ("model", "measure", "unit", "points", "r2", "adjusted_r2", "rmse"), predictions
-        ),
+        "predictions": (("model", "measure", "unit", "points", "r2", "adjusted_r2", "rmse"),
+                        predictions),
     }  # fmt: skip
     if found.tests:
         made["tests"] = (_TEST_COLUMNS, [*_test_rows(found)])
@@ -224,10 +209,8 @@ def _test_rows(found: Comparison) -> Iterator[list[Any]]:
         shared = [min(test.normality.values()), test.f, *test.df, test.epsilon, test.p]
         for pair in test.pairs:
             own = [pair.difference, pair.standard_error, pair.p, pair.lower, pair.upper]
-            yield [
-                measure.name, measure.unit, angle, *shared, pair.first, pair.second, *own,
-                pair.p <= found.alpha,
-            ]  # fmt: skip
+            yield [measure.name, measure.unit, angle, *shared, pair.first, pair.second, *own,
+                   pair.p <= found.alpha]  # fmt: skip
 
 
 def comparison_notes(found: Comparison) -> Iterator[str]:
@@ -306,10 +289,8 @@ def _motions(found: Comparison) -> Iterator[Table]:
     for one in found.summaries:
         # The last rows are averages and ranges.
         first = next(i for i, name in enumerate(one.conditions) if name == "average")
-        rows = [
-            [_condition(one.conditions[i]), *_with_spread(one.mean[i], one.sd[i], "{} ({})")]
-            for i in range(first if first > _MOST_ROWS else 0, len(one.conditions))
-        ]
+        rows = [[_condition(one.conditions[i]), *_with_spread(one.mean[i], one.sd[i], "{} ({})")]
+                for i in range(first if first > _MOST_ROWS else 0, len(one.conditions))]
         yield _people(one.motion + spread, rows)
 
 
@@ -325,9 +306,8 @@ def _differences(found: Comparison) -> Iterator[Table]:
             for k, measure in enumerate(MEASURES):
                 test = found.test(measure.name, i) if i < last else None
                 pairs = () if test is None else test.pairs
-                p = next(
-                    (x.p for x in pairs if (x.first, x.second) == (one.first, one.second)), 1.0
-                )
+                p = next((x.p for x in pairs if (x.first, x.second) == (one.first, one.second)),
+                         1.0)  # fmt: skip
                 cells[k] += "*" if p <= found.alpha else " "
             rows.append([_condition(one.conditions[i]), *cells])
         yield _people(f"{one.first} - {one.second}{spread}", rows)
@@ -347,10 +327,8 @@ def _condition(name: str) -> str:
 
 
 def _with_spread(mean: np.ndarray, spread: np.ndarray, words: str) -> list[str]:
-    return [
-        _text(a) if np.isnan(b) else words.format(_text(a), _text(b))
-        for a, b in zip(mean, spread, strict=True)
-    ]
+    return [_text(a) if np.isnan(b) else words.format(_text(a), _text(b))
+            for a, b in zip(mean, spread, strict=True)]  # fmt: skip
 
 
 def _text(value: float) -> str:
@@ -369,10 +347,8 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
         "compared": found.compared,
         "models": list(found.models),
         "predictions": {
-            one.model: {
-                "points": one.points, "r2": named(one.r2), "adjusted_r2": named(one.adjusted_r2),
-                "rmse": named(one.rmse),
-            }
+            one.model: {"points": one.points, "r2": named(one.r2),
+                        "adjusted_r2": named(one.adjusted_r2), "rmse": named(one.rmse)}
             for one in found.predictions
         },
         "average_differences": {

@@ -38,11 +38,9 @@ _EXTENSION, _FLEXION, _HINGE = VERMILLION, BLUE, GREEN
 _SHADES = {"extension": ORANGE, "flexion": SKY}
 _CURVES = (VERMILLION, GREEN, PURPLE, BLUE)
 # Coordinates seen along the lateral, the anterior and the superior direction.
-_VIEWS = (
-    ("from the side", 0, 1, "anterior, mm", "superior, mm"),
-    ("from behind", 2, 1, "lateral, mm", "superior, mm"),
-    ("from above", 2, 0, "lateral, mm", "anterior, mm"),
-)
+_VIEWS = (("from the side", 0, 1, "anterior, mm", "superior, mm"),
+          ("from behind", 2, 1, "lateral, mm", "superior, mm"),
+          ("from above", 2, 0, "lateral, mm", "anterior, mm"))  # fmt: skip
 
 
 @styled
@@ -132,10 +130,8 @@ def _cloud(panel: Axes, cloud, axes: CondyleAxes | None, across, up, handles) ->
     panel.plot(some[:, across], some[:, up], color="#C9CDD2", markersize=1.1, **style)
     for facet in axes.facets if axes is not None else ():
         part = cloud[facet.rows]
-        panel.plot(
-            part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6, alpha=0.6,
-            **style,
-        )  # fmt: skip
+        panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
+                   alpha=0.6, **style)  # fmt: skip
         label = f"{facet.name} facets"
         if label not in handles:
             (handles[label],) = panel.plot([], [], "o", color=_SHADES[facet.name], markersize=4)
@@ -169,16 +165,12 @@ def _axis(panel: Axes, moving: Joint, across: int, up: int, handles: dict) -> No
 
 
 #: Columns of facets.csv; those that people read with heading and digits.
-_FACETS = (
-    "side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm", "center_superior_mm",
-    "center_lateral_mm", "center_error_mm", "direction_anterior", "direction_superior",
-    "direction_lateral", "direction_error_deg", "own_direction",
-)  # fmt: skip
-_SHOWN = {
-    "side": (), "facet": (), "points": ("", "d"), "radius_mm": ("radius, mm", ".1f"),
-    "rms_mm": ("rms, mm", ".2f"), "center_error_mm": ("centre known to, mm", ".2f"),
-    "own_direction": (),
-}  # fmt: skip
+_FACETS = ("side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm",
+           "center_superior_mm", "center_lateral_mm", "center_error_mm", "direction_anterior",
+           "direction_superior", "direction_lateral", "direction_error_deg", "own_direction")
+_SHOWN = {"side": (), "facet": (), "points": ("", "d"), "radius_mm": ("radius, mm", ".1f"),
+          "rms_mm": ("rms, mm", ".2f"), "center_error_mm": ("centre known to, mm", ".2f"),
+          "own_direction": ()}  # fmt: skip
 
 
 def joint_fit_answer(
@@ -225,10 +217,8 @@ def joint_fit_answer(
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
         f"RMSE over {over}, degrees and mm:",
     )
-    said = [
-        f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees",
-        f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees",
-    ]
+    said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees",
+            f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees"]  # fmt: skip
     text, sections = list(said), [Section("The joints", [f"{x}." for x in said])]
     if facets is not None:
         tables["facets"] = _facet_table(facets)
@@ -238,10 +228,8 @@ def joint_fit_answer(
     sections.insert(0, Section("Axes in the femur", drawings=["axes"]))
     text += [errors.text(), *(line for one in doubts for line in wrapped(one, "! "))]
     worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
-    rmse = {
-        joint: dict(zip(FREE_COORDINATES, row, strict=True))
-        for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)
-    }
+    rmse = {joint: dict(zip(FREE_COORDINATES, row, strict=True))
+            for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)}  # fmt: skip
     return Answer(
         title=f"Simple joints of {name if status else 'measured poses'}",
         asked=f"How closely a {kind} and a hinge follow {over}.",
@@ -253,20 +241,16 @@ def joint_fit_answer(
         main=[errors],
         drawings={
             "axes": Drawing(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
-            "motion": Drawing(
-                joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table, fit.rows, dense,
-                name,
-            ),  # fmt: skip
+            "motion": Drawing(joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table,
+                              fit.rows, dense, name),
         },
         picture="motion",
         doubts=doubts,
         sections=sections,
         text="\n".join(text),
-        document={
-            **(document or {}), "calibration_flexion_deg": fit.poses[:, 0].tolist(),
-            "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
-            "doubts": [*doubts], "versions": versions(),
-        },
+        document={**(document or {}), "calibration_flexion_deg": fit.poses[:, 0].tolist(),
+                  "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
+                  "doubts": [*doubts], "versions": versions()},
         exit_status=int(bool(doubts)),
     )  # fmt: skip
 
@@ -280,11 +264,8 @@ def _error_columns() -> list[Column]:
 
 def _facet_table(axes: CondyleAxes) -> Table:
     rows = [
-        [
-            f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
-            f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg,
-            f.turned,
-        ]
+        [f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
+         f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg, f.turned]
         for f in axes.facets
     ]  # fmt: skip
     note = "Without a direction of its own a facet has that of the transverse axis."

@@ -63,14 +63,11 @@ def _draw(axes, title: str, fit: SurfaceFit, here: np.ndarray, limit: float):
     if not here.all():
         axes.scatter(across[~here], along[~here], c=GREY, s=1.5, alpha=0.35, linewidths=0)
     # Thousands of points are one picture inside the SVG, which keeps the file small.
-    dots = axes.scatter(
-        across[here], along[here], c=residual, s=4, rasterized=len(residual) > 2000, **colours
-    )
+    dots = axes.scatter(across[here], along[here], c=residual, s=4, rasterized=len(residual) > 2000,
+                        **colours)  # fmt: skip
     far = np.abs(residual) > limit
-    axes.scatter(
-        across[here][far], along[here][far], c=residual[far], s=14,
-        **{**colours, "linewidths": 0.5}, edgecolors="black",
-    )  # fmt: skip
+    axes.scatter(across[here][far], along[here][far], c=residual[far], s=14,
+                 **{**colours, "linewidths": 0.5}, edgecolors="black")  # fmt: skip
     rms = float(np.sqrt(np.average(residual**2, weights=weights)))
     digits = 3 if rms < 0.1 else 2
     largest = float(np.abs(residual).max())
@@ -102,15 +99,12 @@ def _upwards(surface) -> int:
 
 
 #: Columns of fit_report.csv; headings and digits of those that people read.
-_FITS = (
-    "surface", "cells_along", "cells_across", "smoothing_mm", "points_in_region", "rms_mm",
-    "max_mm", "mean_mm", "patch_mean_rms_mm", "patch_mean_max_mm", "whole_rms_mm",
-    "held_out_rms_mm",
-)  # fmt: skip
-_SHOWN = {
-    "surface": (), "rms_mm": ("rms, mm", ".3f"), "max_mm": ("at most, mm", ".3f"),
-    "patch_mean_max_mm": ("worst patch, mm", ".3f"), "held_out_rms_mm": ("held out, mm", ".3f"),
-}  # fmt: skip
+_FITS = ("surface", "cells_along", "cells_across", "smoothing_mm", "points_in_region", "rms_mm",
+         "max_mm", "mean_mm", "patch_mean_rms_mm", "patch_mean_max_mm", "whole_rms_mm",
+         "held_out_rms_mm")  # fmt: skip
+_SHOWN = {"surface": (), "rms_mm": ("rms, mm", ".3f"), "max_mm": ("at most, mm", ".3f"),
+          "patch_mean_max_mm": ("worst patch, mm", ".3f"),
+          "held_out_rms_mm": ("held out, mm", ".3f")}  # fmt: skip
 _MISSED = "doubtful: a surface misses its target; the report says which"
 
 
@@ -128,10 +122,9 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
     rows = []
     for name, part in fits.items():
         q = part.quality
-        rows.append([
-            name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms, q.maximum,
-            q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms, q.held_out_rms,
-        ])  # fmt: skip
+        rows.append([name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms,
+                     q.maximum, q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms,
+                     q.held_out_rms])
     columns = columns_of(_FITS, _SHOWN, ("surface",))
     fits_table = Table(columns, rows, "What the fits leave over, mm", prose("fit_report"))
     worst = max(rows, key=lambda row: row[5])
@@ -144,10 +137,9 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
         tables={"fit_report": fits_table},
         main=["fit_report"],
         drawings={
-            "surface_fits": Drawing(
-                surface_fit_figure, {name: part.fit for name, part in fits.items()},
-                {name: part.region for name, part in fits.items()},
-            ),  # fmt: skip
+            "surface_fits": Drawing(surface_fit_figure,
+                                    {name: part.fit for name, part in fits.items()},
+                                    {name: part.region for name, part in fits.items()}),
         },
         picture="surface_fits",
         doubts=[_MISSED] if doubtful else [],
@@ -171,11 +163,10 @@ def osim_import_answer(
         doubts: what is not supported or was left out though it acts on the knee.
         missed: whether a surface misses its target.
     """
-    columns = [
-        Column("fibre", words=True), Column("points", show=str),
-        Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
-        Column("slack_length_mm", "slack length, mm"), Column("transition_strain", "transition"),
-    ]  # fmt: skip
+    columns = [Column("fibre", words=True), Column("points", show=str),
+               Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
+               Column("slack_length_mm", "slack length, mm"),
+               Column("transition_strain", "transition")]  # fmt: skip
     rows = [
         [fibre, 2 + len(x.get("via_points", ())), x.get("wrap", ""), x["stiffness_N"],
          x["slack_length_mm"], x["transition_strain"]]
@@ -189,10 +180,8 @@ def osim_import_answer(
         sentence=" ".join(f"{x}." for x in said[:2]),
         main=[Table(columns, rows, "Ligaments read")],
         doubts=[*doubts, *missing],
-        sections=[
-            Section(title, [*text] or ["None."])
-            for title, text in sections.items() if title != "Not supported"
-        ],
+        sections=[Section(title, [*text] or ["None."]) for title, text in sections.items()
+                  if title != "Not supported"],
         text="\n".join([*said, *(f"doubtful: {x}" for x in doubts), *missing]),
         exit_status=int(bool(doubts) or missed),
     )  # fmt: skip

@@ -106,10 +106,8 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     table = [["ligament", "stiffness_N", "slack_length_mm", "reference_strain", "way"]]
     table[0].insert(1 if gathered else 2, "fibres" if gathered else "reference_length_mm")
     for name, rows in bundles.items():
-        row = [
-            name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
-            _range(strain[rows], 2 if gathered else 4), _ways([way[i] for i in rows]),
-        ]
+        row = [name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
+               _range(strain[rows], 2 if gathered else 4), _ways([way[i] for i in rows])]
         if gathered:
             row.insert(1, str(len(rows)))
         else:
@@ -174,10 +172,8 @@ def _way(part: Mapping[str, Any]) -> str:
 
 def _ways(every: Sequence[str]) -> str:
     counts = {way: every.count(way) for way in dict.fromkeys(every) if way}
-    return "; ".join(
-        way if count == len(every) else f"{way} ({count} of {len(every)})"
-        for way, count in counts.items()
-    )
+    return "; ".join(way if count == len(every) else f"{way} ({count} of {len(every)})"
+                     for way, count in counts.items())  # fmt: skip
 
 
 def _range(values: np.ndarray, decimals: int) -> str:
@@ -192,11 +188,8 @@ def _wraps(document: Mapping[str, Any]) -> list[str]:
     lines = []
     users = [part.get("wrap") for part in document["ligaments"].values()]
     for name, wrap in document.get("wraps", {}).items():
-        sizes = [
-            f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
-            for field, word in _SIZES.items()
-            if field in wrap
-        ]
+        sizes = [f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
+                 for field, word in _SIZES.items() if field in wrap]  # fmt: skip
         kind = f"{wrap['kind']} on the {wrap['bone']}"
         lines.append(f"  {name}: {kind}, {', '.join(sizes)}, for {users.count(name)} fibres")
     return ["", "Wrap objects", *lines] if lines else []

@@ -114,10 +114,8 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
         one_way = band.end in ("positive", "negative")
         if one_way and band.load == test.driven_by and band.size == abs(test.size):
             spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
-            points = axes.errorbar(
-                band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
-                elinewidth=0.8, capsize=2, zorder=1,
-            )  # fmt: skip
+            points = axes.errorbar(band.flexion_deg, band.mean, spread, fmt="s", color=GREY,
+                                   markersize=3, elinewidth=0.8, capsize=2, zorder=1)  # fmt: skip
             counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
             drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
     ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
@@ -167,17 +165,13 @@ def laboratory_answer(
         asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
         verdict=verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
-        tables={
-            "curves": _curves_table(curves, status, wrong, convention),
-            "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
-            "poses": _poses_table(curves, status, wrong, convention),
-            "forces": _forces_table(knee, curves, mechanics),
-        },
+        tables={"curves": _curves_table(curves, status, wrong, convention),
+                "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
+                "poses": _poses_table(curves, status, wrong, convention),
+                "forces": _forces_table(knee, curves, mechanics)},
         main=shown,
-        drawings={
-            "laxity": Drawing(laxity_figure, curves, found, bands),
-            "curves": Drawing(load_figure, curves, status),
-        },
+        drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
+                  "curves": Drawing(load_figure, curves, status)},
         picture="laxity",
         doubts=doubts,
         sections=[Section("Load against displacement", drawings=["curves"])],
@@ -267,11 +261,9 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
             for x in curves for name in x.test.held}  # fmt: skip
     seen = list(dict.fromkeys(x.test.observed for x in curves))
     extra = [] if convention == FEMORAL else ["convention"]
-    header = [
-        "test", "flexion_deg", "step", *map(_load_column, columns), *held, *COLUMNS[1:],
-        *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
-        "converged", "stable", "status", "doubt", *extra,
-    ]  # fmt: skip
+    header = ["test", "flexion_deg", "step", *map(_load_column, columns), *held, *COLUMNS[1:],
+              *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
+              "converged", "stable", "status", "doubt", *extra]  # fmt: skip
     rows = []
     for one, own, said in zip(curves, status, wrong, strict=True):
         poses = convert_table(_femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
@@ -282,13 +274,11 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
         for i, flexion in enumerate(one.test.flexion_deg):
             for step, k in enumerate(one.steps):
                 outcome = Status(int(own[i, k]))
-                rows.append([
-                    one.test.name, flexion, step, *loads[i, step], *(x[i, k] for x in turning),
-                    *poses[i, k, 1:],
-                    *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
-                    one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
-                    said[i][k], *[convention] * len(extra),
-                ])  # fmt: skip
+                rows.append([one.test.name, flexion, step, *loads[i, step],
+                             *(x[i, k] for x in turning), *poses[i, k, 1:],
+                             *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
+                             one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
+                             said[i][k], *[convention] * len(extra)])
     return Table([Column(name) for name in header], rows)
 
 
@@ -302,12 +292,8 @@ def _load_column(name: str) -> str:
 
 def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:
     """Of ligaments, then of contacts, at each step of the loads."""
-    steps = [
-        (one.test.name, flexion, step, one.nodes[i, k])
-        for one in curves
-        for i, flexion in enumerate(one.test.flexion_deg)
-        for step, k in enumerate(one.steps)
-    ]
+    steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
+             for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
     *keys, rows = zip(*steps, strict=True)
     of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
     names = ("test", "flexion_deg", "step")
@@ -318,11 +304,9 @@ def _poses_table(curves, status, wrong, convention: str) -> Table:
     """A row for each different load of each flexion, by its size."""
     rows = np.concatenate([one.nodes.ravel() for one in curves])
     motion = curves[0].motion
-    more = {
-        "converged": np.asarray(motion.equilibrium.converged)[rows].tolist(),
-        "stable": np.asarray(motion.stable)[rows].tolist(),
-        "doubt": [text for of_test in wrong for texts in of_test for text in texts],
-    }
+    more = {"converged": np.asarray(motion.equilibrium.converged)[rows].tolist(),
+            "stable": np.asarray(motion.stable)[rows].tolist(),
+            "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
     poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
     return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)
 

@@ -23,10 +23,8 @@ _HATCHES = {2: ("////", "unphysiological"), 3: ("xxxx", "unstable"), 4: ("\\\\\\
 _FADED = 1
 _FADED_LABEL, _LOWEST = "faded: outside fitted surfaces", "lowest grid point"
 #: Most decades -> levels of a decade: so many that a valley's floor shows.
-_STEPS = (
-    (1.3, (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)),
-    (2.7, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)), (5.0, (1.0, 2.0, 5.0)), (9.0, (1.0, 3.0)),
-)
+_STEPS = ((1.3, (1.0, 1.2, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0)),
+          (2.7, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)), (5.0, (1.0, 2.0, 5.0)), (9.0, (1.0, 3.0)))
 _ERRORS = "Sums of squared errors between simulated and measured motion"
 
 
@@ -61,10 +59,8 @@ def map_figure(found: ParameterMap, begun: str = "start") -> Figure:
         _axes(axes, found, left=k % 3 == 0, bottom=k > 2)
     order = (begun, _LOWEST, _FADED_LABEL, *(label for _, label in _HATCHES.values()))
     labels = [label for label in order if label in handles]
-    figure.legend(
-        [handles[label] for label in labels], labels, loc="lower center",
-        bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8,
-    )  # fmt: skip
+    figure.legend([handles[label] for label in labels], labels, loc="lower center",
+                  bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8)
     return figure
 
 
@@ -106,10 +102,8 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
         label = "Objective: weighted sum of squared errors"
         _decade_ticks(colour_bar(figure, place, filled, label), limits)
-    figure.legend(
-        handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
-        handlelength=1.6, ncols=1,
-    )  # fmt: skip
+    figure.legend(handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
+                  handlelength=1.6, ncols=1)  # fmt: skip
     return figure
 
 
@@ -129,9 +123,8 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
         levels = _levels(float(low), float(high))
         masked = np.ma.masked_invalid(shown)
         norm = LogNorm(levels[0], levels[-1])
-        filled = axes.contourf(
-            found.x, found.y, masked, levels, norm=norm, cmap="viridis", extend="neither"
-        )
+        filled = axes.contourf(found.x, found.y, masked, levels, norm=norm, cmap="viridis",
+                               extend="neither")  # fmt: skip
         axes.contour(found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7)
     for condition in (_FADED, *_HATCHES):
         where = found.condition == condition
@@ -206,9 +199,8 @@ def _marks(
     best = np.where(found.drawn, values, np.inf)
     edges = zip((found.x, found.y), found.start, strict=True)
     if all(line[0] <= own <= line[-1] for line, own in edges):
-        (handles[begun],) = axes.plot(
-            *found.start, "o", markersize=5, **{**style, **dark, "markerfacecolor": "white"}
-        )
+        (handles[begun],) = axes.plot(*found.start, "o", markersize=5,
+                                      **{**style, **dark, "markerfacecolor": "white"})  # fmt: skip
     if np.isfinite(best).any():
         row, column = np.unravel_index(np.argmin(best), best.shape)
         looks = {"marker": "*", "markersize": 9, **style, **dark, "color": VERMILLION}
@@ -242,10 +234,8 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
         axes.set_ylabel(y)
 
 
-_COLUMNS = (
-    "x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
-    "objective_start", *(condition.word for condition in Condition),
-)  # fmt: skip
+_COLUMNS = ("x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
+            "objective_start", *(condition.word for condition in Condition))  # fmt: skip
 
 def map_answer(
     maps: Sequence[ParameterMap], about: Mapping[str, str], versions: Mapping[str, str],
@@ -308,12 +298,10 @@ def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
              1.0 - one.drawn.mean()]
         )  # fmt: skip
     return Table(
-        [
-            Column("x", words=True), Column("y", words=True), Column("lowest_at_x"),
-            Column("at_y"), Column("objective"), Column(f"at_the_{begun}"),
-            Column("within_twice", "within twice", ".1%"), Column("correlation", show="2"),
-            Column("not_drawn", show=".1%"),
-        ],
+        [Column("x", words=True), Column("y", words=True), Column("lowest_at_x"), Column("at_y"),
+         Column("objective"), Column(f"at_the_{begun}"),
+         Column("within_twice", "within twice", ".1%"), Column("correlation", show="2"),
+         Column("not_drawn", show=".1%")],
         rows,
         "Lowest grid point of each pair",
         prose("lowest"),

@@ -115,10 +115,8 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
 
     flexion = np.asarray(calibration.measured, float)[:, 0]
     order = np.argsort(flexion, kind="stable")
-    groups = [
-        ("Ligament force, N", calibration.ligaments, "ligament_forces"),
-        ("Contact force, N", calibration.contacts, "contact_forces"),
-    ]
+    groups = [("Ligament force, N", calibration.ligaments, "ligament_forces"),
+              ("Contact force, N", calibration.contacts, "contact_forces")]  # fmt: skip
     groups = [group for group in groups if group[1]] or groups[:1]
     right = 2.38 if max(len(names) for _, names, _ in groups) > 12 else 1.4
     figure, panels = grid(len(groups), 1, 2.75 * len(groups) + 0.35, right=right, top=0.28,

@@ -53,10 +53,8 @@ def grid(
     figure = Figure(figsize=(width, height))
     wide = (width - left - right - (columns - 1) * apart[0]) / columns
     tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
-    figure.subplots_adjust(
-        left=left / width, right=1 - right / width, top=1 - top / height, bottom=bottom / height,
-        wspace=apart[0] / wide, hspace=apart[1] / tall,
-    )  # fmt: skip
+    figure.subplots_adjust(left=left / width, right=1 - right / width, top=1 - top / height,
+                           bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall)
     if title:
         figure.suptitle(verbatim(title), x=left / width, ha="left", fontsize=9.5)
     return figure, figure.subplots(rows, columns, squeeze=False, **how)
@@ -67,10 +65,8 @@ def panel_grid(
 ) -> tuple[Figure, np.ndarray]:
     """Panels in reading order with room for a legend above each, `shared` with one lowest axis."""
     left, wide, tall = (0.63, 0.77, 0.48) if columns == 2 else (0.53, 0.57, 0.45)
-    figure, panels = grid(
-        rows, columns, height, title=title, left=left, top=0.68, bottom=0.46,
-        apart=(wide, tall if shared else 0.62), sharex=shared,
-    )  # fmt: skip
+    figure, panels = grid(rows, columns, height, title=title, left=left, top=0.68, bottom=0.46,
+                          apart=(wide, tall if shared else 0.62), sharex=shared)  # fmt: skip
     return figure, panels.ravel()
 
 
@@ -127,10 +123,9 @@ def flexion_axis(
 
 def mark_edge(axes: Axes, x: np.ndarray, marker: str, color: str, height: float = 0.03):
     """Markers at the bottom edge of a panel."""
-    return axes.plot(
-        x, np.full(len(x), height), marker, color=color, markersize=4.5, markeredgewidth=1.2,
-        transform=axes.get_xaxis_transform(), clip_on=False, zorder=5,
-    )[0]  # fmt: skip
+    return axes.plot(x, np.full(len(x), height), marker, color=color, markersize=4.5,
+                     markeredgewidth=1.2, transform=axes.get_xaxis_transform(), clip_on=False,
+                     zorder=5)[0]  # fmt: skip
 
 
 def mark_status(
@@ -178,10 +173,8 @@ def draw_named(
 def legend_above(axes: Axes, columns: int = 4, size: float = 7.5) -> None:
     """Put the legend above a panel, if it has one."""
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            fontsize=size, ncol=columns, loc="lower left", bbox_to_anchor=(-0.03, 0.99),
-            borderaxespad=0.1, columnspacing=0.8, handlelength=1.2, handletextpad=0.4,
-        )  # fmt: skip
+        axes.legend(fontsize=size, ncol=columns, loc="lower left", bbox_to_anchor=(-0.03, 0.99),
+                    borderaxespad=0.1, columnspacing=0.8, handlelength=1.2, handletextpad=0.4)
 
 
 def part_legend(
@@ -200,10 +193,8 @@ def draw_matrix(
 ) -> QuadMesh:  # fmt: skip
     """Draw the cells of a matrix, with numbers in them where they are readable."""
     matrix = np.asarray(values, float)
-    cells = axes.pcolormesh(
-        np.ma.masked_invalid(matrix), cmap=shades, vmin=span[0], vmax=span[1], edgecolors="white",
-        linewidth=1,
-    )  # fmt: skip
+    cells = axes.pcolormesh(np.ma.masked_invalid(matrix), cmap=shades, vmin=span[0], vmax=span[1],
+                            edgecolors="white", linewidth=1)  # fmt: skip
     letters = 6.8 if max(matrix.shape) < 12 else 5.2
     for (i, j), value in np.ndenumerate(matrix):
         if numbers and np.isfinite(value):

@@ -67,10 +67,8 @@ def plan_answer(result: PlanResult) -> Answer:
     drawings["strains"] = Drawing(strain_figure, result)
     drawings["tension"] = Drawing(tension_figure, result)
     first = places[0] if places else "strains"
-    sections = [
-        Section("How exact must a tunnel be?", tables=[exact], opened=True),
-        Section("How the optimum was found", [*_limits(result), *_of_search(result)]),
-    ]
+    sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True),
+                Section("How the optimum was found", [*_limits(result), *_of_search(result)])]
     if places[1:]:
         sections.append(Section("The other tunnel", drawings=places[1:]))
     tradeoff = intervals = None
@@ -197,13 +195,11 @@ def _assumptions(result: PlanResult) -> list[str]:
     place = f"on the mesh of {' and '.join(meshes)}" if meshes else prose("plan.plane")
     axes = [f"{a:g} and {b:g} mm" for a, b in (x.semi_axes_mm for x in feet)]
     pairs = zip(surgery.plan.bundles, surgery.replaced, strict=True)
-    return paragraphs(
-        "plan.assumed", graft=graft.says, stiffness=f"{graft.stiffness_N_per_mm:g}",
-        failure=f"{graft.failure_N:g}", source=graft.source, place=place, tibia=axes[0],
-        femur=axes[1], count=len(extension), first=f"{extension[0]:g}", last=f"{extension[-1]:g}",
-        window=surgery.window, knee=result.plan.own.name,
-        pairs="; ".join(f"{name} for {', '.join(own)}" for name, own in pairs),
-    )  # fmt: skip
+    return paragraphs("plan.assumed", graft=graft.says, stiffness=f"{graft.stiffness_N_per_mm:g}",
+                      failure=f"{graft.failure_N:g}", source=graft.source, place=place,
+                      tibia=axes[0], femur=axes[1], count=len(extension), first=f"{extension[0]:g}",
+                      last=f"{extension[-1]:g}", window=surgery.window, knee=result.plan.own.name,
+                      pairs="; ".join(f"{name} for {', '.join(own)}" for name, own in pairs))
 
 
 def plan_doubts(result: PlanResult) -> list[str]:
@@ -252,18 +248,15 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "knee": plan.own.name,
         "ligament": plan.ligament,
         "torn": list(surgery.plan.torn),
-        "graft": {
-            "type": plan.graft.name, "source": plan.graft.source,
-            "bundles": list(surgery.plan.bundles), "stiffness_N": sum(surgery.plan.stiffness_N),
-            "failure_N": sum(surgery.plan.failure_N),
-        },
+        "graft": {"type": plan.graft.name, "source": plan.graft.source,
+                  "bundles": list(surgery.plan.bundles),
+                  "stiffness_N": sum(surgery.plan.stiffness_N),
+                  "failure_N": sum(surgery.plan.failure_N)},
         "fixation_deg": surgery.fixation_deg,
         "force_N": surgery.protocol.force_N,
         "window": surgery.window,
-        "limits": {
-            "graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
-            "tension_N": surgery.limits.tension_N,
-        },
+        "limits": {"graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
+                   "tension_N": surgery.limits.tension_N},
         "knees": knees_table(result).records(),
         "doubts": plan_doubts(result),
         "tolerances": [
@@ -272,10 +265,8 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                     checked_mm="checked_mm", laxity_mm_per_mm="slope")
             for one in result.tolerances
         ],
-        "maps": [
-            {"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
-            for one in result.maps
-        ],
+        "maps": [{"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
+                 for one in result.maps],
         "settings": plan.said,
         "seconds": result.seconds,
         "versions": versions,
@@ -292,11 +283,9 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
                                  "knees": knees}  # fmt: skip
     if result.has_front and (front := result.front) is not None:
-        document["front"] = {
-            "criteria": list(front.names), "points": len(front.criteria),
-            "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
-            "compromise": front.criteria[front.compromise],
-        }  # fmt: skip
+        document["front"] = {"criteria": list(front.names), "points": len(front.criteria),
+                             "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
+                             "compromise": front.criteria[front.compromise]}  # fmt: skip
     if optimum is not None:
         document["optimum"] = {"free": list(plan.free)} | _fields(
             optimum, feasible="feasible", missed="missed", evaluations="evaluations",

@@ -35,10 +35,8 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
     from matplotlib.patches import Patch
 
     tests = [f"Laxity at {angle:g} deg, mm" for angle in found.lachman_deg]
-    shown = [
-        ("Strain distance", found.total), *zip(tests, found.laxity_mm, strict=True),
-        ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm),
-    ]
+    shown = [("Strain distance", found.total), *zip(tests, found.laxity_mm, strict=True),
+             ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm)]
     rows = -(-(len(shown) + 1) // 3)
     figure, panels = grid(rows, 3, 2.15 * rows + 0.35, constrained=True)
     for axes in panels.flat[len(shown) + 1 :]:
@@ -51,9 +49,8 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
     handles, labels = panels.flat[1].get_legend_handles_labels()
     hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
     handles, labels = [*handles, hatched], [*labels, "a limit is missed"]
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=6, fontsize=7.5, handlelength=1.4
-    )
+    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=7.5,
+                  handlelength=1.4)  # fmt: skip
     return figure
 
 
@@ -282,10 +279,8 @@ def front_figure(result: PlanResult) -> Figure:
         shown.append(("optimum", result.optimum.outcome, "*", VERMILLION, 11))
     figure, (every,) = grid(1, len(panels), 2.75, constrained=True)
     for axes, (up, colour) in zip(every, panels, strict=True):
-        points = axes.scatter(
-            front.criteria[:, force], front.criteria[:, up], c=front.criteria[:, colour], s=14,
-            cmap="viridis", linewidths=0,
-        )  # fmt: skip
+        points = axes.scatter(front.criteria[:, force], front.criteria[:, up],
+                              c=front.criteria[:, colour], s=14, cmap="viridis", linewidths=0)
         middle = front.criteria[front.compromise]
         axes.plot(middle[force], middle[up], "D", color="none", markeredgecolor=BLACK,
                   markersize=6.5, linestyle="none", label="compromise")  # fmt: skip

@@ -30,11 +30,8 @@ def variants(result: PlanResult) -> Iterator[tuple[str, Outcome, int]]:
 def choice_columns(surgery: Surgery, bundle: str) -> list[Column]:
     """A bundle's five choices; its name stands in the headings where there are several."""
     named = f"{bundle} " * (len(surgery.plan.bundles) > 1)
-    places = [
-        Column(f"{bundle}_{foot.bone}_{axis}_mm", f"{named}{foot.bone} {axis}, mm", ".1f")
-        for foot in (surgery.tibia, surgery.femur)
-        for axis in foot.names
-    ]
+    places = [Column(f"{bundle}_{foot.bone}_{axis}_mm", f"{named}{foot.bone} {axis}, mm", ".1f")
+              for foot in (surgery.tibia, surgery.femur) for axis in foot.names]  # fmt: skip
     return [*places, Column(f"{bundle}_tension_N", f"{named}tension, N", ".1f")]
 
 
@@ -62,11 +59,8 @@ def knees_table(result: PlanResult) -> Table:
         rows.append([name, *blank, *laxity, *[np.nan] * (2 + others), status])
     for name, found, row in variants(result):
         each = found.choices[row].reshape(len(bundles), -1)
-        own = [
-            x
-            for k in range(len(bundles))
-            for x in (*each[k], found.slack_mm[row, k], found.isometry_mm[row, k])
-        ]
+        own = [x for k in range(len(bundles))
+               for x in (*each[k], found.slack_mm[row, k], found.isometry_mm[row, k])]  # fmt: skip
         rows.append(
             [name, *own, *found.laxity_mm[row], found.peak_N[row], *found.distance[row],
              found.total[row], Status(int(found.status[row])).word]
@@ -178,23 +172,17 @@ def exactness_table(result: PlanResult) -> Table:
     band, rows = result.plan.surgery.limits.band_mm, []
     for one in result.tolerances:
         names = result.plan.surgery.footprint(one.bone).names
-        way = " and ".join(
-            towards(name, part)
-            for name, part in zip(names, one.direction, strict=True)
-            if abs(part) > 0.3
-        )
+        way = " and ".join(towards(name, part)
+                           for name, part in zip(names, one.direction, strict=True)
+                           if abs(part) > 0.3)  # fmt: skip
         known = np.isfinite(one.found_mm)
         far = f"{one.found_mm:.1f}" if known else f"above {one.checked_mm:.1f}"
         rows.append([one.bone, one.bundle, way, far, one.expected_mm, one.lachman_deg, one.slope])
     what = "optimum" if result.optimum is not None else "plan"
     return Table(
-        [
-            Column("tunnel", words=True), Column("bundle", words=True),
-            Column("towards", words=True), Column("off_by_mm", "off by, mm"),
-            Column("by_derivative_mm", show=".1f"),
-            Column("laxity_at_deg", show="g"),
-            Column("laxity_per_mm", "laxity a mm, mm", ".2f"),
-        ],
+        [Column("tunnel", words=True), Column("bundle", words=True), Column("towards", words=True),
+         Column("off_by_mm", "off by, mm"), Column("by_derivative_mm", show=".1f"),
+         Column("laxity_at_deg", show="g"), Column("laxity_per_mm", "laxity a mm, mm", ".2f")],
         rows,
         f"How exact must a tunnel be? Distance from the {what} at which laxity leaves its band "
         f"first ({band:g} mm about that of the intact knee)",

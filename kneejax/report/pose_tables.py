@@ -29,13 +29,10 @@ _SMALL = 0.01
 
 def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
     """Columns of poses, or of their changes, with the headings that people read."""
-    heads = [
-        f"{head}, {column.rsplit('_', 1)[1]}" for head, column in zip(_HEADS, COLUMNS, strict=True)
-    ]
-    return [
-        Column(name, head, ".1f" if k == 0 else ".2f")
-        for k, (name, head) in enumerate(zip(names, heads, strict=True))
-    ]
+    heads = [f"{head}, {column.rsplit('_', 1)[1]}"
+             for head, column in zip(_HEADS, COLUMNS, strict=True)]  # fmt: skip
+    return [Column(name, head, ".1f" if k == 0 else ".2f")
+            for k, (name, head) in enumerate(zip(names, heads, strict=True))]  # fmt: skip
 
 
 def pose_table(
@@ -61,10 +58,8 @@ def pose_table(
     words = [Status(int(x)).word for x in np.asarray(status)]
     if convention != FEMORAL:
         more["convention"] = [convention] * len(words)
-    columns = [
-        *pose_columns(), *(Column(name, shown=False) for name in before),
-        Column("status", words=True), *(Column(name, shown=False) for name in more),
-    ]
+    columns = [*pose_columns(), *(Column(name, shown=False) for name in before),
+               Column("status", words=True), *(Column(name, shown=False) for name in more)]
     shown = convert_table(np.asarray(table, float).reshape(-1, len(COLUMNS)), FEMORAL, convention)
     rows = list(zip(*shown.T, *before.values(), words, *more.values(), strict=True))
     return Table(columns, rows, f"Poses, {convention}: {CONVENTION_WORDS[convention]}")
@@ -139,10 +134,8 @@ def bundle_forces(
 ) -> dict[str, np.ndarray]:
     """Forces of `bundles`: name -> N, `(poses,)`."""
     tension, names = np.asarray(tension), knee.ligaments.names
-    return {
-        name: tension[:, [names.index(fibre) for fibre in fibres]].sum(axis=1)
-        for name, fibres in bundles(knee, among).items()
-    }
+    return {name: tension[:, [names.index(fibre) for fibre in fibres]].sum(axis=1)
+            for name, fibres in bundles(knee, among).items()}  # fmt: skip
 
 
 def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) -> Table:
@@ -158,11 +151,9 @@ def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) 
         size, row = _largest(force)
         most = None if peak is None else _largest(peak)[0]
         rows.append([name, size, float(np.asarray(places)[row]), most])
-    columns = [
-        Column("part", words=True), Column("force_N", "at most, N", ".0f"),
-        Column("place", place, "{:g}".format),
-        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"),
-    ]  # fmt: skip
+    columns = [Column("part", words=True), Column("force_N", "at most, N", ".0f"),
+               Column("place", place, "{:g}".format),
+               Column("max_pressure_MPa", "peak pressure, MPa", ".2f")]  # fmt: skip
     return Table(columns, rows, "Largest forces", "Fibres of a ligament are added.")
 
 

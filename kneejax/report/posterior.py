@@ -32,20 +32,17 @@ def marginals_figure(found: Posterior) -> Figure:
     rows = -(-len(found.names) // _COLUMNS)
     titles = [_title(found, index) for index in range(len(found.names))]
     two_lines = 0.13 * any("\n" in title for title in titles)
-    figure, panels = grid(
-        rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5, left=0.21,
-        right=0.14, top=0.25 + two_lines, bottom=0.65, apart=(0.28, 0.55 + two_lines),
-    )  # fmt: skip
+    figure, panels = grid(rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5,
+                          left=0.21, right=0.14, top=0.25 + two_lines, bottom=0.65,
+                          apart=(0.28, 0.55 + two_lines))  # fmt: skip
     handles: dict[str, Any] = {}
     for index, axes in enumerate(panels.flat):
         if index < len(found.names):
             handles |= _marginal(axes, found, index)
         else:
             axes.set_axis_off()
-    figure.legend(
-        handles.values(), handles, loc="lower center", ncols=len(handles), handlelength=1.8,
-        bbox_to_anchor=(0.5, 0.0), columnspacing=1.4,
-    )  # fmt: skip
+    figure.legend(handles.values(), handles, loc="lower center", ncols=len(handles),
+                  handlelength=1.8, bbox_to_anchor=(0.5, 0.0), columnspacing=1.4)  # fmt: skip
     return figure
 
 
@@ -75,9 +72,8 @@ def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
             handles["outside the bounds"] = axes.axvspan(
                 bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
             )
-    axes.set(
-        xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))), yticks=[]
-    )
+    axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
+             yticks=[])  # fmt: skip
     axes.spines["left"].set_visible(False)
     axes.tick_params(labelsize=7)
     axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
@@ -148,10 +144,9 @@ def pairs_figure(found: Posterior) -> Figure:
             axes.set_ylabel(_narrow(found, row), fontsize=6.5, labelpad=2)
     figure.align_labels()
     if handles:
-        figure.legend(
-            handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
-            handlelength=1.6, bbox_to_anchor=(0.1, 1.0), columnspacing=1.4, borderaxespad=0.2,
-        )  # fmt: skip
+        figure.legend(handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
+                      handlelength=1.6, bbox_to_anchor=(0.1, 1.0), columnspacing=1.4,
+                      borderaxespad=0.2)  # fmt: skip
     return figure
 
 
@@ -164,10 +159,8 @@ def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> d
 
     flat = found.draws.reshape(-1, len(found.names))
     thin = flat[:: max(len(flat) // _POINTS, 1)]
-    axes.plot(
-        thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
-        alpha=0.35, rasterized=True,
-    )  # fmt: skip
+    axes.plot(thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
+              alpha=0.35, rasterized=True)  # fmt: skip
     # One that can be seen in the legend.
     handles: dict[str, Any] = {"draws": Line2D([], [], color=BLUE, marker=".", linestyle="none")}
     pair = np.ix_([column, row], [column, row])
@@ -181,9 +174,8 @@ def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> d
         )
     if found.divergences:
         lost = found.draws[found.divergent]
-        (handles["divergent"],) = axes.plot(
-            lost[:, column], lost[:, row], "x", color=VERMILLION, markersize=3
-        )
+        (handles["divergent"],) = axes.plot(lost[:, column], lost[:, row], "x", color=VERMILLION,
+                                            markersize=3)  # fmt: skip
     for which, line in ((column, axes.axvline), (row, axes.axhline)):
         if found.names[which] in found.truth:
             handles["truth"] = line(found.truth[found.names[which]], color=GREEN, linewidth=0.8)
@@ -210,10 +202,8 @@ def predictive_figure(found: Posterior) -> Figure:
     for (left, right), name in zip(panels, SHOWN, strict=True):
         index = FREE_COORDINATES.index(name)
         measured = found.measured[order, 1 + index]
-        bands, wide = (
-            quantiles[index, order]
-            for quantiles in (found.motion_quantiles, found.predictive_quantiles)
-        )
+        bands, wide = (quantiles[index, order]
+                       for quantiles in (found.motion_quantiles, found.predictive_quantiles))
         median = bands[:, bands.shape[1] // 2]
         coordinate = COORDINATES[name]
         left.set_title(coordinate.axis_label)
@@ -230,10 +220,8 @@ def predictive_figure(found: Posterior) -> Figure:
             )
     for axes in panels[-1]:
         flexion_axis(axes, flexion)
-    figure.legend(
-        handles.values(), handles.keys(), loc="lower center", ncols=len(handles), handlelength=1.6,
-        bbox_to_anchor=(0.5, 0.0), columnspacing=1.6,
-    )  # fmt: skip
+    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=len(handles),
+                  handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.6)  # fmt: skip
     return figure
 
 
@@ -246,10 +234,8 @@ def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
     Returns:
         File name, without ending -> figure; pairs only where there are two parameters or more.
     """
-    drawings = {
-        "posterior": Drawing(marginals_figure, found),
-        "predictive": Drawing(predictive_figure, found),
-    }
+    drawings = {"posterior": Drawing(marginals_figure, found),
+                "predictive": Drawing(predictive_figure, found)}  # fmt: skip
     if len(found.names) > 1:
         drawings["posterior_pairs"] = Drawing(pairs_figure, found)
     return drawings
@@ -262,11 +248,9 @@ _FEW = 1e-3
 # A posterior as wide as this part of its prior says little beyond it.
 _LITTLE = 0.9
 #: Columns of a table of a posterior.
-POSTERIOR_COLUMNS = (
-    "name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975", "laplace_mean",
-    "laplace_sd", "prior_mean", "prior_sd", "lower", "upper", "r_hat", "effective_sample_size",
-    "tail_effective_sample_size",
-)  # fmt: skip
+POSTERIOR_COLUMNS = ("name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975",
+                     "laplace_mean", "laplace_sd", "prior_mean", "prior_sd", "lower", "upper",
+                     "r_hat", "effective_sample_size", "tail_effective_sample_size")  # fmt: skip
 
 
 def posterior_table(found: Posterior) -> Table:
@@ -282,17 +266,14 @@ def posterior_table(found: Posterior) -> Table:
     """
     low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
     laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
-    values = (
-        found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
-        laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
-        [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
-        found.effective_sample_size, found.tail_effective_sample_size,
-    )  # fmt: skip
-    seen = {
-        "name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
-        "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",), "laplace_sd": ("Laplace sd", "2"),
-        "r_hat": ("R-hat", ".3f"), "effective_sample_size": ("eff.", ".0f"),
-    }  # fmt: skip
+    values = (found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
+              laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
+              [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
+              found.effective_sample_size, found.tail_effective_sample_size)  # fmt: skip
+    seen = {"name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
+            "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",),
+            "laplace_sd": ("Laplace sd", "2"), "r_hat": ("R-hat", ".3f"),
+            "effective_sample_size": ("eff.", ".0f")}  # fmt: skip
     columns = columns_of(POSTERIOR_COLUMNS, seen, ("name", "unit"))
     plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
     return Table(columns, list(zip(*plain, strict=True)))
@@ -301,11 +282,8 @@ def posterior_table(found: Posterior) -> Table:
 def draws_table(found: Posterior) -> Table:
     """Every draw of every chain, the table of posterior.csv."""
     columns = [Column(name) for name in ("chain", "draw", *found.names)]
-    rows = [
-        [chain, number, *draw]
-        for chain, draws in enumerate(found.draws)
-        for number, draw in enumerate(draws)
-    ]
+    rows = [[chain, number, *draw] for chain, draws in enumerate(found.draws)
+            for number, draw in enumerate(draws)]  # fmt: skip
     return Table(columns, rows)
 
 

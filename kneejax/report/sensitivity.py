@@ -78,10 +78,8 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         drawings=drawings,
         picture=f"{method}_fit" if method else "local_heatmap",
         doubts=doubts,
-        sections=[
-            Section("Over flexion", drawings=over_flexion),
-            Section("One parameter at a time", [prose("swept")], [swept], every_sweep),
-        ],
+        sections=[Section("Over flexion", drawings=over_flexion),
+                  Section("One parameter at a time", [prose("swept")], [swept], every_sweep)],
         text="\n".join(lines),
         document=_document(found, options, doubts),
         exit_status=int(bool(doubts)),
@@ -183,12 +181,10 @@ def swept_table(sweeps: Sweeps) -> Table:
     """
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     rows = [
-        [
-            one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),
-            int(np.isin(one.status, OF_FIBRES).sum()),
-            int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
-            int((one.status == Status.UNSTABLE).sum()), int((~converged(one.status)).sum()),
-        ]
+        [one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),
+         int(np.isin(one.status, OF_FIBRES).sum()),
+         int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
+         int((one.status == Status.UNSTABLE).sum()), int((~converged(one.status)).sum())]
         for one in at_fault[:_MOST_ROWS]
     ]
     poses = sum(one.status.size for one in sweeps.sweeps)
@@ -196,10 +192,8 @@ def swept_table(sweeps: Sweeps) -> Table:
     hidden = len(at_fault) - len(rows)
     heads = ("outside", "fibres", "unphysiol.", "unstable", "no balance")
     return Table(
-        [
-            Column("parameter", words=True), Column("sound_over", words=True),
-            *(Column(head, show=lambda count: str(count or NONE)) for head in heads),
-        ],
+        [Column("parameter", words=True), Column("sound_over", words=True),
+         *(Column(head, show=lambda count: str(count or NONE)) for head in heads)],
         rows,
         f"Sweeps: {count}" + ("; poses at fault:" if rows else ", all of them sound"),
         f"{hidden} more in sweeps.csv." if hidden else "",
@@ -223,11 +217,9 @@ def index_table(found: MotionIndices) -> Table:
     indices, row = found.indices, found.row("")
     main, other = list(indices.measures)[:2]
     half = indices.half_widths[main]
-    of_errors = [
-        (one.coordinate, np.nan_to_num(indices.measures[main][k]))
-        for k, one in enumerate(found.outputs)
-        if one.coordinate and one.flexion_deg is None
-    ]
+    of_errors = [(one.coordinate, np.nan_to_num(indices.measures[main][k]))
+                 for k, one in enumerate(found.outputs)
+                 if one.coordinate and one.flexion_deg is None]  # fmt: skip
     rows = []
     order = np.argsort(-np.nan_to_num(indices.measures[main][row]), kind="stable")
     for i in order[:_MOST_ROWS]:
@@ -238,11 +230,9 @@ def index_table(found: MotionIndices) -> Table:
         decides = "all errors" if len(names) == len(SHOWN) else ", ".join(names)
         rows.append([indices.names[i], limits, *shown, decides])
     return Table(
-        [
-            Column("parameter", words=True), Column("range", words=True), Column(main, show="3"),
-            Column("half_width", show="2"), Column(other, show="3"),
-            Column("largest_for", words=True),
-        ],
+        [Column("parameter", words=True), Column("range", words=True), Column(main, show="3"),
+         Column("half_width", show="2"), Column(other, show="3"),
+         Column("largest_for", words=True)],
         rows,
         f"{indices.method.capitalize()} indices of the objective ({indices.runs} motions, "
         f"{100 * indices.confidence:g} % intervals by half width), and the coordinates whose error "
@@ -307,12 +297,10 @@ def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str
         "own_motion": [Status(s).word for s in sweeps.status],
         "steps": dict(zip(local.names, local.widths, strict=True)),
         "sweeps": {
-            one.name: {
-                "own": one.own, "unit": one.unit, "from": one.values[0], "to": one.values[-1],
-                "values": len(one.values),
-                "poses": {s.word: int((one.status == s).sum()) for s in Status},
-                "unphysiological": int(one.unphysiological.sum()),
-            }
+            one.name: {"own": one.own, "unit": one.unit, "from": one.values[0],
+                       "to": one.values[-1], "values": len(one.values),
+                       "poses": {s.word: int((one.status == s).sum()) for s in Status},
+                       "unphysiological": int(one.unphysiological.sum())}
             for one in sweeps.sweeps
         },
     }  # fmt: skip

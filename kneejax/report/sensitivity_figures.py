@@ -35,28 +35,22 @@ if TYPE_CHECKING:
 FREE_COLUMN = {name: i - 1 for i, name in enumerate(COORDINATES)}
 OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
 #: Poses that are not drawn as if they were fine: legend entry, dashes of the line, marker.
-_DOUBTFUL = {
-    "outside fitted surfaces": ((0, (3, 1.2)), ""),
-    "a fibre torn or its way wrong": ((0, (5, 1.2)), "^"), "unphysiological": ((0, (1, 1)), "v"),
-    "unstable": ((0, (1, 1)), "+"),
-}  # fmt: skip
+_DOUBTFUL = {"outside fitted surfaces": ((0, (3, 1.2)), ""),
+             "a fibre torn or its way wrong": ((0, (5, 1.2)), "^"),
+             "unphysiological": ((0, (1, 1)), "v"), "unstable": ((0, (1, 1)), "+")}  # fmt: skip
 _NOWHERE = "no balance"
 #: Scale -> what follows the unit on an axis, and what one step of a parameter is.
 _PER = {"prior": "per prior SD", "percent": "per %"}
-_STEP = {
-    "prior": "one standard deviation of each parameter's prior",
-    "percent": "1 % of each value (0.01 of a reference strain)",
-}
+_STEP = {"prior": "one standard deviation of each parameter's prior",
+         "percent": "1 % of each value (0.01 of a reference strain)"}  # fmt: skip
 #: Dashes and hatches of the quantities, in the order in which they come.
 _DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), (0, (5, 1.2, 1, 1.2)))
 _HATCHES = ("", "/////", ".....", "xxxxx")
 #: Parameters that one panel can show as curves or bars; rows of a heat map.
 _MOST_PARAMETERS, _MOST_ROWS = 12, 40
 #: Method -> its two measures and how an axis calls them; what its bars measure.
-_MEASURES = {
-    "sobol": {"total_order": "total order", "first_order": "first order"},
-    "morris": {"mu_star": "mean size of the effect", "sigma": "its standard deviation"},
-}
+_MEASURES = {"sobol": {"total_order": "total order", "first_order": "first order"},
+             "morris": {"mu_star": "mean size of the effect", "sigma": "its standard deviation"}}
 _AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's range"}
 
 
@@ -186,10 +180,8 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     )  # fmt: skip
     left_out = len(local.names) - len(shown)
     note = f"; {left_out} that move it less are not shown" if left_out else ""
-    words.text(
-        0.0, 0.02, f"Change of the pose by {_STEP[local.scale]}{note}", fontsize=7.5, wrap=True,
-        transform=words.transAxes,
-    )  # fmt: skip
+    words.text(0.0, 0.02, f"Change of the pose by {_STEP[local.scale]}{note}", fontsize=7.5,
+               wrap=True, transform=words.transAxes)  # fmt: skip
     return figure
 
 
@@ -219,9 +211,8 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         alike = [FREE_COLUMN[c] for c in SHOWN if COORDINATES[c].unit == unit]
         limit = float(np.nan_to_num(np.abs(local.scaled[:, alike])).max()) or 1.0
         slopes = local.scaled[:, FREE_COLUMN[coordinate], shown].T
-        colours[unit] = axes.pcolormesh(
-            edges, np.arange(rows + 1), slopes, cmap="RdBu_r", vmin=-limit, vmax=limit
-        )
+        colours[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
+                                        vmin=-limit, vmax=limit)  # fmt: skip
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):
             axes.fill_between(edges[i : i + 2], 0, rows, facecolor="none", edgecolor=GREY,
                               hatch="////", linewidth=0)  # fmt: skip
@@ -256,10 +247,8 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     shown = _largest_shares(indices.measures[main], _MOST_PARAMETERS)
     height = 3 * (0.62 + 0.21 * len(shown)) + 0.7
     # Morris' effects have units: each panel has its own axis then, which takes room.
-    figure, panels = grid(
-        3, 2, height, left=1.4, bottom=1.05, apart=(0.21, 0.42 if sobol else 0.58), sharey=True,
-        sharex=sobol,
-    )  # fmt: skip
+    figure, panels = grid(3, 2, height, left=1.4, bottom=1.05,
+                          apart=(0.21, 0.42 if sobol else 0.58), sharey=True, sharex=sobol)
     handles, places = {}, np.arange(len(shown))
     for k, (axes, name) in enumerate(zip(panels.flat, ("", *SHOWN), strict=True)):
         row, title = found.row(name), "Objective"
@@ -286,10 +275,8 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
             axes.tick_params(labelbottom=k > 3)
         if k > 3:
             axes.set_xlabel(_AXIS[indices.method])
-    figure.legend(
-        handles.values(), handles, loc="lower center", bbox_to_anchor=(0.59, 0.36 / height),
-        ncols=3, borderaxespad=0,
-    )  # fmt: skip
+    figure.legend(handles.values(), handles, loc="lower center",
+                  bbox_to_anchor=(0.59, 0.36 / height), ncols=3, borderaxespad=0)  # fmt: skip
     _say_what_is_left_out(figure, found)
     return figure
 

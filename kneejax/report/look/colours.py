@@ -17,10 +17,8 @@ GREY, LIGHT = "#666666", "#E4E7EA"
 #: Colours of the procedures; the first is the answer. What they begin with is blue.
 FITS = (VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 #: Colours of ligaments, twelve before they repeat, and of contacts.
-PARTS = (
-    BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW,
-    "#7A4B9A", "#8C564B", "#5B8C5A", "#999999",
-)  # fmt: skip
+PARTS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK, YELLOW, "#7A4B9A", "#8C564B",
+         "#5B8C5A", "#999999")  # fmt: skip
 
 CONTACT_PARTS = (BLACK, "#7A4B9A", "#8C564B", GREY)
 #: The same colour for a structure in every figure, whichever bundles of it a knee has.

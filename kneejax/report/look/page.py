@@ -118,14 +118,12 @@ class Answer:
         versions: Mapping[str, str] | None = None, seconds: Mapping[str, float] | None = None,
     ) -> str:
         """The page of the answer, which needs no other file and no network."""
-        asked_again = [
-            (name, as_setting(value)) for name, value in json_safe(dict(settings or {})).items()
-        ]
+        asked_again = [(name, as_setting(value))
+                       for name, value in json_safe(dict(settings or {})).items()]  # fmt: skip
         lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
-        return rendered(
-            "answer.html.j2", answer=self, pictures=pictures, table=self._table,
-            settings=asked_again, versions=list((versions or {}).items()), seconds=lasted,
-        )
+        return rendered("answer.html.j2", answer=self, pictures=pictures, table=self._table,
+                        settings=asked_again, versions=list((versions or {}).items()),
+                        seconds=lasted)  # fmt: skip
 
     def json(self) -> str:
         """The text of `result.json`."""

@@ -131,10 +131,8 @@ def picture_png(figure: Figure) -> bytes:
         The file's bytes.
     """
     stream = io.BytesIO()
-    figure.savefig(
-        stream, format="png", dpi=_DPI, metadata={"Software": None},
-        pil_kwargs={"compress_level": 2},
-    )
+    figure.savefig(stream, format="png", dpi=_DPI, metadata={"Software": None},
+                   pil_kwargs={"compress_level": 2})  # fmt: skip
     return stream.getvalue()
 
 

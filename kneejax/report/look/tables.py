@@ -130,10 +130,8 @@ def aligned(rows: Sequence[Sequence[str]], words: Sequence[int] = (0,)) -> list[
     """Columns two blanks apart; columns in `words` to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     return [
-        "  ".join(
-            text.ljust(width) if i in words else text.rjust(width)
-            for i, (text, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
+        "  ".join(text.ljust(width) if i in words else text.rjust(width)
+                  for i, (text, width) in enumerate(zip(row, widths, strict=True))).rstrip()
         for row in rows
     ]
 
@@ -202,10 +200,8 @@ def columns_of(
     names: Sequence[str], shown: Mapping[str, tuple[str, ...]], words: Sequence[str] = ()
 ) -> list[Column]:
     """Columns of a file of which people see some: name -> heading and, if not usual, format."""
-    return [
-        Column(name, *shown.get(name, ()), words=name in words, shown=name in shown)
-        for name in names
-    ]
+    return [Column(name, *shown.get(name, ()), words=name in words, shown=name in shown)
+            for name in names]  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)

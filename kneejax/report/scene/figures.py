@@ -74,10 +74,8 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         axes = _panel(figure, left, bottom, width, height)
         left += width + room
         _show(axes, render(scene, view, *limits), view)
-        axes.text(
-            0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
-            transform=axes.transAxes, ha="center", va="bottom", fontsize=9,
-        )  # fmt: skip
+        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
+                  transform=axes.transAxes, ha="center", va="bottom", fontsize=9)  # fmt: skip
         _name_groups(axes, scene, view)
         _triad(axes, scene, view)
     _ruler(figure.axes[0], cameras[0])
@@ -185,9 +183,8 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
     frames += frames[-2:0:-1]
     stream = io.BytesIO()
-    frames[0].save(
-        stream, format="GIF", save_all=True, append_images=frames[1:], duration=90, loop=0
-    )
+    frames[0].save(stream, format="GIF", save_all=True, append_images=frames[1:], duration=90,
+                   loop=0)  # fmt: skip
     return stream.getvalue()
 
 
@@ -258,9 +255,8 @@ def _name_groups(axes: Axes, scene: Scene, view: Camera) -> None:
                 va="center",
                 fontsize=_LABEL_SIZE,
                 annotation_clip=False,
-                arrowprops={
-                    "arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1, "shrinkB": 0,
-                },
+                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1,
+                            "shrinkB": 0},
             )  # fmt: skip
 
 
@@ -312,9 +308,8 @@ def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:
         if np.linalg.norm(flat) < 0.3:
             continue
         arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate(
-            "", tuple(start + size * flat), tuple(start), arrowprops=arrow, annotation_clip=False
-        )
+        axes.annotate("", tuple(start + size * flat), tuple(start), arrowprops=arrow,
+                      annotation_clip=False)  # fmt: skip
         beside = start + size * flat + 0.35 * size * flat / np.linalg.norm(flat)
         ha = "center" if abs(flat[0]) < 0.5 else ("left" if flat[0] > 0 else "right")
         axes.text(beside[0], beside[1], word[:3], ha=ha, va="center", fontsize=6.0)

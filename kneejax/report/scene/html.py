@@ -72,11 +72,9 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
         if len(shown) > 1
     ]
     figure.update_layout(**_layout(shown, limits))
-    page = figure.to_html(
-        include_plotlyjs=True, full_html=True, auto_play=False,
-        config={"displaylogo": False, "responsive": True}, default_height="96vh",
-        post_script=_arrange(limits),
-    )
+    page = figure.to_html(include_plotlyjs=True, full_html=True, auto_play=False,
+                          config={"displaylogo": False, "responsive": True}, default_height="96vh",
+                          post_script=_arrange(limits))  # fmt: skip
     return page.replace("<head>", f"<head>{_VIEWPORT}", 1)
 
 
@@ -167,19 +165,16 @@ _LIGHT = {"ambient": 0.75, "diffuse": 0.45, "specular": 0.1, "roughness": 0.8}
 
 
 def _sheet(go, sheet: Sheet, colour: str, opacity: float, group: str):
-    return go.Mesh3d(
-        **_places(sheet.points_mm), **_triangles(grid_triangles(*sheet.points_mm.shape[:2])),
-        color=colour, opacity=opacity, lighting=_LIGHT, hoverinfo="skip", legendgroup=group,
-        name=group,
-    )
+    return go.Mesh3d(**_places(sheet.points_mm),
+                     **_triangles(grid_triangles(*sheet.points_mm.shape[:2])), color=colour,
+                     opacity=opacity, lighting=_LIGHT, hoverinfo="skip", legendgroup=group,
+                     name=group)  # fmt: skip
 
 
 def _bone(go, bone, number: int):
-    return go.Mesh3d(
-        **_places(bone.points_mm), **_triangles(bone.faces), color=BONE, opacity=_BONE_OPACITY,
-        lighting=_LIGHT, hoverinfo="skip", legendgroup=bone.bone, name=bone.bone,
-        showlegend=number == 0,
-    )
+    return go.Mesh3d(**_places(bone.points_mm), **_triangles(bone.faces), color=BONE,
+                     opacity=_BONE_OPACITY, lighting=_LIGHT, hoverinfo="skip",
+                     legendgroup=bone.bone, name=bone.bone, showlegend=number == 0)  # fmt: skip
 
 
 def _plateau(go, plateau: Plateau, limit: float):
@@ -224,18 +219,12 @@ def _axes(go, scene: Scene) -> list[Any]:
     ends = {word: start + 18.0 * scene.directions[word] for word in _SHOWN}
     lines = np.concatenate([[start, end, [np.nan] * 3] for end in ends.values()])
     return [
-        go.Scatter3d(
-            **_places(lines), mode="lines", line={"color": "#444444", "width": 3},
-            hoverinfo="skip", showlegend=False,
-        ),
-        go.Scatter3d(
-            **_places(np.array(list(ends.values()))), mode="text", text=list(ends),
-            textfont={"size": 12, "color": "#444444"}, hoverinfo="skip", showlegend=False,
-        ),
-        go.Scatter3d(
-            x=[None], y=[None], z=[None], mode="markers", hoverinfo="skip", showlegend=False,
-            marker={"color": [0.0], "coloraxis": "coloraxis"},
-        ),
+        go.Scatter3d(**_places(lines), mode="lines", line={"color": "#444444", "width": 3},
+                     hoverinfo="skip", showlegend=False),
+        go.Scatter3d(**_places(np.array(list(ends.values()))), mode="text", text=list(ends),
+                     textfont={"size": 12, "color": "#444444"}, hoverinfo="skip", showlegend=False),
+        go.Scatter3d(x=[None], y=[None], z=[None], mode="markers", hoverinfo="skip",
+                     showlegend=False, marker={"color": [0.0], "coloraxis": "coloraxis"}),
     ]  # fmt: skip
 
 
@@ -251,19 +240,14 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
         "template": "plotly_white",
         "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
         "legend": {"x": 0.0, "y": 0.98, "itemsizing": "constant", "bgcolor": "rgba(0,0,0,0)"},
-        "scene": {
-            "xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
-            "dragmode": "orbit",
-            "camera": {"eye": {"x": 1.4, "y": 0.85 * shown[0].lateral, "z": 0.5}},
-        },
-        "coloraxis": {
-            "cmin": 0.0, "cmax": 100 * strain, "colorscale": _scale(strain_colours()),
-            "colorbar": {**bar, "title": "Strain, %<br>(grey: slack)", "y": 0.76},
-        },
-        "coloraxis2": {
-            "cmin": 0.0, "cmax": pressure, "colorscale": _scale(PRESSURE_COLOURS, GROUND),
-            "colorbar": {**bar, "title": "Contact<br>pressure, MPa", "y": 0.28},
-        },
+        "scene": {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
+                  "dragmode": "orbit",
+                  "camera": {"eye": {"x": 1.4, "y": 0.85 * shown[0].lateral, "z": 0.5}}},
+        "coloraxis": {"cmin": 0.0, "cmax": 100 * strain, "colorscale": _scale(strain_colours()),
+                      "colorbar": {**bar, "title": "Strain, %<br>(grey: slack)", "y": 0.76}},
+        "coloraxis2": {"cmin": 0.0, "cmax": pressure,
+                       "colorscale": _scale(PRESSURE_COLOURS, GROUND),
+                       "colorbar": {**bar, "title": "Contact<br>pressure, MPa", "y": 0.28}},
     }  # fmt: skip
     if len(shown) > 1:
         layout["sliders"] = [_slider(shown)]

@@ -72,10 +72,8 @@ def ligament_lines(knee: Knee, state: State) -> list[Line]:
     strain = length / np.asarray(fibres.slack_length)[:, None] - 1.0
     tension = np.asarray(add_lane_axis(fibres).tension_at(jnp.asarray(length)))
     groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
-    return [
-        Line(name, groups.get(name, name), pair[0], lines[i], strain[i], tension[i])
-        for i, (name, pair) in enumerate(zip(fibres.names, fibres.bodies, strict=True))
-    ]
+    return [Line(name, groups.get(name, name), pair[0], lines[i], strain[i], tension[i])
+            for i, (name, pair) in enumerate(zip(fibres.names, fibres.bodies, strict=True))]
 
 
 def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
@@ -86,10 +84,8 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
     lines, _ = _courses(muscles, state)
     nothing = np.zeros(state.shape)
     return [
-        Line(
-            muscles.names[row], QUADRICEPS, muscles.bodies[row][0], lines[row], nothing + np.nan,
-            nothing + float(muscles.tension[row]),
-        )
+        Line(muscles.names[row], QUADRICEPS, muscles.bodies[row][0], lines[row], nothing + np.nan,
+             nothing + float(muscles.tension[row]))
         for row in muscles.quadriceps
     ]  # fmt: skip
 
@@ -125,9 +121,8 @@ def _drawn(fibres: Fibres, state: State):
         points = []
         for piece in course.polylines(*ends, state.between(course.bodies), _AROUND):
             points += piece[1:] if points else piece
-        stacked = [
-            jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point]) for point in points
-        ]
+        stacked = [jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
+                   for point in points]  # fmt: skip
         drawn.append(jnp.stack(stacked))
     return drawn, fibres.length(state)
 
@@ -141,10 +136,8 @@ def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[n
             continue
         bone, leaves = course.obstacle_bone, jax.tree.leaves(course.obstacle)
         key = type(course.obstacle), bone, *(np.asarray(x).tobytes() for x in leaves)
-        passing.setdefault(key, []).extend(
-            places.moved(line.points_mm[:, :, i], line.bone, bone, i)
-            for line in (every[row] for row in course.rows)
-            for i in range(line.points_mm.shape[-1])
-        )
+        passing.setdefault(key, []).extend(places.moved(line.points_mm[:, :, i], line.bone, bone, i)
+                                           for line in (every[row] for row in course.rows)
+                                           for i in range(line.points_mm.shape[-1]))  # fmt: skip
         found[key] = obstacle_grid(course.obstacle, np.concatenate(passing[key])), bone
     return list(found.values())

@@ -83,9 +83,8 @@ def plateau_pressures(
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         lanes = add_lane_axis(_over_points(contact, points))
         parts = [[np.asarray(x) for x in _field(lanes, some)] for some in lots(state)]
-        place, pressure, area = (
-            np.concatenate(part, axis=-1)[..., :count] for part in zip(*parts, strict=True)
-        )
+        place, pressure, area = (np.concatenate(part, axis=-1)[..., :count]
+                                 for part in zip(*parts, strict=True))  # fmt: skip
         if contact.has_patch:
             contact_point = [np.asarray(_contact_point(lanes, some)) for some in lots(state)]
             contact_point = np.concatenate(contact_point, axis=-1)[..., :count]
@@ -99,11 +98,9 @@ def plateau_pressures(
             center = np.einsum("kp,kxp->px", share, place) / total[:, None]
         drawn = np.array([1.0, 1.0, lateral_sign(knee)])
         fields.append(
-            PlateauPressure(
-                name, contact.bodies[1], place[:, :, 0].reshape(*points, 3) * drawn,
-                np.moveaxis(pressure, -1, 0).reshape(-1, *points), center * drawn,
-                covered.reshape(points), rim * drawn,
-            )
+            PlateauPressure(name, contact.bodies[1], place[:, :, 0].reshape(*points, 3) * drawn,
+                            np.moveaxis(pressure, -1, 0).reshape(-1, *points), center * drawn,
+                            covered.reshape(points), rim * drawn)
         )
     return tuple(fields)
 
@@ -125,18 +122,14 @@ def lots(state: State) -> list[State]:
     """
     count = state.shape[0]
     rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
-    return [
-        jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
-        for i in range(0, len(rows), _LOT)
-    ]
+    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
+            for i in range(0, len(rows), _LOT)]  # fmt: skip
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
-    return Contact(
-        contact.femoral, contact.tibial, contact.youngs_modulus, contact.poisson_ratio,
-        contact.layer_thickness, contact.onset_width, law=contact.law, form=QUADRATURE,
-        points=points, layer_variation=contact.layer_variation, bodies=contact.bodies,
-    )
+    return Contact(contact.femoral, contact.tibial, contact.youngs_modulus, contact.poisson_ratio,
+                   contact.layer_thickness, contact.onset_width, law=contact.law, form=QUADRATURE,
+                   points=points, layer_variation=contact.layer_variation, bodies=contact.bodies)
 
 
 @eqx.filter_jit
@@ -276,10 +269,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     panel = WIDTH / 4 if columns > 2 else 3.2
     height = panel * (box[3] - box[2]) / (box[1] - box[0])
     figure = Figure(
-        figsize=(
-            max(columns * panel + 0.9, 4.2),
-            lines * (height + 0.32) + (0.25 if columns > 2 else 0.6),
-        ),
+        figsize=(max(columns * panel + 0.9, 4.2),
+                 lines * (height + 0.32) + (0.25 if columns > 2 else 0.6)),
         layout="constrained",
     )
     panels = figure.subplots(lines, columns, squeeze=False)
@@ -292,9 +283,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
             flexion = np.rad2deg(float(state.tibia.flexion[number]))
             axes.set_title(f"{degrees(flexion)} flexion", loc="center")
     _compass(panels[0, 0], knee, box)
-    bar = figure.colorbar(
-        ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22, pad=0.02
-    )
+    bar = figure.colorbar(ScalarMappable(scale, PRESSURE_COLOURS), ax=panels, shrink=0.9, aspect=22,
+                          pad=0.02)  # fmt: skip
     bar.set_label("Contact pressure, MPa")
     for level in _lines(scale.vmax):
         bar.ax.axhline(level, color=BLACK, linewidth=0.6)
@@ -333,10 +323,8 @@ def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) 
             shown = np.minimum(pressure, scale.vmax)
             axes.contourf(z, x, shown, shades, cmap=PRESSURE_COLOURS, norm=scale, zorder=1)
             axes.contour(z, x, shown, _lines(scale.vmax), colors=BLACK, linewidths=0.3, zorder=2)
-            axes.plot(
-                field.center_mm[pose, 2], field.center_mm[pose, 0], "+",
-                color=BLACK, markersize=6, markeredgewidth=1.1, zorder=3,
-            )  # fmt: skip
+            axes.plot(field.center_mm[pose, 2], field.center_mm[pose, 0], "+", color=BLACK,
+                      markersize=6, markeredgewidth=1.1, zorder=3)  # fmt: skip
     axes.set_xlim(box[0], box[1])
     axes.set_ylim(box[2], box[3])
     axes.set_aspect("equal")
@@ -354,9 +342,7 @@ def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> 
     top = box[3] - 2.0
     arrow = {"arrowstyle": "-|>", "color": GREY, "lw": 0.7, "shrinkA": 0, "shrinkB": 0}
     axes.annotate("", (middle, top), (middle, top - 8.0), arrowprops=arrow)
-    axes.text(
-        middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY, zorder=4,
-        bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6},
-    )  # fmt: skip
+    axes.text(middle, top - 8.5, "ant", ha="center", va="top", fontsize=7, color=GREY, zorder=4,
+              bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 0.6})  # fmt: skip
     axes.plot([middle - 5, middle + 5], [low + 0.4] * 2, color=BLACK, lw=1.2)
     axes.text(middle, low + 1.2, "10 mm", ha="center", va="bottom", fontsize=6.5)

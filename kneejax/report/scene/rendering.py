@@ -76,11 +76,9 @@ def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
 
 
 #: View -> where the camera stands: anterior, superior and lateral share.
-VIEWS = {
-    "anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "medial": (0.0, 0.0, -1.0),
-    "lateral": (0.0, 0.0, 1.0), "anteromedial, from above": (0.75, 0.62, -0.55),
-    "anterolateral, from above": (0.75, 0.62, 0.55),
-}
+VIEWS = {"anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "medial": (0.0, 0.0, -1.0),
+         "lateral": (0.0, 0.0, 1.0), "anteromedial, from above": (0.75, 0.62, -0.55),
+         "anterolateral, from above": (0.75, 0.62, 0.55)}  # fmt: skip
 #: With this many fibres or fewer each is drawn thick.
 FEW_FIBRES = 12
 _MARGIN_MM = 4.0
@@ -168,9 +166,8 @@ def render(
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
     with _quiet():
         try:
-            plotter = pv.Plotter(
-                off_screen=True, window_size=(2 * width, 2 * height), lighting=None
-            )
+            plotter = pv.Plotter(off_screen=True, window_size=(2 * width, 2 * height),
+                                 lighting=None)  # fmt: skip
             _fill(pv, plotter, scene, strain_limit, pressure_limit)
             _aim(pv, plotter, view)
             image = plotter.screenshot(return_img=True)
@@ -245,16 +242,14 @@ def simplified(bone: BoneMesh, most: int = 16_000) -> BoneMesh:
         return bone
     mesh = pyvista().PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
     mesh = mesh.decimate(1.0 - most / len(bone.faces))
-    return dataclasses.replace(
-        bone, points_mm=np.asarray(mesh.points, float), faces=mesh.regular_faces
-    )
+    return dataclasses.replace(bone, points_mm=np.asarray(mesh.points, float),
+                               faces=mesh.regular_faces)  # fmt: skip
 
 
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
     plotter.set_background("white")
-    plain = {
-        "smooth_shading": True, "specular": 0.15, "specular_power": 20, "show_scalar_bar": False,
-    }
+    plain = {"smooth_shading": True, "specular": 0.15, "specular_power": 20,
+             "show_scalar_bar": False}  # fmt: skip
     for bone in scene.bones:
         mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
         opacity = BONE_OPACITY[bone.bone]
@@ -314,8 +309,6 @@ def _aim(pv, plotter, view: Camera) -> None:
         (0.35, view.right),
     ):
         plotter.add_light(
-            pv.Light(
-                position=tuple(view.center_mm + 500.0 * place), focal_point=tuple(view.center_mm),
-                light_type="scene light", intensity=share,
-            )
+            pv.Light(position=tuple(view.center_mm + 500.0 * place),
+                     focal_point=tuple(view.center_mm), light_type="scene light", intensity=share)
         )

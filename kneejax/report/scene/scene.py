@@ -133,10 +133,8 @@ class Scene:
     def directions(self) -> dict[str, np.ndarray]:
         """Anatomical word -> unit vector."""
         lateral = np.array([0.0, 0.0, self.lateral])
-        words = {
-            "anterior": np.array([1.0, 0.0, 0.0]), "superior": np.array([0.0, 1.0, 0.0]),
-            "lateral": lateral,
-        }
+        words = {"anterior": np.array([1.0, 0.0, 0.0]), "superior": np.array([0.0, 1.0, 0.0]),
+                 "lateral": lateral}  # fmt: skip
         opposite = {"anterior": "posterior", "superior": "inferior", "lateral": "medial"}
         return words | {opposite[word]: -axis for word, axis in words.items()}
 
@@ -176,10 +174,8 @@ def scenes(
     state = state_of(poses)
     places, sign = Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
-    condyles = [
-        Sheet(name, surface_grid(contact.femoral, points))
-        for name, contact in zip(knee.contact_names, knee.contacts, strict=True)
-    ]
+    condyles = [Sheet(name, surface_grid(contact.femoral, points))
+                for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
     pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
     drawn = [_to_the_rim(field) for field in pressures]
     courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)

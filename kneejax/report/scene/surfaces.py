@@ -15,9 +15,8 @@ _BEYOND = 12.0
 def surface_grid(surface: Surface, points: tuple[int, int]) -> np.ndarray:
     """Points over the whole region of a surface, `(m, n, 3)`, in its bone's frame, mm."""
     (a0, a1), (b0, b1) = surface.bounds()
-    a, b = jnp.meshgrid(
-        jnp.linspace(a0, a1, points[0]), jnp.linspace(b0, b1, points[1]), indexing="ij"
-    )
+    a, b = jnp.meshgrid(jnp.linspace(a0, a1, points[0]), jnp.linspace(b0, b1, points[1]),
+                        indexing="ij")  # fmt: skip
     return _stacked(surface.frame.placement.apply(surface.point(a, b)), a.shape)
 
 
@@ -29,17 +28,15 @@ def grid_triangles(rows: int, columns: int) -> np.ndarray:
         [[0, 2, 1], [1, 2, 3]]
     """
     number = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = (
-        x.ravel() for x in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:])
-    )
+    a, b, c, d = (x.ravel()
+                  for x in (number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]))
     return np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
 
 
 def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
     """Points on a wrap obstacle, `(m, n, 3)`, in its bone's frame, mm."""
-    around, up = np.meshgrid(
-        np.linspace(0, 2 * np.pi, _ROUND + 1), np.linspace(0, np.pi, _ROUND // 2 + 1), indexing="ij"
-    )
+    around, up = np.meshgrid(np.linspace(0, 2 * np.pi, _ROUND + 1),
+                             np.linspace(0, np.pi, _ROUND // 2 + 1), indexing="ij")  # fmt: skip
     if isinstance(obstacle, WrapCylinder):
         radius, half = float(obstacle.radius), 0.5 * float(obstacle.length)
         inside = obstacle.frame.placement.apply_inverse(vector(passing_mm.T))
