@@ -17,22 +17,11 @@ from kneejax.geometry import (
     convert_table,
     coordinate,
 )
+from kneejax.report import doubts as faults
+from kneejax.report import pose_tables
 from kneejax.report.activity_figures import activity_figure, graft_pulls, places_figure
-from kneejax.report.doubts import (
-    named_places,
-    pose_words,
-    search_words,
-    second_balance,
-    status_doubts,
-)
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict
 from kneejax.report.look.tables import NONE, Column, Table, listed, text_of
-from kneejax.report.pose_tables import (
-    contact_forces,
-    part_table,
-    peak_table,
-    verdict_of,
-)
 from kneejax.statics import Status
 
 #: A knee whose residual is larger does not agree with the record, N m.
@@ -64,8 +53,8 @@ def activity_answer(
     words = {name: _words(one) for name, one in found.items()}
     doubts = [*record.doubts]
     for name, one in found.items():
-        places = named_places([f"{x:.4g}" for x in record.time_s], "s")
-        own = [*status_doubts(status[name], words[name], *places), *_second(one)]
+        places = faults.named_places([f"{x:.4g}" for x in record.time_s], "s")
+        own = [*faults.status_doubts(status[name], words[name], *places), *_second(one)]
         own += [*_unexplained(one)]
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
     tables = {"activity": _activity_table(found, status, words, cycle, convention),
@@ -81,7 +70,7 @@ def activity_answer(
     peaks = []
     for name, one in [*found.items()][:2]:
         times = np.round(record.time_s, 3)
-        forces = peak_table(one.motion.knee, one.mechanics, times, "at time, s")
+        forces = pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s")
         peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
     sections = [Section("Range of each coordinate", tables=[ranges] if not alone else []),
                 Section("Largest forces", tables=peaks),
@@ -103,7 +92,7 @@ def activity_answer(
         title=title,
         asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
         verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
-        verdict_of(np.concatenate([*status.values()])),
+        pose_tables.verdict_of(np.concatenate([*status.values()])),
         sentence=_sentence(found),
         tables=tables,
         main=[ranges if alone else compared],
@@ -119,11 +108,11 @@ def activity_answer(
 def _words(one: Activity) -> tuple[str, ...]:
     """What is wrong at each instant, or known of another balance there."""
     here = np.asarray(one.motion.to_table())
-    others = [second_balance(other, own) if np.isfinite(other).all() else ""
+    others = [faults.second_balance(other, own) if np.isfinite(other).all() else ""
               for other, own in zip(one.other, here, strict=True)]  # fmt: skip
-    also = zip(search_words(one.motion), others, strict=True)
+    also = zip(faults.search_words(one.motion), others, strict=True)
     said = ["; ".join(filter(None, pair)) for pair in also]
-    return pose_words(one.motion.knee, one.mechanics, said)
+    return faults.pose_words(one.motion.knee, one.mechanics, said)
 
 
 def _second(one: Activity) -> Iterator[str]:
@@ -192,7 +181,7 @@ def _sentence(found: Mapping[str, Activity]) -> str:
     first = next(iter(found.values()))
     if not first.holds.any():
         return "The intact knee has no equilibrium at any instant."
-    contact = contact_forces(first.mechanics).sum(axis=1)
+    contact = pose_tables.contact_forces(first.mechanics).sum(axis=1)
     row = int(np.nanargmax(contact))
     words = (
         f"All contacts together carry up to {contact[row]:.0f} N, at "
@@ -224,7 +213,7 @@ def place_table(found: Mapping[str, Activity]) -> Table:
         away = (tables[name] - intact)[:, [3, 2]]
         away = away[np.isfinite(away).all(axis=1)]
         rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
-        peaks = [_peak(x) for x in (*pulls[name], contact_forces(one.mechanics))]
+        peaks = [_peak(x) for x in (*pulls[name], pose_tables.contact_forces(one.mechanics))]
         torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
         rows.append([name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms])
     columns = [
@@ -298,18 +287,20 @@ def _of_knees(found: Mapping[str, Activity], table: Callable[[dict, Activity], T
 
 def _ligament_table(keys: dict, one: Activity) -> Table:
     names, told = one.motion.knee.ligaments.names, one.mechanics
-    return part_table(keys, "ligament", names, {"force_N": told.tension, "strain": told.strain})
+    numbers = {"force_N": told.tension, "strain": told.strain}
+    return pose_tables.part_table(keys, "ligament", names, numbers)
 
 
 def _contact_table(keys: dict, one: Activity) -> Table:
     told, names = one.mechanics, one.motion.knee.contact_names
-    numbers = {"force_N": contact_forces(told), "max_pressure_MPa": told.max_pressure,
+    numbers = {"force_N": pose_tables.contact_forces(told), "max_pressure_MPa": told.max_pressure,
                "area_mm2": told.area, tuple(f"center_{way}_mm" for way in _DIRECTIONS): told.center}
-    return part_table(keys, "contact", names, numbers)
+    return pose_tables.part_table(keys, "contact", names, numbers)
 
 
 def _residual_table(keys: dict, one: Activity) -> Table:
     """What each part does to the tibia, and what all together leave over."""
     parts = {**one.acting, **one.held, "left over": one.left_over}
     names = [f"{x}_N" for x in _DIRECTIONS] + [f"{x}_Nmm" for x in _MOMENTS]
-    return part_table(keys, "part", [*parts], {tuple(names): np.stack([*parts.values()], axis=1)})
+    numbers = {tuple(names): np.stack([*parts.values()], axis=1)}
+    return pose_tables.part_table(keys, "part", [*parts], numbers)

@@ -11,37 +11,11 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES
 from kneejax.parameters import MEANING, sums_in_words
-from kneejax.report.calibration_parameters import (
-    convergence_figure,
-    correlation_matrix_figure,
-    estimates_table,
-    parameter_document,
-    parameters_figure,
-    parameters_table,
-    reasons,
-)
-from kneejax.report.calibration_tests import (
-    errors_table,
-    laxity_errors,
-    reading_table,
-    tests_figure,
-)
-from kneejax.report.calibration_verdict import (
-    Outcome,
-    calibration_notes,
-    data_words,
-    known_words,
-    message,
-    noise_words,
-    outcome,
-    search,
-    split_warnings,
-    starts_words,
-    verdict,
-    warnings,
-)
+from kneejax.report import calibration_parameters as estimates
+from kneejax.report import calibration_tests as load_tests
+from kneejax.report import calibration_verdict as verdicts
 from kneejax.report.doubts import row_status
-from kneejax.report.look.page import Answer, Drawing, Section, write_page
+from kneejax.report.look.page import Answer, Drawing, Section, prose, write_page
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import (
     NONE,
@@ -78,29 +52,30 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "title": calibration.title,
             "knee": calibration.knee,
             "success": bool(fit.success),
-            "outcome": outcome(calibration).value,
-            "message": message(fit),
-            "warnings": warnings(calibration),
+            "outcome": verdicts.outcome(calibration).value,
+            "message": verdicts.message(fit),
+            "warnings": verdicts.warnings(calibration),
             "procedure": fit.procedure,
-            "parameters": {e.name: parameter_document(e) for e in fit.estimates},
+            "parameters": {e.name: estimates.parameter_document(e) for e in fit.estimates},
             "units": {e.name: e.unit for e in fit.estimates},
-            "remarks": {e.name: reasons(e) for e in fit.estimates if reasons(e)},
+            "remarks": {e.name: why for e in fit.estimates if (why := estimates.reasons(e))},
             "objective_start": calibration.start_objective,
             "objective": fit.objective,
             "partial_objectives_start": calibration.start_partial_objectives,
             "partial_objectives": fit.partial_objectives,
             "rmse_start": calibration.start_rmse,
             "rmse": fit.rmse,
-            "tests": [one._asdict() for one in laxity_errors(calibration)],
+            "tests": [one._asdict() for one in load_tests.laxity_errors(calibration)],
             "evaluations": {key: fit.evaluations.get(key, 0) for key in TOTALS},
             "correlation": {"parameters": [e.name for e in fit.estimates],
                             "matrix": fit.correlation},
             "truth": calibration.truth,
-            "frame_offset": {e.name: parameter_document(e) | {"unit": e.unit} for e in fit.offsets},
+            "frame_offset": {e.name: estimates.parameter_document(e) | {"unit": e.unit}
+                             for e in fit.offsets},
             "noise": calibration.noise,
             "noise_estimated": calibration.noise_estimated,
             "per_procedure": {one.procedure: _of_procedure(one) for one in calibration.fits},
-            "notes": calibration_notes(calibration),
+            "notes": verdicts.calibration_notes(calibration),
             "seconds": calibration.seconds,
             "versions": calibration.versions,
             "settings": calibration.settings,
@@ -116,12 +91,15 @@ def _of_procedure(fit: Fit) -> dict[str, Any]:
     return {
         "procedure": fit.procedure,
         "success": bool(fit.success),
-        "message": message(fit),
+        "message": verdicts.message(fit),
         "objective": fit.objective,
         "partial_objectives": fit.partial_objectives,
         "rmse": fit.rmse,
-        "parameters": {e.name: parameter_document(e) | {"unit": e.unit, "remark": reasons(e)}
-                       for e in fit.estimates},
+        "parameters": {
+            e.name: estimates.parameter_document(e)
+            | {"unit": e.unit, "remark": estimates.reasons(e)}
+            for e in fit.estimates
+        },
         "evaluations": fit.evaluations,
         "iterations": len(fit.history),
         "starts": [{"objective": objective, "values": dict(zip(names, values, strict=True))}
@@ -140,60 +118,51 @@ def calibration_answer(calibration: Calibration) -> Answer:
     Returns:
         The answer; its tables are parameters and, of a study with tests under load, tests.
     """
-    fit, became = calibration.fit, outcome(calibration)
+    fit, became = calibration.fit, verdicts.outcome(calibration)
     several = len(calibration.fits) > 1
-    doubts, compared = split_warnings(calibration)
+    doubts, compared = verdicts.split_warnings(calibration)
     shown = _drawings(calibration)
     quantities = dict.fromkeys(
         e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
         for e in fit.estimates
     )
     searched = [
-        f"Procedure {one.procedure}: {search(calibration, one)}." if several
-        else f"Search: {search(calibration, one)}."
+        f"Procedure {one.procedure}: {verdicts.search(calibration, one)}." if several
+        else f"Search: {verdicts.search(calibration, one)}."
         for one in calibration.fits
     ]  # fmt: skip
-    limits = (
-        f"{noise_words(calibration)} Limits follow the likelihood; a standard error is given where "
-        "it gives the same limits. Both hold for independent errors of measurement and do not "
-        "account for errors of the model."
-    )
-    offsets = "Offsets are constants added to the model to compare it with the measurement."
+    limits = f"{verdicts.noise_words(calibration)} {prose('limits')}"
     sections = [
-        Section("Parameters in detail", [limits.strip(), *[offsets] * bool(fit.offsets)],
+        Section("Parameters in detail", [limits.strip(), *[prose("offsets")] * bool(fit.offsets)],
                 ["parameters", *[_side_by_side(calibration)] * several], ["parameters"]),
+        Section("Motion", [prose("motion_errors")],
+                [errors_by_coordinate(calibration), _objectives(calibration)]),
         Section(
-            "Motion", ["Root mean square difference between simulated and measured motion, sums "
-                       "of squared differences, and the weighted sum that is minimised."],
-            [errors_by_coordinate(calibration), _objectives(calibration)],
-        ),
-        Section(
-            "Tests under load", ["Root mean square difference between knee and measurement in each "
-                                 "test, along the axes of Grood and Suntay."],
-            [errors_table(calibration)], ["tests"] if len(calibration.measured) else [],
+            "Tests under load", [prose("test_errors")],
+            [load_tests.errors_table(calibration)], ["tests"] if len(calibration.measured) else [],
         ),
         Section(
             "Procedures" if several else "Search",
-            [*searched, *filter(None, map(starts_words, calibration.fits)), *compared],
+            [*searched, *filter(None, map(verdicts.starts_words, calibration.fits)), *compared],
             [procedures_table(calibration)], ["convergence"],
         ),
         Section("Correlation", drawings=["correlation"]),
         Section("Forces", drawings=["ligament_forces"]),
-        Section("Notes", calibration_notes(calibration)),
+        Section("Notes", verdicts.calibration_notes(calibration)),
     ]  # fmt: skip
     absent = [] if len(calibration.measured) else ["Motion", "Forces"]
     absent += [] if fit.tests else ["Tests under load"]
-    tests = {"tests": reading_table(calibration)} if fit.tests else {}
+    tests = {"tests": load_tests.reading_table(calibration)} if fit.tests else {}
     made = " (synthetic)" if calibration.truth else ""
     return Answer(
         title=calibration.title,
         asked=f"Which {len(fit.estimates)} values ({listed(list(quantities), 4)}) make knee "
-        f"{calibration.knee} follow {data_words(calibration)}{made}?",
+        f"{calibration.knee} follow {verdicts.data_words(calibration)}{made}?",
         verdict=became.verdict,
         badge=became.value,
-        sentence=verdict(calibration),
-        tables={"parameters": parameters_table(calibration), **tests},
-        main=[estimates_table(calibration)],
+        sentence=verdicts.verdict(calibration),
+        tables={"parameters": estimates.parameters_table(calibration), **tests},
+        main=[estimates.estimates_table(calibration)],
         drawings=shown,
         picture=next(iter(shown)),
         doubts=doubts,
@@ -216,11 +185,11 @@ def _drawings(calibration: Calibration) -> dict[str, Drawing]:
     if len(calibration.measured):
         every["motion"] = Drawing(motion_figure, calibration, more=offset)
     if fit.tests:
-        every["tests"] = Drawing(tests_figure, calibration)
+        every["tests"] = Drawing(load_tests.tests_figure, calibration)
     names = [e.name for e in fit.estimates]
-    every |= {"parameters": Drawing(parameters_figure, calibration),
-              "correlation": Drawing(correlation_matrix_figure, names, fit.correlation),
-              "convergence": Drawing(convergence_figure, calibration)}  # fmt: skip
+    every |= {"parameters": Drawing(estimates.parameters_figure, calibration),
+              "correlation": Drawing(estimates.correlation_matrix_figure, names, fit.correlation),
+              "convergence": Drawing(estimates.convergence_figure, calibration)}  # fmt: skip
     if len(calibration.measured):
         every["ligament_forces"] = Drawing(ligament_forces_figure, calibration)
     return every
@@ -257,29 +226,29 @@ def calibration_summary(calibration: Calibration) -> str:
     """
     fit, several = calibration.fit, len(calibration.fits) > 1
     lines = wrapped(f"{calibration.title} (knee {calibration.knee})")
-    became = outcome(calibration)
-    loud = became in (Outcome.FAILED, Outcome.POOR)
+    became = verdicts.outcome(calibration)
+    loud = became in (verdicts.Outcome.FAILED, verdicts.Outcome.POOR)
     word = became.value.upper() if loud else became.value.lower()
     fell = change(calibration.start_objective, fit.objective)
     lines += wrapped(
         f"{f'Procedure {fit.procedure}' if several else 'Calibration'} {word}: objective "
         f"{number(calibration.start_objective)} -> {number(fit.objective)}"
         + (f" ({fell})" if fell else "")
-        + f", {data_words(calibration)}, "
+        + f", {verdicts.data_words(calibration)}, "
         + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
     )
-    lines += wrapped(f"Search: {search(calibration, fit)}")
-    shown = estimates_table(calibration, "+-").fitting("lower upper", "start", "truth")
+    lines += wrapped(f"Search: {verdicts.search(calibration, fit)}")
+    shown = estimates.estimates_table(calibration, "+-").fitting("lower upper", "start", "truth")
     lines += ["", shown.terminal()]
     lines += wrapped(sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]))
-    said = filter(None, [noise_words(calibration), known_words(calibration)])
-    lines += ["", *wrapped(" ".join(said)), *wrapped(starts_words(fit))]
+    said = filter(None, [verdicts.noise_words(calibration), verdicts.known_words(calibration)])
+    lines += ["", *wrapped(" ".join(said)), *wrapped(verdicts.starts_words(fit))]
     tables = [errors_by_coordinate(calibration)] if len(calibration.measured) else []
-    tables += [errors_table(calibration)] if fit.tests else []
+    tables += [load_tests.errors_table(calibration)] if fit.tests else []
     tables += [procedures_table(calibration)] if several else []
     for table in tables:
         lines += ["", table.terminal()]
-    doubts = warnings(calibration)
+    doubts = verdicts.warnings(calibration)
     lines += [""] * bool(doubts)
     for sentence in doubts:
         lines += wrapped(sentence, "warning: ")

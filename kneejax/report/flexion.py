@@ -9,26 +9,11 @@ import numpy as np
 from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_flips
 from kneejax.geometry import CLINICAL, COLUMNS, FEMORAL, convert_table
 from kneejax.mechanics import Knee, load_words
-from kneejax.report.doubts import (
-    given_doubts,
-    named_places,
-    pose_words,
-    search_words,
-    status_doubts,
-)
+from kneejax.report import doubts as faults
+from kneejax.report import pose_tables
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.motion_figures import simulation_figure
-from kneejax.report.pose_tables import (
-    bundle_forces,
-    change_table,
-    contact_forces,
-    force_table,
-    part_table,
-    peak_table,
-    pose_table,
-    verdict_of,
-)
 from kneejax.statics import Status, converged
 
 _WAYS = ("anterior", "superior", "lateral")
@@ -58,30 +43,31 @@ def flexion_answer(
     knee, status = motion.knee, with_flips(motion.status, mechanics)
     table = np.array(motion.to_table())
     table[:, 0] = flexion
-    words = pose_words(knee, mechanics, search_words(motion, loads))
+    words = faults.pose_words(knee, mechanics, faults.search_words(motion, loads))
     more = {"converged": np.asarray(motion.equilibrium.converged).tolist(),
             "stable": np.asarray(motion.stable).tolist(), "doubt": words}  # fmt: skip
-    tables = {"poses": pose_table(table, status, convention, more=more),
-              "forces": force_table(knee, mechanics, {"flexion_deg": flexion})}  # fmt: skip
+    tables = {"poses": pose_tables.pose_table(table, status, convention, more=more),
+              "forces": pose_tables.force_table(knee, mechanics, {"flexion_deg": flexion})}
     main, text = ["poses"], [f"{name}, {load_words(loads)}", tables["poses"].text()]
     if unloaded is not None:
-        tables["displacement"] = change_table(flexion, displacement(motion, unloaded))
+        tables["displacement"] = pose_tables.change_table(flexion, displacement(motion, unloaded))
         main.append("displacement")
         text += ["", tables["displacement"].text()]
     sections = [
-        Section("Largest forces", tables=[peak_table(knee, mechanics, flexion, "at flexion, deg")])
+        Section("Largest forces", tables=[
+            pose_tables.peak_table(knee, mechanics, flexion, "at flexion, deg")])
     ]
     if branches is not None:
         tables["branches"], others, said = _branches(branches, flexion, convention)
         text += [said, *([others.terminal()] if others.rows else [])]
         sections.append(Section("Other balances", [said], [others] if others.rows else []))
-    places = named_places([f"{x:g}" for x in flexion], "degrees")
-    doubts = [*status_doubts(status, words, *places)]
+    places = faults.named_places([f"{x:g}" for x in flexion], "degrees")
+    doubts = [*faults.status_doubts(status, words, *places)]
     shown = convert_table(table, FEMORAL, convention)
     return Answer(
         title=f"Passive flexion of {name}",
         asked=f"How the tibia moves, {load_words(loads)}, at {_angles(flexion)}.",
-        verdict=verdict_of(status),
+        verdict=pose_tables.verdict_of(status),
         sentence=_sentence(status, table, knee, mechanics, flexion),
         tables=tables,
         main=main,
@@ -109,11 +95,11 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
         The answer; its tables are ligaments and contact, and for people a row a pose.
     """
     count = len(table)
-    status, doubts = given_doubts(knee, found, [str(row) for row in range(count)])
+    status, doubts = faults.given_doubts(knee, found, [str(row) for row in range(count)])
     return Answer(
         title=f"{knee.name} at given poses",
         asked=f"Ligament and contact forces at {count} given poses; nothing is moved.",
-        verdict=verdict_of(status),
+        verdict=pose_tables.verdict_of(status),
         sentence=_sound(status) + ".",
         tables={"ligaments": _ligament_table(knee, table, found),
                 "contact": _contact_table(knee, found, status)},
@@ -170,7 +156,7 @@ def _sentence(status, table: np.ndarray, knee: Knee, mechanics: Mechanics, flexi
             f"{abs(change[2]):.1f} degrees {'in' if change[2] >= 0 else 'out'}wards and moves "
             f"{abs(change[3]):.1f} mm {'forwards' if change[3] >= 0 else 'backwards'}."
         )
-    peaks = {n: np.nanmax(x) for n, x in bundle_forces(knee, mechanics.tension).items()
+    peaks = {n: np.nanmax(x) for n, x in pose_tables.bundle_forces(knee, mechanics.tension).items()
              if np.isfinite(x).any()}  # fmt: skip
     if peaks:
         most = max(peaks, key=lambda name: peaks[name])
@@ -179,10 +165,10 @@ def _sentence(status, table: np.ndarray, knee: Knee, mechanics: Mechanics, flexi
 
 
 def _parts(knee: Knee, mechanics: Mechanics):
-    forces = bundle_forces(knee, mechanics.tension)
+    forces = pose_tables.bundle_forces(knee, mechanics.tension)
     nothing = np.zeros((len(mechanics.tension), 0))
     drawn = np.stack([*forces.values()], axis=1) if forces else nothing
-    return [*forces], drawn, knee.contact_names, contact_forces(mechanics)
+    return [*forces], drawn, knee.contact_names, pose_tables.contact_forces(mechanics)
 
 
 def _branches(
@@ -192,7 +178,7 @@ def _branches(
     poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in found]).reshape(-1, len(COLUMNS))
     more = {"by_test": [int(b.by_test) for b in found], "apart_mm": [b.apart_mm for b in found],
             "starts": [b.starts for b in found]}  # fmt: skip
-    whole = pose_table(poses, [b.status for b in found], convention, more=more)
+    whole = pose_tables.pose_table(poses, [b.status for b in found], convention, more=more)
     rows = [row for row, b in zip(whole.rows, found, strict=True) if not b.by_test]
     columns = [one for one in whole.columns if one.name != "convention"]
     file = Table(columns, [row[: len(columns)] for row in whole.rows])
@@ -208,13 +194,13 @@ def _ligament_table(knee: Knee, table: np.ndarray, found: Mechanics) -> Table:
                "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
                "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}  # fmt: skip
     keys = {"pose": range(len(table)), "flexion_deg": table[:, 0]}
-    return part_table(keys, "ligament", knee.ligaments.names, numbers)
+    return pose_tables.part_table(keys, "ligament", knee.ligaments.names, numbers)
 
 
 def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
     # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
     numbers = {
-        "force_N": contact_forces(found), "area_mm2": found.area,
+        "force_N": pose_tables.contact_forces(found), "area_mm2": found.area,
         "max_pressure_MPa": found.max_pressure, "mean_pressure_MPa": found.mean_pressure,
         "max_depth_mm": found.max_depth, tuple(f"center_{x}_mm" for x in _WAYS): found.center,
         tuple(f"force_{x}_N" for x in _WAYS): found.contact_force,
@@ -222,12 +208,13 @@ def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
         "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
     }  # fmt: skip
     words = {"status": [Status(int(x)).word for x in status]}
-    return part_table({"pose": range(len(status))}, "contact", knee.contact_names, numbers, words)
+    keys = {"pose": range(len(status))}
+    return pose_tables.part_table(keys, "contact", knee.contact_names, numbers, words)
 
 
 def _summary(knee: Knee, table: np.ndarray, found: Mechanics, status: np.ndarray) -> Table:
-    forces = bundle_forces(knee, found.tension)
-    contact = contact_forces(found)
+    forces = pose_tables.bundle_forces(knee, found.tension)
+    contact = pose_tables.contact_forces(found)
     pressure = np.asarray(found.max_pressure)
     columns = [
         Column("pose", show=str), Column("flexion_deg", "flexion, deg", ".1f"),

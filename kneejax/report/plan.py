@@ -6,28 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from kneejax.report import plan_figures, plan_tables
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, paragraphs, prose
 from kneejax.report.look.tables import json_safe, number, wrapped
-from kneejax.report.plan_figures import (
-    front_figure,
-    strain_figure,
-    tension_figure,
-    tunnel_map_figure,
-)
-from kneejax.report.plan_tables import (
-    BEFORE,
-    choice_columns,
-    curves_table,
-    exactness_table,
-    front_table,
-    interval_table,
-    knees_table,
-    octagon_table,
-    part_of,
-    towards,
-    tradeoff_table,
-    variants,
-)
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -44,28 +25,30 @@ def plan_answer(result: PlanResult) -> Answer:
         The answer; its tables are plan, octagon, curves and, where one was asked for, front.
     """
     plan, surgery, doubts = result.plan, result.plan.surgery, plan_doubts(result)
-    whole, octagon = knees_table(result), octagon_table(result)
-    tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
-    chosen = [c.name for x in surgery.plan.bundles for c in choice_columns(surgery, x)]
+    whole, octagon = plan_tables.knees_table(result), plan_tables.octagon_table(result)
+    tables = {"plan": whole, "octagon": octagon, "curves": plan_tables.curves_table(result)}
+    chosen = [c.name for x in surgery.plan.bundles for c in plan_tables.choice_columns(surgery, x)]
     does = [c.name for c in whole.columns if c.shown and c.name not in chosen]
-    tried = [name for name, *_ in variants(result)]
+    tried = [name for name, *_ in plan_tables.variants(result)]
     corners = [name for name in tried if name.startswith("octagon")]
     reconstructed = [name for name in tried if name not in corners]
-    where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
+    where = plan_tables.part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
                   "From the middles of the footprints.")  # fmt: skip
-    knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
+    every = [*plan_tables.BEFORE, *reconstructed]
+    knees = plan_tables.part_of(whole, every, does, "What the knee does",
                   prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
-    exact = exactness_table(result)
-    eight = part_of(whole, corners, does, "Eight places on the tibia")
+    exact = plan_tables.exactness_table(result)
+    eight = plan_tables.part_of(whole, corners, does, "Eight places on the tibia")
     drawings = {
-        f"map_{one.bone}": Drawing(tunnel_map_figure, result, one, more=prose(f"plan.{one.bone}"))
+        f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
+                                   more=prose(f"plan.{one.bone}"))
         for one in result.maps
     }
     places = list(drawings)
     if result.has_front:
-        drawings["front"] = Drawing(front_figure, result)
-    drawings["strains"] = Drawing(strain_figure, result)
-    drawings["tension"] = Drawing(tension_figure, result)
+        drawings["front"] = Drawing(plan_figures.front_figure, result)
+    drawings["strains"] = Drawing(plan_figures.strain_figure, result)
+    drawings["tension"] = Drawing(plan_figures.tension_figure, result)
     first = places[0] if places else "strains"
     sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True),
                 Section("How the optimum was found", [*_limits(result), *_of_search(result)])]
@@ -73,13 +56,13 @@ def plan_answer(result: PlanResult) -> Answer:
         sections.append(Section("The other tunnel", drawings=places[1:]))
     tradeoff = intervals = None
     if result.front is not None:
-        tables["front"] = front_table(result)
+        tables["front"] = plan_tables.front_table(result)
     if result.has_front:
-        tradeoff = tradeoff_table(result)
+        tradeoff = plan_tables.tradeoff_table(result)
         title, said = "What must be given up for what", [prose("plan.criteria")]
         sections.append(Section(title, said, [tradeoff], ["front"]))
     if result.intervals is not None:
-        intervals = interval_table(result)
+        intervals = plan_tables.interval_table(result)
         sections.append(Section("How well it is known", tables=[intervals]))
     sections += [
         Section("The tension", drawings=["tension"]),
@@ -131,7 +114,7 @@ def _sentence(result: PlanResult) -> str:
         ends = ((surgery.tibia, choice[:2]), (surgery.femur, choice[2:4]))
         places = [
             f"{footprint.bone} " + ", ".join(
-                f"{abs(x):.1f} mm {towards(axis, x)}"
+                f"{abs(x):.1f} mm {plan_tables.towards(axis, x)}"
                 for axis, x in zip(footprint.names, place, strict=True)
             )
             for footprint, place in ends
@@ -205,14 +188,14 @@ def _assumptions(result: PlanResult) -> list[str]:
 def plan_doubts(result: PlanResult) -> list[str]:
     """What a reader must know before the numbers; empty where nothing is wrong."""
     surgery, said = result.plan.surgery, []
-    for row, name in enumerate(BEFORE):
+    for row, name in enumerate(plan_tables.BEFORE):
         lost = np.unique(surgery.protocol.flexion_deg[~surgery.before.converged[row]])
         if len(lost):
             said.append(
                 f"The {name} knee does not hold the load, or has no balance, at "
                 f"{', '.join(f'{x:g}' for x in lost)} degrees: its laxity there is not known."
             )
-    for name, found, row in variants(result):
+    for name, found, row in plan_tables.variants(result):
         status = Status(int(found.status[row]))
         if status is not Status.BALANCED and not name.startswith("octagon"):
             said.append(f"Of the {'plan' if name == 'planned' else name}: {status.sentence}.")
@@ -257,7 +240,7 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "window": surgery.window,
         "limits": {"graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
                    "tension_N": surgery.limits.tension_N},
-        "knees": knees_table(result).records(),
+        "knees": plan_tables.knees_table(result).records(),
         "doubts": plan_doubts(result),
         "tolerances": [
             _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",

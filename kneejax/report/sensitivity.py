@@ -10,18 +10,10 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
+from kneejax.report import sensitivity_figures as figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed, wrapped
-from kneejax.report.sensitivity_figures import (
-    FREE_COLUMN,
-    OF_FIBRES,
-    fit_indices_figure,
-    local_curves_figure,
-    local_heatmap_figure,
-    pose_indices_figure,
-    sweep_figure,
-)
 from kneejax.statics import Status, converged
 
 if TYPE_CHECKING:
@@ -46,18 +38,19 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
     main, method, over_flexion = [ranked], found.question.indices, ["local_curves"]
     drawings = {
         f"sweep_{one.name.replace('.', '_')}": Drawing(
-            sweep_figure, sweeps, one.name, measured, bool(offsets), more=f"Motion over {one.name}."
+            figures.sweep_figure, sweeps, one.name, measured, bool(offsets),
+            more=f"Motion over {one.name}.",
         )
         for one in sweeps.sweeps
     }
     every_sweep = list(drawings)
-    drawings["local_curves"] = Drawing(local_curves_figure, local)
-    drawings["local_heatmap"] = Drawing(local_heatmap_figure, local)
+    drawings["local_curves"] = Drawing(figures.local_curves_figure, local)
+    drawings["local_heatmap"] = Drawing(figures.local_heatmap_figure, local)
     if indices is not None:
         tables["global_indices"] = _every_index(indices)
         main.append(index_table(indices))
-        drawings[f"{method}_fit"] = Drawing(fit_indices_figure, indices)
-        drawings[f"{method}_poses"] = Drawing(pose_indices_figure, indices)
+        drawings[f"{method}_fit"] = Drawing(figures.fit_indices_figure, indices)
+        drawings[f"{method}_poses"] = Drawing(figures.pose_indices_figure, indices)
         over_flexion = ["local_heatmap", "local_curves", f"{method}_poses"]
     lost = not converged(np.maximum(local.status, sweeps.status)).any()
     title = f"{study.title} (knee {study.knee.name})"
@@ -156,7 +149,7 @@ def ranked_table(local: LocalSensitivity) -> Table:
     most, cells = np.abs(slopes).argmax(axis=1), []
     for i in _ranked(local)[:_MOST_ROWS]:
         row = [local.names[i], f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip()]
-        for c in (FREE_COLUMN[name] for name in SHOWN):
+        for c in (figures.FREE_COLUMN[name] for name in SHOWN):
             at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
             row.append(at + ("*" if most[c] == i else " "))
         cells.append(row)
@@ -182,7 +175,7 @@ def swept_table(sweeps: Sweeps) -> Table:
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     rows = [
         [one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),
-         int(np.isin(one.status, OF_FIBRES).sum()),
+         int(np.isin(one.status, figures.OF_FIBRES).sum()),
          int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
          int((one.status == Status.UNSTABLE).sum()), int((~converged(one.status)).sum())]
         for one in at_fault[:_MOST_ROWS]

@@ -10,18 +10,8 @@ import numpy as np
 
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
-from kneejax.report.scene.rendering import (
-    MUSCLE,
-    OBSTACLE,
-    VIEWS,
-    Camera,
-    camera,
-    pressure_limit,
-    render,
-    strain_colours,
-    strain_limit,
-)
 from kneejax.report.scene.scene import Fibre, Scene
 
 #: Views of `scene_figure`, and of `motion_figure` and the film.
@@ -59,8 +49,8 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
     from matplotlib.figure import Figure
 
     _check(views)
-    limits = strain_limit([scene]), pressure_limit([scene])
-    cameras = [camera(view, [scene]) for view in views]
+    limits = rendering.strain_limit([scene]), rendering.pressure_limit([scene])
+    cameras = [rendering.camera(view, [scene]) for view in views]
     page = _PAGE_WIDTH
     room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
     scale = (page - 2 * room * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
@@ -73,7 +63,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         bottom = _FOOT + 0.5 * (tallest - height)
         axes = _panel(figure, left, bottom, width, height)
         left += width + room
-        _show(axes, render(scene, view, *limits), view)
+        _show(axes, rendering.render(scene, view, *limits), view)
         axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
                   transform=axes.transAxes, ha="center", va="bottom", fontsize=9)  # fmt: skip
         _name_groups(axes, scene, view)
@@ -109,8 +99,8 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
     if not every:
         raise ValueError("no scenes to draw")
     shown = [every[row] for row in spread(len(every), most)]
-    limits = strain_limit(shown), pressure_limit(shown)
-    cameras = [camera(view, shown) for view in views]
+    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    cameras = [rendering.camera(view, shown) for view in views]
     widest = max(2 * c.half_mm[0] for c in cameras)
     scale = min((_PAGE_WIDTH - _SIDE) / len(shown) - _GAP, 2.2) / widest
     column = widest * scale + _GAP
@@ -124,7 +114,7 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
         for number, scene in enumerate(shown):
             left = _SIDE + column * number + 0.5 * (column - width)
             axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
-            _show(axes, render(scene, view, *limits, height=600), view)
+            _show(axes, rendering.render(scene, view, *limits, height=600), view)
             if row == 0:
                 axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
             if number == 0:
@@ -163,8 +153,8 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     if not every:
         raise ValueError("no scenes to draw")
     shown = [every[row] for row in spread(len(every), most)]
-    limits = strain_limit(shown), pressure_limit(shown)
-    seen = camera(view, shown)
+    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    seen = rendering.camera(view, shown)
     width = 3.8
     height = width * seen.half_mm[1] / seen.half_mm[0]
     figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=160)
@@ -173,7 +163,7 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     pictures = []
     for scene in shown:
         axes.clear()
-        _show(axes, render(scene, seen, *limits, height=760), seen)
+        _show(axes, rendering.render(scene, seen, *limits, height=760), seen)
         _triad(axes, scene, seen, inset=1.6)
         axes.set_title(f" {verbatim(scene.title)}: {degrees(scene.flexion_deg)} flexion")
         canvas = FigureCanvasAgg(figure)
@@ -196,7 +186,7 @@ def _one_palette(pictures: list[Any]) -> Any:
     from matplotlib import colormaps
     from PIL import Image
 
-    scales = [strain_colours(), colormaps[PRESSURE_COLOURS]]
+    scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
     steps = [scale(np.linspace(0.0, 1.0, _STEPS))[:, :3] for scale in scales]
     fixed = np.round(255.0 * np.concatenate([np.ones((1, 3)), *steps])).astype(int).ravel()
     some = [pictures[row] for row in spread(len(pictures), 4)]
@@ -212,15 +202,15 @@ def _one_palette(pictures: list[Any]) -> Any:
 
 def _check(views: Sequence[str]) -> None:
     for view in views:
-        if view not in VIEWS:
-            raise ValueError(f"a view {view!r}; expected one of {', '.join(VIEWS)}")
+        if view not in rendering.VIEWS:
+            raise ValueError(f"a view {view!r}; expected one of {', '.join(rendering.VIEWS)}")
 
 
 def _sentence(name: str) -> str:
     return name[0].upper() + name[1:]
 
 
-def _show(axes: Axes, image: np.ndarray, view: Camera) -> None:
+def _show(axes: Axes, image: np.ndarray, view: rendering.Camera) -> None:
     w, h = view.half_mm
     axes.imshow(image, extent=(-w, w, -h, h), interpolation="lanczos", aspect="equal")
     axes.set_xticks([])
@@ -230,7 +220,7 @@ def _show(axes: Axes, image: np.ndarray, view: Camera) -> None:
         spine.set_visible(False)
 
 
-def _name_groups(axes: Axes, scene: Scene, view: Camera) -> None:
+def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
     """Names in both margins, each with a thin line to the middle of its fibres."""
     groups = scene.groups
     if len(groups) > _MOST_LABELS:
@@ -298,7 +288,7 @@ def _central(fibres: Sequence[Fibre]) -> np.ndarray:
     return middles[np.argmin(np.round(away, 6))]
 
 
-def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:
+def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0) -> None:
     """The anatomical axes in the lower left corner, drawn in by a multiple of their length."""
     w, h = view.half_mm
     size = _TRIAD * min(w, h)
@@ -315,7 +305,7 @@ def _triad(axes: Axes, scene: Scene, view: Camera, inset: float = 0.0) -> None:
         axes.text(beside[0], beside[1], word[:3], ha=ha, va="center", fontsize=6.0)
 
 
-def _ruler(axes: Axes, view: Camera) -> None:
+def _ruler(axes: Axes, view: rendering.Camera) -> None:
     w, h = view.half_mm
     axes.plot([w - 21.0, w - 1.0], [-h + 1.0] * 2, color=BLACK, lw=1.4, solid_capstyle="butt")
     axes.text(w - 11.0, -h + 2.0, "20 mm", ha="center", va="bottom", fontsize=6.5)
@@ -329,7 +319,8 @@ def _bars(figure: Figure, strain: float, pressure: float) -> None:
     page = figure.get_figwidth()
     width = min(0.5 * page - 0.5, 2.6)
     for middle, scale, colours, label in (
-        (0.27, Normalize(0.0, 100 * strain), strain_colours(), "Strain, %   (thin, grey: slack)"),
+        (0.27, Normalize(0.0, 100 * strain), rendering.strain_colours(),
+         "Strain, %   (thin, grey: slack)"),
         (0.75, Normalize(0.0, pressure), PRESSURE_COLOURS, "Contact pressure, MPa"),
     ):
         axes = _panel(figure, middle * page - 0.5 * width, 0.5, width, 0.1)
@@ -347,8 +338,8 @@ def _panel(figure: Figure, left: float, bottom: float, width: float, height: flo
 def _head(figure: Figure, text: str, scene: Scene) -> None:
     page, height = figure.get_size_inches()
     figure.text(0.1 / page, 1 - 0.08 / height, verbatim(text), fontsize=9, va="top")
-    keys = [("wrap obstacles", OBSTACLE)] if scene.obstacles else []
-    keys += [("quadriceps", MUSCLE)] if any(x.is_muscle for x in scene.fibres) else []
+    keys = [("wrap obstacles", rendering.OBSTACLE)] if scene.obstacles else []
+    keys += [("quadriceps", rendering.MUSCLE)] if any(x.is_muscle for x in scene.fibres) else []
     for k, (words, colour) in enumerate(keys):
         right = 1 - (0.1 + _KEY * k) / page
         place = {"ha": "right", "va": "top", "fontsize": 8, "color": colour}

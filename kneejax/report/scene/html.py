@@ -11,19 +11,8 @@ from typing import Any
 import numpy as np
 
 from kneejax.geometry import TIBIA
+from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, spread
-from kneejax.report.scene.rendering import (
-    BONE,
-    CONDYLE,
-    FEW_FIBRES,
-    GROUND,
-    OBSTACLE,
-    fibre_colour,
-    plotly,
-    pressure_limit,
-    strain_colours,
-    strain_limit,
-)
 from kneejax.report.scene.scene import BoneMesh, Fibre, Plateau, Scene, Sheet
 from kneejax.report.scene.surfaces import grid_triangles
 
@@ -59,9 +48,9 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     """
     if not every:
         raise ValueError("no scenes to draw")
-    go = plotly()
+    go = rendering.plotly()
     shown = _with_short_shafts([every[row] for row in spread(len(every), most)])
-    limits = strain_limit(shown), pressure_limit(shown)
+    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
     tibial = [bone for bone in shown[0].bones if bone.bone == TIBIA]
     still = [_bone(go, bone, number) for number, bone in enumerate(tibial)]
     still += _axes(go, shown[0])
@@ -120,8 +109,11 @@ def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> li
     started: set[str] = set()
     traces = [_bone(go, bone, number) for number, bone in enumerate(bones)]
     traces += [_plateau(go, plateau, pressure) for plateau in scene.plateaus]
-    traces += [_sheet(go, sheet, CONDYLE, 0.45, "femoral surfaces") for sheet in scene.condyles]
-    traces += [_sheet(go, sheet, OBSTACLE, 0.13, "wrap obstacles") for sheet in scene.obstacles]
+    for sheets, colour, opacity, name in (
+        (scene.condyles, rendering.CONDYLE, 0.45, "femoral surfaces"),
+        (scene.obstacles, rendering.OBSTACLE, 0.13, "wrap obstacles"),
+    ):
+        traces += [_sheet(go, sheet, colour, opacity, name) for sheet in sheets]
     for plateau in scene.plateaus:
         traces.append(_center(go, plateau))
     for fibre in scene.fibres:
@@ -172,7 +164,7 @@ def _sheet(go, sheet: Sheet, colour: str, opacity: float, group: str):
 
 
 def _bone(go, bone, number: int):
-    return go.Mesh3d(**_places(bone.points_mm), **_triangles(bone.faces), color=BONE,
+    return go.Mesh3d(**_places(bone.points_mm), **_triangles(bone.faces), color=rendering.BONE,
                      opacity=_BONE_OPACITY, lighting=_LIGHT, hoverinfo="skip",
                      legendgroup=bone.bone, name=bone.bone, showlegend=number == 0)  # fmt: skip
 
@@ -198,13 +190,13 @@ def _center(go, plateau: Plateau):
 
 
 def _fibre(go, fibre: Fibre, limit: float, first: bool, count: int):
-    thick = 9 if count <= FEW_FIBRES else 5
+    thick = 9 if count <= rendering.FEW_FIBRES else 5
     strain = "" if fibre.is_muscle else f"strain {100 * fibre.strain:.2f} %<br>"
     says = f"{strain}tension {fibre.tension_N:.1f} N"
     owner = "muscle" if fibre.is_muscle else "ligament"
     return go.Scatter3d(
         **_places(fibre.points_mm), mode="lines",
-        line={"width": 2 if fibre.slack else thick, "color": fibre_colour(fibre, limit)},
+        line={"width": 2 if fibre.slack else thick, "color": rendering.fibre_colour(fibre, limit)},
         hovertemplate=f"{_escaped(fibre.name)}<br>{says}<extra></extra>",
         legendgroup=f"{owner} {fibre.group}", name=_escaped(fibre.group), showlegend=first,
     )
@@ -243,10 +235,11 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
         "scene": {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
                   "dragmode": "orbit",
                   "camera": {"eye": {"x": 1.4, "y": 0.85 * shown[0].lateral, "z": 0.5}}},
-        "coloraxis": {"cmin": 0.0, "cmax": 100 * strain, "colorscale": _scale(strain_colours()),
+        "coloraxis": {"cmin": 0.0, "cmax": 100 * strain,
+                      "colorscale": _scale(rendering.strain_colours()),
                       "colorbar": {**bar, "title": "Strain, %<br>(grey: slack)", "y": 0.76}},
         "coloraxis2": {"cmin": 0.0, "cmax": pressure,
-                       "colorscale": _scale(PRESSURE_COLOURS, GROUND),
+                       "colorscale": _scale(PRESSURE_COLOURS, rendering.GROUND),
                        "colorbar": {**bar, "title": "Contact<br>pressure, MPa", "y": 0.28}},
     }  # fmt: skip
     if len(shown) > 1:
