@@ -201,11 +201,7 @@ def _sentence(found: Mapping[str, Activity]) -> str:
 
 
 def place_table(found: Mapping[str, Activity]) -> Table:
-    """Peaks and distances from the intact knee, one row a knee: places.csv.
-
-    Args:
-        found: what a knee is called -> its activity; the intact one first, all of one structure.
-    """
+    """Peaks and distances from the intact knee, one row a knee: places.csv."""
     pulls = graft_pulls(found)
     tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
     intact, rows = next(iter(tables.values())), []
@@ -233,11 +229,7 @@ def place_table(found: Mapping[str, Activity]) -> Table:
 
 
 def round_table(rounds: Sequence[Round]) -> Table:
-    """How far the knee's secondary motion is off the one that OpenSim's model had: rounds.csv.
-
-    Args:
-        rounds: in their order.
-    """
+    """How far the knee's secondary motion is off the one that OpenSim's model had: rounds.csv."""
     names = ("round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
              "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms")  # fmt: skip
     whole = ("round", "coordinate", "balanced_instants", "instants")

@@ -126,19 +126,7 @@ def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np
 
 @styled
 def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
-    """Draw what places of a graft do over a record.
-
-    Args:
-        found: what a knee is called -> its activity: intact, without the ligament, planned, then
-            other places.
-        cycle: of their record.
-        title: of the whole.
-
-    Returns:
-        Four panels: strain and force of ligament or graft, and how much farther forwards and
-        inwards the tibia is than that of the intact knee. The legend says at how many instants a
-        knee balances that does not at all.
-    """
+    """Draw what places of a graft do over a record."""
     figure, panels = panel_grid(2, 2, 5.4, title, shared=True)
     figure.subplots_adjust(bottom=0.2, hspace=0.12)
     pulls = graft_pulls(found)

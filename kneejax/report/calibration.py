@@ -216,14 +216,7 @@ def write_report(
 
 
 def calibration_summary(calibration: Calibration) -> str:
-    """Say on a terminal what a calibration found.
-
-    Args:
-        calibration: what to show.
-
-    Returns:
-        Lines of fewer than 100 columns, without a final line break.
-    """
+    """Say on a terminal what a calibration found."""
     fit, several = calibration.fit, len(calibration.fits) > 1
     lines = wrapped(f"{calibration.title} (knee {calibration.knee})")
     became = verdicts.outcome(calibration)

@@ -108,15 +108,7 @@ def parameter_document(e: Estimate) -> dict[str, Any]:
 
 
 def parameters_table(calibration: Calibration) -> Table:
-    """The table of parameters.csv.
-
-    Args:
-        calibration: what was found.
-
-    Returns:
-        A row for each parameter, then for each constant between frames
-        (`frame_offset.COORDINATE`), under the columns `PARAMETER_COLUMNS`.
-    """
+    """The table of parameters.csv."""
     fit = calibration.fit
     named = [(e.name, e) for e in fit.estimates]
     named += [(f"frame_offset.{e.name}", e) for e in fit.offsets]

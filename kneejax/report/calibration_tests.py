@@ -79,15 +79,7 @@ _COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", 
 
 
 def reading_table(calibration: Calibration) -> Table:
-    """The table of tests.csv: every reading of every test beside what the knee does.
-
-    Args:
-        calibration: with tests.
-
-    Returns:
-        A row for each reading; each line whose tension was given has a column as in its table,
-        and times stand where the knee was in motion.
-    """
+    """The table of tests.csv: every reading of every test beside what the knee does."""
     tests = [own.test for own in calibration.fit.tests]
     lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     pulls = (f"{line}.tension_N" for line in lines)

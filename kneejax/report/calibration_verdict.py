@@ -53,11 +53,7 @@ class Outcome(enum.Enum):
 
 
 def outcome(calibration: Calibration) -> Outcome:
-    """What became of a calibration; badge, terminal and exit status all say this.
-
-    Args:
-        calibration: what to judge; procedures after the first are there to compare.
-    """
+    """What became of a calibration; badge, terminal and exit status all say this."""
     if not calibration.fit.success:
         return Outcome.FAILED
     if calibration.misfits:
@@ -196,12 +192,6 @@ def warnings(calibration: Calibration) -> list[str]:
     """Everything to doubt: searches, bounds, undetermined parameters and poses.
 
     A study that names its `failures` accepts poses with any other status, as long as they balance.
-
-    Args:
-        calibration: what to judge.
-
-    Returns:
-        Sentences, those on the answer first; empty if nothing is doubtful.
     """
     return [sentence for sentences in split_warnings(calibration) for sentence in sentences]
 
@@ -231,14 +221,7 @@ def answer_warnings(calibration: Calibration) -> list[str]:
 
 
 def verdict(calibration: Calibration) -> str:
-    """Say in one paragraph what the calibration achieved.
-
-    Args:
-        calibration: what to judge.
-
-    Returns:
-        Plain sentences.
-    """
+    """Say in one paragraph what the calibration achieved."""
     fit, became = calibration.fit, outcome(calibration)
     doubts, others = map(len, split_warnings(calibration))
     compared = [one.procedure for one in calibration.fits[1:]]

@@ -107,15 +107,7 @@ COHORT_COLUMNS = ("knee", "outcome", "kind", "name", "unit", "value", "low", "hi
 _FAILED = "No answer"
 
 def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
-    """What a cohort found.
-
-    Args:
-        summary: of the cohort.
-        knees: folder of the folders of the knees, beside the page.
-
-    Returns:
-        The answer; its table is cohort.
-    """
+    """What a cohort found."""
     counts = Counter(one.outcome or _FAILED for one in summary.answers)
     order = [*(one.value for one in Outcome), _FAILED]
     found = {word: counts[word] for word in order if counts[word]}

@@ -33,14 +33,7 @@ _MOST_COLUMNS = 16
 
 @styled
 def candidates_figure(design: Design) -> Figure:
-    """Draw what each candidate would tell as the next test, over flexion and load.
-
-    Args:
-        design: the candidates and the choice.
-
-    Returns:
-        A matrix of gains; candidates that were left out are hatched, chosen ones bear their number.
-    """
+    """Draw what each candidate would tell as the next test, over flexion and load."""
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Rectangle
 
@@ -97,15 +90,7 @@ def candidates_figure(design: Design) -> Figure:
 
 @styled
 def standard_errors_figure(design: Design) -> Figure:
-    """Draw the expected standard error of each parameter before and after the chosen tests.
-
-    Args:
-        design: the choice.
-
-    Returns:
-        One row per parameter, as a fraction of its prior standard deviation; numbers in its own
-        unit.
-    """
+    """Draw the expected standard error of each parameter before and after the chosen tests."""
     from matplotlib.ticker import LogLocator, NullLocator
 
     names = [readable(name) for name in design.names]
@@ -194,15 +179,7 @@ def gain_words(criterion: str) -> str:
 
 
 def candidates_table(design: Design) -> Table:
-    """What each candidate would add, the table of candidates.csv.
-
-    Args:
-        design: the candidates and the choice.
-
-    Returns:
-        A row per candidate under the columns `CANDIDATE_COLUMNS`; `gain` in bits (D) or as a
-        fraction (A), `chosen` is its place in the order, if any.
-    """
+    """What each candidate would add, the table of candidates.csv."""
     place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
     rows = [
         [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
@@ -226,14 +203,7 @@ def next_tests_table(design: Design) -> Table:
 
 
 def design_text(design: Design) -> str:
-    """Say on a terminal which tests to make next, and why.
-
-    Args:
-        design: the choice.
-
-    Returns:
-        Lines of fewer than 100 columns, without a final line break.
-    """
+    """Say on a terminal which tests to make next, and why."""
     lines = [*wrapped(f"What to measure next: {goal_words(design)}"), ""]
     for step, sentence in enumerate(design_words(design), 1):
         lines += wrapped(sentence, f"{step}. ")

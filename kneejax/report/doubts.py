@@ -135,16 +135,7 @@ def motion_words(motion: inference.Motion) -> tuple[str, ...]:
 
 
 def pose_words(knee: Knee, found: Mechanics, also: Sequence[str] | None = None) -> tuple[str, ...]:
-    """Say for each pose what is wrong with it, or worth knowing, in numbers.
-
-    Args:
-        knee: with which the poses were evaluated.
-        found: their mechanics.
-        also: what else is known of each pose, e.g. how far a search was from a balance.
-
-    Returns:
-        A text per pose; empty where there is nothing to say. Several doubts are separated by `; `.
-    """
+    """Say for each pose what is wrong with it, or worth knowing, in numbers."""
     found, flips = jax.tree.map(np.asarray, found), flipped(found)
     also = [""] * len(flips) if also is None else also
     return tuple("; ".join([*_of_pose(knee, found, row, flips[row]), *filter(None, [more])])

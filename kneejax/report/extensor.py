@@ -31,17 +31,7 @@ _LEFT_NM = 1e-3
 
 @styled
 def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
-    """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments.
-
-    Args:
-        found: of any of the experiments. Where several pulls were tried at a flexion, they run to
-            the right and each flexion is a line.
-        status: `Status` values, one a pose.
-        title: of the whole.
-
-    Returns:
-        Six panels; what is no plain balance is marked at their lower edge.
-    """
+    """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments."""
     from matplotlib import colormaps
 
     figure, panels = panel_grid(3, 2, 7.8, title)
@@ -99,14 +89,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
 
 @styled
 def shear_figure(found: Extensor) -> Figure:
-    """Draw what each part does to the tibia along its anterior axis: the parts sum to zero.
-
-    Args:
-        found: one pull a flexion.
-
-    Returns:
-        One panel, forces forwards upwards; parts that matter little are one line together.
-    """
+    """Draw what each part does to the tibia along its anterior axis: the parts sum to zero."""
     forces = {name: force[:, 0] for name, force in _grouped(found).items()}
     size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
@@ -214,13 +197,7 @@ def extensor_answer(
 def extensor_table(
     found: Extensor, status: np.ndarray, driven: DrivenExtensor | None = None
 ) -> Table:
-    """Forces, lengths, moments and both bones, a row a pose: extensor.csv.
-
-    Args:
-        found: of any of the experiments.
-        status: `Status` values, one a pose.
-        driven: where the quadriceps was given lengths.
-    """
+    """Forces, lengths, moments and both bones, a row a pose: extensor.csv."""
     motion, mechanics = found.motion, found.mechanics
     pull, tendon, contact = (np.asarray(x) for x in
                              (found.quadriceps_N, found.tendon_N, found.contact_N))  # fmt: skip

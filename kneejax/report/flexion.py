@@ -113,16 +113,7 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
 
 
 def displacement(under_load: Motion, without: Motion) -> np.ndarray:
-    """How far a load moved the tibia.
-
-    Args:
-        under_load: the motion with the load.
-        without: the motion of the same knee at the same flexions without it.
-
-    Returns:
-        Changes of adduction and internal rotation in degrees and of the translations of Grood and
-        Suntay in mm, shape `(n, 5)`; NaN where either knee does not balance.
-    """
+    """How far a load moved the tibia."""
     tables = []
     for motion in (under_load, without):
         table = convert_table(np.asarray(motion.to_table()), FEMORAL, CLINICAL)

@@ -22,15 +22,7 @@ _COLUMNS = 4
 
 @styled
 def spectrum_figure(found: Information) -> Figure:
-    """Draw how well each combination of parameters is known, and what it is made of.
-
-    Args:
-        found: what the data tell.
-
-    Returns:
-        Above, one bar per combination: how many times smaller its standard error is than its prior
-        standard deviation. Below, the weights of the parameters in it.
-    """
+    """Draw how well each combination of parameters is known, and what it is made of."""
     free = ~found.at_bound
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
@@ -96,16 +88,7 @@ def _draw_bars(top: Axes, better: np.ndarray) -> None:
 def profiles_figure(
     profiles: Sequence[Profile], truth: Mapping[str, float] | None = None
 ) -> Figure:
-    """Draw how the misfit grows as each parameter leaves its estimate.
-
-    Args:
-        profiles: one per panel.
-        truth: parameter -> value that made synthetic data.
-
-    Returns:
-        Panels with the profile, the parabola of the standard error, and the confidence interval;
-        an end that the data leave open says so.
-    """
+    """Draw how the misfit grows as each parameter leaves its estimate."""
     rows = -(-len(profiles) // _COLUMNS)
     figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
                           bottom=0.7, apart=(0.22, 0.55), sharey=True)  # fmt: skip

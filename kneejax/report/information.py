@@ -86,15 +86,7 @@ def reason_words(found: Information) -> list[str]:
 
 
 def information_table(found: Information) -> Table:
-    """What the data determine of each parameter, by curvature.
-
-    Args:
-        found: information and estimates.
-
-    Returns:
-        A row per parameter under the columns `INFORMATION_COLUMNS`; `scale` is the standard
-        deviation between knees, `times_better` that over the standard error.
-    """
+    """What the data determine of each parameter, by curvature."""
     reasons = reason_words(found)
     rows = [
         [name, float(found.values[i]), float(found.standard_error[i]),
@@ -134,15 +126,7 @@ def information_words(found: Information) -> list[str]:
 
 
 def information_text(found: Information, *, table: bool = True) -> str:
-    """What the data determine and what not, for a terminal.
-
-    Args:
-        found: information and estimates.
-        table: whether the table of parameters stands in it.
-
-    Returns:
-        Lines of fewer than 100 columns, without a final line break.
-    """
+    """What the data determine and what not, for a terminal."""
     about = f"{found.data} measured numbers, {len(found.names)} parameters"
     lines = wrapped(f"What the data determine ({about}). {prose('curvature')}")
     lines += ["", information_table(found).terminal(), ""] if table else [""]

@@ -29,16 +29,7 @@ _FROM = {"unloaded": "from the neutral pose", "intact": "from the intact knee"}
 
 @styled
 def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figure:
-    """Draw load against displacement, a panel for each test and a curve for each flexion.
-
-    Args:
-        curves: one per test.
-        status: of each, `Status` values, `(flexions, loads)`.
-
-    Returns:
-        Displacements to the right, loads upwards, as laxity papers draw them. Where a knee gives
-        way or is no knee any more, a cross marks the last load that it held.
-    """
+    """Draw load against displacement, a panel for each test and a curve for each flexion."""
     from matplotlib import colormaps
 
     figure, panels = _panels(len(curves), 1.4)
@@ -87,16 +78,6 @@ def laxity_figure(
 ) -> Figure:
     """Draw how far the knee gives over flexion, beside published ranges of the same load; of a test
     by displacement, what it takes.
-
-    Args:
-        curves: one per test.
-        found: their laxities.
-        bands: published laxities (`kneejax.files.bundled_bands`); those of another test or load
-            are left out, and ranges.
-
-    Returns:
-        A panel for each test; published means, with two standard deviations where they are known;
-        of cut knees the legend says what they are counted from.
     """
     figure, panels = _panels(len(curves), 1.96)
     for axes, one in zip(panels[:, 0], curves, strict=True):

@@ -103,14 +103,7 @@ def _force_lines(
 
 @styled
 def ligament_forces_figure(calibration: Calibration) -> Figure:
-    """Draw ligament and contact forces over flexion, at the start and fitted.
-
-    Args:
-        calibration: what to draw; the forces are those of the answer.
-
-    Returns:
-        Two panels: ligaments above, contacts below.
-    """
+    """Draw ligament and contact forces over flexion, at the start and fitted."""
     from matplotlib.lines import Line2D
 
     flexion = np.asarray(calibration.measured, float)[:, 0]
@@ -146,21 +139,7 @@ def simulation_figure(
     ligament_forces: ArrayLike, contact_names: Sequence[str], contact_forces: ArrayLike,
     convention: str = "femoral",
 ) -> Figure:  # fmt: skip
-    """Draw a simulated motion and its forces.
-
-    Args:
-        flexion_deg: shape `(n,)`; if it is constant, rows are counted instead.
-        table: shape `(n, 6)`, degrees and mm, in the order of every pose table.
-        status: one `Status` value per row.
-        ligament_names: one per column of `ligament_forces`.
-        ligament_forces: shape `(n, ligaments)`, N.
-        contact_names: one per column of `contact_forces`.
-        contact_forces: shape `(n, contacts)`, N.
-        convention: of the table; it stands above the panels.
-
-    Returns:
-        Five coordinates, then ligament and contact forces with their legends above them.
-    """
+    """Draw a simulated motion and its forces."""
     x, label = np.asarray(flexion_deg, float), FLEXION
     if np.ptp(x) == 0:
         x, label = np.arange(1.0, len(x) + 1), "Step"

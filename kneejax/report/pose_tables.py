@@ -41,12 +41,6 @@ def pose_table(
 ) -> Table:
     """Poses in a convention, as `poses.csv` holds them and as people read them.
 
-    Args:
-        table: in the package's convention, degrees and mm, `(n, 6)`.
-        status: `Status` values, `(n,)`.
-        convention: one of `kneejax.geometry.CONVENTIONS`.
-        more: further columns of the file: `converged` and `stable` before the status, others after.
-
     Example:
         >>> print(pose_table([[30.0, 1.0, 4.0, 2.0, -28.0, 0.5]], [0]).terminal())
         flexion  adduction  int.rot.  anterior  superior  lateral  status
@@ -66,12 +60,7 @@ def pose_table(
 
 
 def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
-    """How far a load moved the tibia, `displacement.csv`.
-
-    Args:
-        flexion: degrees, `(n,)`.
-        moved: changes of the free coordinates along the axes of Grood and Suntay, `(n, 5)`.
-    """
+    """How far a load moved the tibia, `displacement.csv`."""
     names = [COLUMNS[0], *(f"{x}_change_{coordinate(x).unit}" for x in FREE_COORDINATES)]
     title = (
         "What the load moved, along its own axes: translations of the tibia's origin along the "

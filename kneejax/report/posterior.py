@@ -185,15 +185,7 @@ def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> d
 
 @styled
 def predictive_figure(found: Posterior) -> Figure:
-    """Draw the motion that the posterior predicts over the measured one.
-
-    Args:
-        found: the posterior.
-
-    Returns:
-        A row per coordinate: the motion, and beside it how far the measurement is from the median,
-        with 95 % bands of the motion itself and of a new measurement of it.
-    """
+    """Draw the motion that the posterior predicts over the measured one."""
 
     figure, panels = grid(5, 2, 8.2, left=0.53, bottom=0.7, apart=(0.5, 0.45), sharex=True)
     order = np.argsort(found.measured[:, 0], kind="stable")
@@ -226,14 +218,7 @@ def predictive_figure(found: Posterior) -> Figure:
 
 
 def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
-    """All figures of a posterior, with captions.
-
-    Args:
-        found: the posterior.
-
-    Returns:
-        File name, without ending -> figure; pairs only where there are two parameters or more.
-    """
+    """All figures of a posterior, with captions."""
     drawings = {"posterior": Drawing(marginals_figure, found),
                 "predictive": Drawing(predictive_figure, found)}  # fmt: skip
     if len(found.names) > 1:
@@ -254,16 +239,7 @@ POSTERIOR_COLUMNS = ("name", "unit", "mean", "sd", "quantile_025", "median", "qu
 
 
 def posterior_table(found: Posterior) -> Table:
-    """What the draws say of each parameter.
-
-    Args:
-        found: the posterior.
-
-    Returns:
-        A row per parameter under the columns `POSTERIOR_COLUMNS`; people see mean, spread, 95 %
-        limits, the spread of the normal approximation at the most probable parameters (Laplace),
-        R-hat and the effective number of draws.
-    """
+    """What the draws say of each parameter."""
     low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
     laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
     values = (found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
@@ -299,14 +275,7 @@ def sampling_words(found: Posterior) -> str:
 
 
 def posterior_summary(found: Posterior) -> str:
-    """Say on a terminal what a posterior is.
-
-    Args:
-        found: the posterior.
-
-    Returns:
-        Lines of fewer than 100 columns, without a final line break.
-    """
+    """Say on a terminal what a posterior is."""
     lines = [*wrapped(sampling_words(found)), posterior_table(found).terminal()]
     for sentence in posterior_doubts(found):
         lines += wrapped(sentence, "warning: ")

@@ -86,14 +86,6 @@ def sensitivity_doubts(
 
     Dislocation at the extremes of a sweep is a result. Dislocation at the nominal values, or in
     much of the ranges of global indices, is a doubt.
-
-    Args:
-        local: exact derivatives.
-        sweeps: one parameter at a time.
-        found: global indices, if any were asked for.
-
-    Returns:
-        Sentences without a full stop.
     """
     doubts = []
     # Derivatives and sweeps share their poses; either may have lost one.
@@ -167,11 +159,7 @@ def ranked_table(local: LocalSensitivity) -> Table:
 
 
 def swept_table(sweeps: Sweeps) -> Table:
-    """Parameters over whose sweep some poses are not sound: how far it is, and how many poses.
-
-    Args:
-        sweeps: one parameter at a time.
-    """
+    """Parameters over whose sweep some poses are not sound: how far it is, and how many poses."""
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     rows = [
         [one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),

@@ -233,15 +233,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
 
 @styled
 def fit_indices_figure(found: MotionIndices) -> Figure:
-    """Draw what decides how far the motion is from the measured one.
-
-    Args:
-        found: Sobol or Morris indices of a motion.
-
-    Returns:
-        The objective and the root mean square error of each coordinate, two bars a parameter with
-        their confidence intervals.
-    """
+    """Draw what decides how far the motion is from the measured one."""
     indices, sobol = found.indices, found.indices.method == "sobol"
     main, *_ = pair = _MEASURES[indices.method]
     shown = _largest_shares(indices.measures[main], _MOST_PARAMETERS)
@@ -283,15 +275,7 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
 
 @styled
 def pose_indices_figure(found: MotionIndices) -> Figure:
-    """Draw what decides each coordinate at several angles.
-
-    Args:
-        found: Sobol or Morris indices of a motion.
-
-    Returns:
-        A panel per coordinate; groups of bars over flexion, one bar per parameter with its
-        confidence interval: the colour is its ligament's, the hatch its quantity's.
-    """
+    """Draw what decides each coordinate at several angles."""
     indices, angles, sobol = found.indices, found.flexion_deg, found.indices.method == "sobol"
     measure, words = next(iter(_MEASURES[indices.method].items()))
     shown = _largest_shares(indices.measures[measure], _MOST_PARAMETERS)

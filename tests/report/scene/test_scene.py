@@ -19,6 +19,7 @@ from kneejax.files import mirror_document, read_knee, write_knee
 from kneejax.geometry import Frame, Pose, WrapCylinder, WrapEllipsoid, WrapSphere
 from kneejax.report.scene.figures import _apart, _head
 from kneejax.report.scene.rendering import (
+    VIEWS,
     camera,
     pressure_colours,
     pressure_limit,
@@ -191,7 +192,7 @@ def test_cameras_see_the_knee_as_a_clinician_does(left, scenes):
     assert camera("anterior", scenes).right @ lateral == pytest.approx(-1.0)
     other = report.scenes(left, Pose.from_table(TABLE))
     assert camera("anterior", other).right @ other[0].directions["lateral"] == pytest.approx(1.0)
-    for view in report.VIEWS:
+    for view in VIEWS:
         seen = camera(view, scenes)
         axes = np.stack([seen.right, seen.up, seen.towards])
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
-from kneejax.report import map_figure, map_matrix_figure, picture_png, profiles_figure
+from kneejax.report import map_figure, map_matrix_figure, picture_png
+from kneejax.report.identification_figures import profiles_figure
 from kneejax.report.maps import _levels, correlation, map_answer
 
 
