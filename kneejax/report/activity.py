@@ -89,16 +89,11 @@ def activity_answer(
     lost = any((x != Status.BALANCED).any() for x in status.values())
     second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
     return Answer(
-        title=title,
-        asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
+        title=title, asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
         verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
         pose_tables.verdict_of(np.concatenate([*status.values()])),
-        sentence=_sentence(found),
-        tables=tables,
-        main=[ranges if alone else compared],
-        drawings=drawings,
-        picture="places" if several else "activity",
-        doubts=doubts,
+        sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
+        drawings=drawings, picture="places" if several else "activity", doubts=doubts,
         sections=[*sections, Section("The record", spoken)],
         text="\n".join([*spoken, text_of(*shown), *doubts]),
         exit_status=int(bool(record.doubts) or lost or second),

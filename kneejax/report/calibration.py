@@ -49,21 +49,15 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
     fit = calibration.fit
     return json_safe(
         {
-            "title": calibration.title,
-            "knee": calibration.knee,
-            "success": bool(fit.success),
-            "outcome": verdicts.outcome(calibration).value,
-            "message": verdicts.message(fit),
-            "warnings": verdicts.warnings(calibration),
-            "procedure": fit.procedure,
+            "title": calibration.title, "knee": calibration.knee, "success": bool(fit.success),
+            "outcome": verdicts.outcome(calibration).value, "message": verdicts.message(fit),
+            "warnings": verdicts.warnings(calibration), "procedure": fit.procedure,
             "parameters": {e.name: estimates.parameter_document(e) for e in fit.estimates},
             "units": {e.name: e.unit for e in fit.estimates},
             "remarks": {e.name: why for e in fit.estimates if (why := estimates.reasons(e))},
-            "objective_start": calibration.start_objective,
-            "objective": fit.objective,
+            "objective_start": calibration.start_objective, "objective": fit.objective,
             "partial_objectives_start": calibration.start_partial_objectives,
-            "partial_objectives": fit.partial_objectives,
-            "rmse_start": calibration.start_rmse,
+            "partial_objectives": fit.partial_objectives, "rmse_start": calibration.start_rmse,
             "rmse": fit.rmse,
             "tests": [one._asdict() for one in load_tests.laxity_errors(calibration)],
             "evaluations": {key: fit.evaluations.get(key, 0) for key in TOTALS},
@@ -72,14 +66,10 @@ def result_document(calibration: Calibration) -> dict[str, Any]:
             "truth": calibration.truth,
             "frame_offset": {e.name: estimates.parameter_document(e) | {"unit": e.unit}
                              for e in fit.offsets},
-            "noise": calibration.noise,
-            "noise_estimated": calibration.noise_estimated,
+            "noise": calibration.noise, "noise_estimated": calibration.noise_estimated,
             "per_procedure": {one.procedure: _of_procedure(one) for one in calibration.fits},
-            "notes": verdicts.calibration_notes(calibration),
-            "seconds": calibration.seconds,
-            "versions": calibration.versions,
-            "settings": calibration.settings,
-            **MEANING,
+            "notes": verdicts.calibration_notes(calibration), "seconds": calibration.seconds,
+            "versions": calibration.versions, "settings": calibration.settings, **MEANING,
         }
     )
 
@@ -89,19 +79,14 @@ def _of_procedure(fit: Fit) -> dict[str, Any]:
     ends = [] if fit.starts is None else zip(fit.starts.objectives, fit.starts.values, strict=True)
     status = row_status(fit.motion)
     return {
-        "procedure": fit.procedure,
-        "success": bool(fit.success),
-        "message": verdicts.message(fit),
-        "objective": fit.objective,
-        "partial_objectives": fit.partial_objectives,
-        "rmse": fit.rmse,
+        "procedure": fit.procedure, "success": bool(fit.success), "message": verdicts.message(fit),
+        "objective": fit.objective, "partial_objectives": fit.partial_objectives, "rmse": fit.rmse,
         "parameters": {
             e.name: estimates.parameter_document(e)
             | {"unit": e.unit, "remark": estimates.reasons(e)}
             for e in fit.estimates
         },
-        "evaluations": fit.evaluations,
-        "iterations": len(fit.history),
+        "evaluations": fit.evaluations, "iterations": len(fit.history),
         "starts": [{"objective": objective, "values": dict(zip(names, values, strict=True))}
                    for objective, values in ends],
         "status": {Status(value).word: int(np.sum(status == value))
@@ -158,23 +143,16 @@ def calibration_answer(calibration: Calibration) -> Answer:
         title=calibration.title,
         asked=f"Which {len(fit.estimates)} values ({listed(list(quantities), 4)}) make knee "
         f"{calibration.knee} follow {verdicts.data_words(calibration)}{made}?",
-        verdict=became.verdict,
-        badge=became.value,
-        sentence=verdicts.verdict(calibration),
+        verdict=became.verdict, badge=became.value, sentence=verdicts.verdict(calibration),
         tables={"parameters": estimates.parameters_table(calibration), **tests},
-        main=[estimates.estimates_table(calibration)],
-        drawings=shown,
-        picture=next(iter(shown)),
-        doubts=doubts,
+        main=[estimates.estimates_table(calibration)], drawings=shown, doubts=doubts,
         facts=[("Objective at the start", number(calibration.start_objective)),
                ("Objective fitted", number(fit.objective)),
                ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
                ("Time, s", number(calibration.seconds.get("total", math.nan), 3))],
         sections=[one for one in sections
                   if one.title not in absent and (one.text or one.tables or one.drawings)],
-        text=calibration_summary(calibration),
-        document=result_document(calibration),
-        exit_status=became.exit_status,
+        text=calibration_summary(calibration), document=result_document(calibration),
     )
 
 

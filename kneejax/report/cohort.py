@@ -144,19 +144,15 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
         verdict=Verdict.FAILED if not summary.fitted else
         Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
         sentence=f"{len(summary.fitted)} of {len(summary.answers)} knees have an answer: {words}.",
-        tables={"cohort": _every_number(summary)},
-        main=[population] if population.rows else [],
+        tables={"cohort": _every_number(summary)}, main=[population] if population.rows else [],
         drawings=drawings,
-        picture="parameters" if "parameters" in drawings else "",
         doubts=[
             *(f"{word}: {count} of {len(summary.answers)} knees, whose pages say why"
               for word, count in found.items() if word not in (Outcome.GOOD.value, _FAILED)),
             *(f"No answer: {one}" for one in failed),
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
-        sections=sections,
-        text="\n".join(lines),
-        exit_status=int(doubtful),
+        sections=sections, text="\n".join(lines),
     )  # fmt: skip
 
 

@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 #: What is hatched, by status: hatch, and its legend entry.
 _HATCHES = {
     Status.OUTSIDE_REGION: ("....", "outside fitted surfaces"),
-    Status.OVERSTRETCHED: ("||||", "overstretched"),
-    Status.UNSTABLE: ("xxxx", "unstable"),
+    Status.OVERSTRETCHED: ("||||", "overstretched"), Status.UNSTABLE: ("xxxx", "unstable"),
     Status.DISLOCATED: ("////", "dislocated"),
     **dict.fromkeys((Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE),
                     ("----", "wrong way")),

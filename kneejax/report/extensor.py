@@ -187,10 +187,9 @@ def extensor_answer(
     return Answer(
         title=title, asked=prose(experiment), verdict=verdict_of(status),
         sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
-        drawings=drawings, picture="extensor", doubts=doubts,
+        drawings=drawings, doubts=doubts,
         sections=[*sections, *([Section("Notes", notes)] if notes else [])],
         text="\n".join([title, tables["extensor"].text(), *notes, *doubts]),
-        exit_status=int((np.asarray(status) != Status.BALANCED).any()),
     )
 
 

@@ -68,18 +68,12 @@ def flexion_answer(
         title=f"Passive flexion of {name}",
         asked=f"How the tibia moves, {load_words(loads)}, at {_angles(flexion)}.",
         verdict=pose_tables.verdict_of(status),
-        sentence=_sentence(status, table, knee, mechanics, flexion),
-        tables=tables,
-        main=main,
+        sentence=_sentence(status, table, knee, mechanics, flexion), tables=tables, main=main,
         drawings={
             "simulation": Drawing(simulation_figure, flexion, shown, status,
                                   *_parts(knee, mechanics), convention)
         },
-        picture="simulation",
-        doubts=doubts,
-        sections=sections,
-        text="\n".join([*text, *doubts]),
-        exit_status=int((np.asarray(status) != Status.BALANCED).any()),
+        doubts=doubts, sections=sections, text="\n".join([*text, *doubts]),
     )
 
 
@@ -99,16 +93,13 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
     return Answer(
         title=f"{knee.name} at given poses",
         asked=f"Ligament and contact forces at {count} given poses; nothing is moved.",
-        verdict=pose_tables.verdict_of(status),
-        sentence=_sound(status) + ".",
+        verdict=pose_tables.verdict_of(status), sentence=_sound(status) + ".",
         tables={"ligaments": _ligament_table(knee, table, found),
                 "contact": _contact_table(knee, found, status)},
-        main=[_summary(knee, table, found, status)],
-        doubts=doubts,
+        main=[_summary(knee, table, found, status)], doubts=doubts,
         sections=[Section("Ligaments", tables=["ligaments"]),
                   Section("Contact", tables=["contact"])],
         text="\n".join([f"{count} pose{'s' * (count != 1)} of {knee.name}", *doubts]),
-        exit_status=int((status != Status.BALANCED).any()),
     )
 
 

@@ -102,18 +102,10 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
         f"{study.knee.name}, and which test adds most?",
-        verdict=became.verdict,
-        badge=became.value,
-        sentence=" ".join([sentence, *planned.design_words(design)[:1]]),
-        tables=tables,
-        main=[known, planned.profit_table(design)],
-        drawings=drawings,
-        picture="standard_errors",
-        doubts=_doubts(answer),
-        sections=sections,
-        text="\n\n".join(text),
-        document=_document(answer, every, options),
-        exit_status=became.exit_status,
+        verdict=became.verdict, badge=became.value,
+        sentence=" ".join([sentence, *planned.design_words(design)[:1]]), tables=tables,
+        main=[known, planned.profit_table(design)], drawings=drawings, doubts=_doubts(answer),
+        sections=sections, text="\n\n".join(text), document=_document(answer, every, options),
     )
 
 
@@ -147,22 +139,16 @@ def _document(answer: Identified, every: Table, options: Mapping[str, Any]) -> d
         } | {name: getattr(sampled, name) for name in names}
     return json_safe(
         {
-            "study": study.title,
-            "knee": study.knee_name,
-            "parameters": {x["name"]: x for x in every.records()},
-            "frame_offset": found.offsets,
+            "study": study.title, "knee": study.knee_name,
+            "parameters": {x["name"]: x for x in every.records()}, "frame_offset": found.offsets,
             "noise": dict(zip(COLUMNS[1:], found.noise, strict=True)),
-            "noise_estimated": found.noise_estimated,
-            "chi2": found.chi2,
+            "noise_estimated": found.noise_estimated, "chi2": found.chi2,
             "measured_numbers": found.data,
             "information": told
             | {"sentences": curvature.stiff_words(found.information)
                + curvature.sloppy_words(found.information)},
-            "next_tests": planned.design_words(answer.design),
-            "posterior": draws,
-            "truth": study.truth,
-            "warnings": _doubts(answer),
-            "settings": dict(options),
+            "next_tests": planned.design_words(answer.design), "posterior": draws,
+            "truth": study.truth, "warnings": _doubts(answer), "settings": dict(options),
             "seconds": {"total": answer.seconds},
             "versions": versions() if sampled is None else sampled.versions,
         }

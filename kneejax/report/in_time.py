@@ -12,7 +12,7 @@ from kneejax.inference.transients import FittedTransient, Recorded
 from kneejax.mechanics import NAMED_LOADS, load_words
 from kneejax.report.extensor import extensor_table
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
@@ -141,7 +141,10 @@ def transient_answer(
     last = {load: size[-1] for load, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
     title = f"{name}: {experiment} at {found.trajectory.to_table()[0, 0]:.3g} degrees{under}"
-    moved, notes, doubts = _moved(found), [*_loads(found)], [*_wrong(found)]
+    moved, notes, doubts = _moved(found), [], [*_wrong(found)]
+    for load, values in ((NAMED_LOADS[x], size) for x, size in found.sizes.items()):
+        word = load.positive if values[np.argmax(np.abs(values))] >= 0 else load.negative
+        notes.append(f"{word}: {np.abs(values).max():g} {load.unit} at most")
     if found.rest is not None:
         notes.append(f"from the balance under the last loads: {found.from_rest_mm:.2g} mm")
     tables, main, said = _motion_tables(found, convention), [moved], []
@@ -155,16 +158,11 @@ def transient_answer(
         title=title,
         asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
         "the leg and damping.",
-        verdict=_verdict(found) if not doubts else Verdict.DOUBTFUL,
-        sentence=_sentence(moved, found) if fit is None else _found(fit),
-        tables=tables,
-        main=main,
-        drawings={"motion": Drawing(transient_figure, found, title, recorded)},
-        picture="motion",
-        doubts=doubts,
+        sentence=_sentence(moved, found) if fit is None else _found(fit), tables=tables, main=main,
+        drawings={"motion": Drawing(transient_figure, found, title, recorded)}, doubts=doubts,
         sections=[*_sections(found), Section("Loads, time steps and energy", [*notes, *exact])],
         text="\n".join([title, moved.text(), *notes, *exact, *said, *doubts]),
-        exit_status=_exit_status(found) or int(fit is not None and not fit.converged),
+        exit_status=int(any(_wrong(found)) or (fit is not None and not fit.converged)),
     )
 
 
@@ -206,27 +204,13 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
         title=title,
         asked=f"How a leg moves that a motor raises by shortening the quadriceps in "
         f"{one.time_s[-1]:g} s, and how far it is from one that is held.",
-        verdict=_verdict(one),
         sentence=f"{sentence[:1].upper()}{sentence[1:]}.",
-        tables=_motion_tables(one, convention) | {"extensor": held},
-        main=[raised],
-        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)},
-        picture="raised_leg",
-        doubts=doubts,
+        tables=_motion_tables(one, convention) | {"extensor": held}, main=[raised],
+        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)}, doubts=doubts,
         sections=[Section("The leg that is held", tables=["extensor"]), *_sections(one),
                   Section("Time steps and energy", exact)],
         text="\n".join([title, raised.text(), sentence, *exact, *doubts]),
-        exit_status=_exit_status(one),
     )  # fmt: skip
-
-
-def _exit_status(found: Transient) -> int:
-    """1 where a motion ended early or its energies do not add up, otherwise 0."""
-    return int(found.trajectory.ended is not Status.BALANCED or not found.account.closes)
-
-
-def _verdict(found: Transient) -> Verdict:
-    return Verdict.DOUBTFUL if _exit_status(found) else Verdict.GOOD
 
 
 def _sections(found: Transient) -> list[Section]:
@@ -296,13 +280,6 @@ def _sentence(moved: Table, found: Transient) -> str:
     return f"{words}."
 
 
-def _loads(found: Transient) -> Iterator[str]:
-    for name, values in found.sizes.items():
-        load = NAMED_LOADS[name]
-        word = load.positive if values[np.argmax(np.abs(values))] >= 0 else load.negative
-        yield f"{word}: {np.abs(values).max():g} {load.unit} at most"
-
-
 def _how_exact(found: Transient) -> Iterator[str]:
     """Time steps and their error; energies and what is missing of them."""
     motion, account = found.trajectory, found.account
@@ -310,18 +287,15 @@ def _how_exact(found: Transient) -> Iterator[str]:
         f"{len(motion.grid.time_s)} steps, {int(motion.grid.within().max())} at most between two "
         f"times; error of the steps {motion.error_mm:.1g} mm"
     )
-    work, kinetic, potential, dissipated = (
-        _last(x) for x in (account.work, account.kinetic, account.potential, account.dissipated)
-    )
+    ends = []
+    for kind in ("work", "kinetic", "potential", "dissipated"):
+        values = np.asarray(getattr(account, kind))
+        known = values[np.isfinite(values)]
+        ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")
     yield (
-        f"energy, N mm: work {work}, kinetic {kinetic}, potential {potential}, dissipated "
-        f"{dissipated}; missing at most {float(account.part_missing):.2g} of what changed hands"
+        f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
+        "what changed hands"
     )
-
-
-def _last(values) -> str:
-    known = np.asarray(values)[np.isfinite(values)]
-    return f"{known[-1]:.4g}" if len(known) else "-"
 
 
 def _wrong(found: Transient) -> Iterator[str]:

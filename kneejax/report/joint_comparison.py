@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
 from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, text_of, wrapped
 from kneejax.report.panels import grid
@@ -45,10 +45,9 @@ def joint_comparison_figure(
     from matplotlib.lines import Line2D
 
     names = list(curves)[:_MOST_COLUMNS]
-    subjects = len(found.measured)
-    shown = found.flexion_deg[None].repeat(subjects, axis=0)
-    if subject_flexion_deg is not None:
-        shown = subject_flexion_deg
+    subjects, shown = len(found.measured), subject_flexion_deg
+    if shown is None:
+        shown = found.flexion_deg[None].repeat(subjects, axis=0)
     # One column would leave the page half empty, four need all of it.
     width = {1: 0.55, 2: 0.85}.get(len(names), 1.0) * WIDTH
     figure, panels = grid(len(MEASURES), len(names), 8.4, width=width, left=0.78, right=0.08,
@@ -58,31 +57,24 @@ def joint_comparison_figure(
             axes = panels[row, column]
             _draw_subjects(axes, flexion_deg, curves[name][..., row], shown, found, row)
             if row == 0:
-                axes.set_title(_wrapped_title(name, len(names)))
+                title = textwrap.wrap(name.replace("_", " "), 20 if len(names) > 2 else 30)
+                axes.set_title(verbatim("\n".join(title[:2])))
             if column == 0:
                 axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
             if row == len(MEASURES) - 1:
                 axes.set_xlabel("Flexion, deg")
     figure.align_ylabels(panels[:, 0])
-    handles = [
-        Line2D([], [], color=VERMILLION if subjects == 1 else GREY, label="model"),
-        Line2D([], [], marker="o", linestyle="none", markersize=4, color=BLACK,
-               markerfacecolor="none", label="measured"),
-    ]  # fmt: skip
+    dot = {"marker": "o", "linestyle": "none", "markersize": 4, "color": BLACK}
+    handles = [Line2D([], [], color=VERMILLION if subjects == 1 else GREY, label="model"),
+               Line2D([], [], markerfacecolor="none", label="measured", **dot)]  # fmt: skip
     if not found.compared.all():
-        handles.append(
-            Line2D([], [], marker="o", linestyle="none", markersize=4, color=BLACK,
-                   label="measured, calibrated on")
-        )  # fmt: skip
+        handles.append(Line2D([], [], label="measured, calibrated on", **dot))
     figure.legend(handles=handles, loc="upper left", ncols=3, bbox_to_anchor=(0.0, 1.0),
                   handlelength=1.6, columnspacing=1.2)  # fmt: skip
     return figure
 
 
-def _draw_subjects(
-    axes: Axes, flexion_deg: np.ndarray, curves: np.ndarray, shown: np.ndarray,
-    found: Comparison, row: int,
-) -> None:  # fmt: skip
+def _draw_subjects(axes: Axes, flexion_deg, curves, shown, found: Comparison, row: int) -> None:
     """A measure of each subject: as it was measured, and as a model's curve."""
     subjects, kept = len(found.measured), ~found.compared
     colors = [BLACK] if subjects == 1 else [PARTS[i % len(PARTS)] for i in range(subjects)]
@@ -95,12 +87,6 @@ def _draw_subjects(
                 "markeredgewidth": 0.8}  # fmt: skip
         axes.plot(shown[i], found.measured[i, :, row], markerfacecolor="none", **dots)
         axes.plot(shown[i, kept], found.measured[i, kept, row], **dots)
-
-
-def _wrapped_title(name: str, columns: int) -> str:
-    """A model's name in lines as wide as its column."""
-    lines = textwrap.wrap(name.replace("_", " "), 20 if columns > 2 else 30)
-    return verbatim("\n".join(lines[:2]))
 
 
 _COLUMNS = tuple(one.column for one in MEASURES)
@@ -150,21 +136,13 @@ def comparison_answer(
     text += [line for note in notes for line in ("", *wrapped(note))]
     text += [line for doubt in doubts for line in ("", *wrapped(doubt, "! "))]
     return Answer(
-        title=f"{', '.join(found.models)}: against measured motion",
-        asked=head + ".",
-        verdict=Verdict.DOUBTFUL if doubts else Verdict.GOOD,
-        sentence=_closest(found),
-        tables=comparison_tables(found),
-        main=[errors],
-        drawings=drawings,
-        picture="joints" if drawings else "",
+        title=f"{', '.join(found.models)}: against measured motion", asked=head + ".",
+        sentence=_closest(found), tables=comparison_tables(found), main=[errors], drawings=drawings,
         doubts=doubts,
         sections=[Section("Measured minus modelled", tables=differences),
                   Section("Each motion", tables=motions),
                   Section("How the numbers were made", notes)],
-        text="\n".join(text),
-        document=_document(found, settings or {}, notes, doubts),
-        exit_status=int(bool(doubts)),
+        text="\n".join(text), document=_document(found, settings or {}, notes, doubts),
     )
 
 
@@ -279,6 +257,9 @@ def _closest(found: Comparison) -> str:
 
 
 def _people(title: str, rows: Sequence[Sequence[str]]) -> Table:
+    """A row a condition, of which flexions are numbers; a column a measure."""
+    rows = [[f"{one} deg" if one[0].isdigit() or one[0] == "-" else one, *cells]
+            for one, *cells in rows]  # fmt: skip
     measures = [Column(one.column, f"{one.name}, {one.unit}", str) for one in MEASURES]
     return Table([Column("condition", " ", words=True), *measures], rows, title)
 
@@ -289,7 +270,7 @@ def _motions(found: Comparison) -> Iterator[Table]:
     for one in found.summaries:
         # The last rows are averages and ranges.
         first = next(i for i, name in enumerate(one.conditions) if name == "average")
-        rows = [[_condition(one.conditions[i]), *_with_spread(one.mean[i], one.sd[i], "{} ({})")]
+        rows = [[one.conditions[i], *_with_spread(one.mean[i], one.sd[i], "{} ({})")]
                 for i in range(first if first > _MOST_ROWS else 0, len(one.conditions))]
         yield _people(one.motion + spread, rows)
 
@@ -309,7 +290,7 @@ def _differences(found: Comparison) -> Iterator[Table]:
                 p = next((x.p for x in pairs if (x.first, x.second) == (one.first, one.second)),
                          1.0)  # fmt: skip
                 cells[k] += "*" if p <= found.alpha else " "
-            rows.append([_condition(one.conditions[i]), *cells])
+            rows.append([one.conditions[i], *cells])
         yield _people(f"{one.first} - {one.second}{spread}", rows)
 
 
@@ -320,10 +301,6 @@ def _errors(found: Comparison) -> Table:
         both = [f"{_text(a)} ({_text(b)})" for a, b in zip(one.r2, one.adjusted_r2, strict=True)]
         rows += [[f"{one.model}: RMSE", *(_text(x) for x in one.rmse)], [f"{one.model}: R2", *both]]
     return _people("R2 (adjusted), and root mean square error (RMSE)", rows)
-
-
-def _condition(name: str) -> str:
-    return f"{name} deg" if name[0].isdigit() or name[0] == "-" else name
 
 
 def _with_spread(mean: np.ndarray, spread: np.ndarray, words: str) -> list[str]:
@@ -342,10 +319,8 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
         return dict(zip(names, values, strict=True))
 
     return {
-        "subjects": len(found.measured),
-        "flexion_deg": found.flexion_deg,
-        "compared": found.compared,
-        "models": list(found.models),
+        "subjects": len(found.measured), "flexion_deg": found.flexion_deg,
+        "compared": found.compared, "models": list(found.models),
         "predictions": {
             one.model: {"points": one.points, "r2": named(one.r2),
                         "adjusted_r2": named(one.adjusted_r2), "rmse": named(one.rmse)}
@@ -360,11 +335,7 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
             }
             for one in found.differences
         },
-        "tested": bool(found.tests),
-        "alpha": found.alpha,
-        "measures": {one.name: f"{one.meaning}, {one.unit}" for one in MEASURES},
-        "notes": notes,
-        "doubts": doubts,
-        "settings": settings,
-        "versions": versions(),
+        "tested": bool(found.tests), "alpha": found.alpha,
+        "measures": {one.name: f"{one.meaning}, {one.unit}" for one in MEASURES}, "notes": notes,
+        "doubts": doubts, "settings": settings, "versions": versions(),
     }  # fmt: skip

@@ -21,7 +21,7 @@ from kneejax.report.look.colours import (
     SKY,
     VERMILLION,
 )
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
+from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table, columns_of, wrapped
 from kneejax.report.panels import coordinate_panels, grid, part_legend
@@ -233,25 +233,19 @@ def joint_fit_answer(
     return Answer(
         title=f"Simple joints of {name if status else 'measured poses'}",
         asked=f"How closely a {kind} and a hinge follow {over}.",
-        verdict=Verdict.DOUBTFUL if doubts else Verdict.GOOD,
         sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
         f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
         f"{worst[1, 1]:.2f} mm.",
-        tables=tables,
-        main=[errors],
+        tables=tables, main=[errors],
         drawings={
             "axes": Drawing(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
             "motion": Drawing(joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table,
                               fit.rows, dense, name),
         },
-        picture="motion",
-        doubts=doubts,
-        sections=sections,
-        text="\n".join(text),
+        picture="motion", doubts=doubts, sections=sections, text="\n".join(text),
         document={**(document or {}), "calibration_flexion_deg": fit.poses[:, 0].tolist(),
                   "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
                   "doubts": [*doubts], "versions": versions()},
-        exit_status=int(bool(doubts)),
     )  # fmt: skip
 
 

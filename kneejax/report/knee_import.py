@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.geometry import Condyle
 from kneejax.report.look.colours import GREY
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table, columns_of
 from kneejax.report.panels import grid
@@ -131,21 +131,16 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
     return Answer(
         title="Surfaces from meshes",
         asked=f"How closely smooth surfaces follow {len(rows)} surfaces of cartilage.",
-        verdict=Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
         sentence=f"The worst, {worst[0]}, is {worst[5]:.3f} mm rms off its mesh in the contact "
         f"region and {worst[6]:.2f} mm at most.",
-        tables={"fit_report": fits_table},
-        main=["fit_report"],
+        tables={"fit_report": fits_table}, main=["fit_report"],
         drawings={
             "surface_fits": Drawing(surface_fit_figure,
                                     {name: part.fit for name, part in fits.items()},
                                     {name: part.region for name, part in fits.items()}),
         },
-        picture="surface_fits",
-        doubts=[_MISSED] if doubtful else [],
-        sections=[Section("What was found", findings)],
+        doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
         text="\n".join([*findings, *[_MISSED] * doubtful]),
-        exit_status=int(doubtful),
     )
 
 
@@ -176,12 +171,9 @@ def osim_import_answer(
     return Answer(
         title=f"Import of {name}",
         asked="What of an OpenSim model became a knee, what was left out, and what was not read.",
-        verdict=Verdict.DOUBTFUL if doubts or missed else Verdict.GOOD,
-        sentence=" ".join(f"{x}." for x in said[:2]),
-        main=[Table(columns, rows, "Ligaments read")],
+        sentence=" ".join(f"{x}." for x in said[:2]), main=[Table(columns, rows, "Ligaments read")],
         doubts=[*doubts, *missing],
         sections=[Section(title, [*text] or ["None."]) for title, text in sections.items()
                   if title != "Not supported"],
         text="\n".join([*said, *(f"doubtful: {x}" for x in doubts), *missing]),
-        exit_status=int(bool(doubts) or missed),
     )  # fmt: skip

@@ -153,11 +153,8 @@ def laboratory_answer(
         main=shown,
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
-        picture="laxity",
-        doubts=doubts,
-        sections=[Section("Load against displacement", drawings=["curves"])],
-        text="\n".join([name, text_of(*shown), *doubts]),
-        exit_status=int(bool(doubts)),
+        doubts=doubts, sections=[Section("Load against displacement", drawings=["curves"])],
+        text="\n".join([name, text_of(*shown), *doubts]), exit_status=int(bool(doubts)),
     )  # fmt: skip
 
 

@@ -271,10 +271,7 @@ def map_answer(
         Verdict.DOUBTFUL if doubts else Verdict.GOOD,
         sentence=" ".join(_sentence(one) for one in maps[:3] if one.drawn.any()),
         tables={"maps": Table([Column(name) for name in _COLUMNS], [_row(one) for one in maps])},
-        main=[lowest],
-        drawings=drawings,
-        picture=picture,
-        doubts=doubts,
+        main=[lowest], drawings=drawings, picture=picture, doubts=doubts,
         sections=[
             *([Section("Grid points that do not count", notes)] if notes else []),
             *([Section("Each pair", drawings=[x for x in single if x != picture])]

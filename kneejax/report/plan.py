@@ -88,20 +88,12 @@ def plan_answer(result: PlanResult) -> Answer:
         lines += wrapped(text, "note: ")
     failed = plan_failed(result)
     return Answer(
-        title=plan.title,
-        asked=f"{asked} {prose('plan.note')}",
+        title=plan.title, asked=f"{asked} {prose('plan.note')}",
         verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
         Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
-        sentence=sentence,
-        tables=tables,
-        main=[where, knees],
-        drawings=drawings,
-        picture=first,
-        doubts=doubts,
-        facts=facts,
-        sections=sections,
-        text="\n".join([*lines, *wrapped(prose("plan.note"))]),
-        exit_status=int(failed),
+        sentence=sentence, tables=tables, main=[where, knees], drawings=drawings, picture=first,
+        doubts=doubts, facts=facts, sections=sections,
+        text="\n".join([*lines, *wrapped(prose("plan.note"))]), exit_status=int(failed),
     )  # fmt: skip
 
 
@@ -226,22 +218,17 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
     """What plan.json holds."""
     plan, surgery, optimum = result.plan, result.plan.surgery, result.optimum
     document: dict[str, Any] = {
-        "title": plan.title,
-        "note": prose("plan.note"),
-        "knee": plan.own.name,
-        "ligament": plan.ligament,
-        "torn": list(surgery.plan.torn),
+        "title": plan.title, "note": prose("plan.note"), "knee": plan.own.name,
+        "ligament": plan.ligament, "torn": list(surgery.plan.torn),
         "graft": {"type": plan.graft.name, "source": plan.graft.source,
                   "bundles": list(surgery.plan.bundles),
                   "stiffness_N": sum(surgery.plan.stiffness_N),
                   "failure_N": sum(surgery.plan.failure_N)},
-        "fixation_deg": surgery.fixation_deg,
-        "force_N": surgery.protocol.force_N,
+        "fixation_deg": surgery.fixation_deg, "force_N": surgery.protocol.force_N,
         "window": surgery.window,
         "limits": {"graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
                    "tension_N": surgery.limits.tension_N},
-        "knees": plan_tables.knees_table(result).records(),
-        "doubts": plan_doubts(result),
+        "knees": plan_tables.knees_table(result).records(), "doubts": plan_doubts(result),
         "tolerances": [
             _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
                     direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
@@ -250,9 +237,7 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         ],
         "maps": [{"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
                  for one in result.maps],
-        "settings": plan.said,
-        "seconds": result.seconds,
-        "versions": versions,
+        "settings": plan.said, "seconds": result.seconds, "versions": versions,
     }  # fmt: skip
     if (own := result.intervals) is not None:
         knees = {}

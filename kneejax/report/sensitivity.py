@@ -65,17 +65,11 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         f"{len(local.flexion_deg)} angles from {local.flexion_deg.min():g} to "
         f"{local.flexion_deg.max():g} degrees of flexion?",
         verdict=Verdict.FAILED if lost else Verdict.DOUBTFUL if doubts else Verdict.GOOD,
-        sentence="" if lost else _sentence(local, indices),
-        tables=tables,
-        main=main,
-        drawings=drawings,
-        picture=f"{method}_fit" if method else "local_heatmap",
-        doubts=doubts,
+        sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
+        drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
         sections=[Section("Over flexion", drawings=over_flexion),
                   Section("One parameter at a time", [prose("swept")], [swept], every_sweep)],
-        text="\n".join(lines),
-        document=_document(found, options, doubts),
-        exit_status=int(bool(doubts)),
+        text="\n".join(lines), document=_document(found, options, doubts),
     )
 
 
@@ -270,11 +264,8 @@ def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str
     """What result.json holds."""
     local, sweeps, indices = found.local, found.sweeps, found.indices
     document = {
-        "title": found.study.title,
-        "knee": found.study.knee.name,
-        "study": found.study.settings(),
-        "truth": found.study.truth,
-        "options": {**options, "samples": found.question.samples},
+        "title": found.study.title, "knee": found.study.knee.name, "study": found.study.settings(),
+        "truth": found.study.truth, "options": {**options, "samples": found.question.samples},
         "own_motion": [Status(s).word for s in sweeps.status],
         "steps": dict(zip(local.names, local.widths, strict=True)),
         "sweeps": {

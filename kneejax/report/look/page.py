@@ -73,20 +73,20 @@ class Answer:
     Attributes:
         title: what was computed, of which knee.
         asked: one sentence: the question with its knee, loads, angles and data.
-        verdict: of the whole.
+        verdict: of the whole; by default doubtful where there are doubts.
         badge: its words; those of the verdict where it is empty.
         sentence: the answer in one or two sentences, beside the badge.
         tables: name -> table; `NAME.csv` holds all of its columns. Those in `main` stand on the
             first screen.
         main: names of the tables that answer the question.
         drawings: name -> figure, saved as `figures/NAME.png`.
-        picture: name of the figure that shows the answer; empty for none.
+        picture: name of the figure that shows the answer, the first by default; empty for none.
         doubts: sentences on what to doubt; none if there is nothing.
         facts: a few numbers under their names, at the head of the page.
         sections: in order.
         text: for the terminal.
         document: what `result.json` holds; None for no such file.
-        exit_status: of the command.
+        exit_status: of the command, by default 0 of a good answer, otherwise 1.
 
     Example:
         >>> from kneejax.report.look.tables import Column
@@ -99,19 +99,27 @@ class Answer:
 
     title: str
     asked: str
-    verdict: Verdict = Verdict.GOOD
+    verdict: Verdict | None = None
     badge: str = ""
     sentence: str = ""
     tables: Mapping[str, Table] = dataclasses.field(default_factory=dict)
     main: Sequence[str | Table] = ()
     drawings: Mapping[str, Drawing] = dataclasses.field(default_factory=dict)
-    picture: str = ""
+    picture: str | None = None
     doubts: Sequence[str] = ()
     facts: Sequence[tuple[str, str]] = ()
     sections: Sequence[Section] = ()
     text: str = ""
     document: Mapping[str, Any] | None = None
-    exit_status: int = 0
+    exit_status: int | None = None
+
+    def __post_init__(self):
+        doubtful = Verdict.DOUBTFUL if self.doubts else Verdict.GOOD
+        verdict, first = self.verdict or doubtful, next(iter(self.drawings), "")
+        status = int(verdict is not Verdict.GOOD)
+        for name, usual in (("verdict", verdict), ("picture", first), ("exit_status", status)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, usual)
 
     def page(
         self, pictures: Mapping[str, str], settings: Mapping[str, Any] | None = None,

@@ -229,8 +229,7 @@ def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, An
     bar = {"len": 0.42, "thickness": 14, "x": 1.0, "xanchor": "left", "outlinewidth": 0}
     layout: dict[str, Any] = {
         "title": {"text": _title(shown[0]), "font": {"size": 16}, "x": 0.02},
-        "template": "plotly_white",
-        "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
+        "template": "plotly_white", "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
         "legend": {"x": 0.0, "y": 0.98, "itemsizing": "constant", "bgcolor": "rgba(0,0,0,0)"},
         "scene": {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
                   "dragmode": "orbit",
@@ -255,12 +254,9 @@ def _arrange(limits: tuple[float, float]) -> str:
         f"Plateaux: pressure 0 to {pressure:.1f} MPa, yellow to dark red."
     )
     below = {
-        "coloraxis.showscale": False,
-        "coloraxis2.showscale": False,
-        "scene.domain.y": [0.32, 1.0],
+        "coloraxis.showscale": False, "coloraxis2.showscale": False, "scene.domain.y": [0.32, 1.0],
         "legend": {"orientation": "h", "x": 0.0, "y": 0.2, "yanchor": "top"},
-        "modebar.orientation": "v",
-        "title.font.size": 12,
+        "modebar.orientation": "v", "title.font.size": 12,
         "annotations": [
             {"text": words, "x": 0.02, "y": 0.3, "xref": "paper", "yref": "paper",
              "xanchor": "left", "yanchor": "top", "align": "left", "showarrow": False,
@@ -277,8 +273,7 @@ def _slider(shown: Sequence[Scene]) -> dict[str, Any]:
     still = {"mode": "immediate", "frame": {"duration": 0, "redraw": True},
              "transition": {"duration": 0}}  # fmt: skip
     return {
-        "active": 0,
-        "currentvalue": {"prefix": "Flexion ", "suffix": "°", "font": {"size": 14}},
+        "active": 0, "currentvalue": {"prefix": "Flexion ", "suffix": "°", "font": {"size": 14}},
         "pad": {"t": 8, "b": 12, "l": 40, "r": 40},
         "steps": [
             {"label": str(round(scene.flexion_deg)), "method": "animate", "args": [[str(i)], still]}
