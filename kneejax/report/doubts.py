@@ -55,16 +55,13 @@ leave this pose out
     for outcome in sorted({Status(int(x)) for x in status} - {*accepted}, reverse=True):
         rows = np.flatnonzero(status == outcome)
         told = [i for i in rows.tolist() if words[i]]
-        lines = [f"  {at(i)}: {words[i]}" for i in told if i in (told[0], _middle(told), told[-1])]
+        shown = {told[0], told[len(told) // 2], told[-1]} if told else ()
+        lines = [f"  {at(i)}: {words[i]}" for i in told if i in shown]
         if outcome is not Status.BALANCED:
             sentence = outcome.remark if given else outcome.sentence
             lines.insert(0, f"{where(rows)}: {sentence}")
         if lines:
             yield "\n".join(dict.fromkeys(lines))
-
-
-def _middle(rows: Sequence[int]) -> int:
-    return rows[len(rows) // 2]
 
 
 def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
@@ -82,12 +79,7 @@ def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
 def given_doubts(
     knee: Knee, found: Mechanics, places: Sequence[str]
 ) -> tuple[np.ndarray, list[str]]:
-    """What is wrong with poses that were given, not searched for.
-
-    Args:
-        knee: with which they were evaluated.
-        found: their mechanics.
-        places: what each pose is called.
+    """What is wrong with poses that were given, not searched for, each called as in `places`.
 
     Returns:
         `Status` values, `(poses,)`, and sentences as of `status_doubts`.
@@ -197,10 +189,15 @@ def _part(loads: Mapping[str, float], part: float) -> str:
 
 def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
     # A pose that is NaN has no parts to speak of.
-    if np.isfinite(found.displacement[row]).all():
-        yield from _of_contacts(knee, found, row)
-        yield from _of_place(found, row)
-        yield from _of_fibres(knee, found, row, flips)
+    if not np.isfinite(found.displacement[row]).all():
+        return
+    yield from _of_contacts(knee, found, row)
+    for value, column in zip(found.displacement[row], COLUMNS[1:], strict=True):
+        name, unit = column.rsplit("_", 1)
+        if abs(value) > LIMITS[name]:
+            words = name.replace("_", " ")
+            yield f"{words} {value:.1f} {unit} from the reference pose (at most {LIMITS[name]:g})"
+    yield from _of_fibres(knee, found, row, flips)
 
 
 def _of_contacts(knee: Knee, found: Mechanics, row: int):
@@ -233,14 +230,6 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     )
 
 
-def _of_place(found: Mechanics, row: int):
-    for value, column in zip(found.displacement[row], COLUMNS[1:], strict=True):
-        name, unit = column.rsplit("_", 1)
-        if abs(value) > LIMITS[name]:
-            words = name.replace("_", " ")
-            yield f"{words} {value:.1f} {unit} from the reference pose (at most {LIMITS[name]:g})"
-
-
 def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
     names, strain = knee.ligaments.names, found.strain[row]
     fails = np.asarray(knee.ligaments.failure_strain)
@@ -252,14 +241,9 @@ def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
     ):
         rows = np.flatnonzero(where)
         if len(rows):
-            yield f"{_listed([names[j] for j in rows])} {words}"
+            yield f"{listed([names[j] for j in rows], _MOST_NAMED)} {words}"
     torn = np.flatnonzero(strain > fails)
     if len(torn):
         worst = sorted(torn, key=lambda j: strain[j] / fails[j], reverse=True)
         words = [f"{names[j]} strained by {strain[j]:.3f} (fails at {fails[j]:g})" for j in worst]
-        yield _listed(words)
-
-
-def _listed(words: list[str]) -> str:
-    more = len(words) - _MOST_NAMED
-    return ", ".join(words[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+        yield listed(words, _MOST_NAMED)

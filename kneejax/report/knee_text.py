@@ -11,15 +11,12 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS, CUBIC_SPLINE
 from kneejax.mechanics import Contact, Knee, Ligaments, Support
+from kneejax.report.look.page import prose
 from kneejax.report.look.tables import aligned, trimmed, wrapped
 
 #: More fibres than this are gathered by their groups.
 MOST_ROWS = 15
 _FIXED_SPACE = "\u00a0"  # where no line is broken
-_STRUCTURES = (
-    "By a group's name (--set, parameters, bounds, results): its stiffness is the sum over its "
-    "fibres, any other number their mean; setting it keeps how they differ."
-)
 _SIZES = {"radius_mm": "radius", "length_mm": "length", "semi_axes_mm": "semi-axes"}
 
 
@@ -99,7 +96,6 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     length = _lengths(knee, every_fibre)
     slack, stiffness = np.asarray(ligaments.slack_length), np.asarray(ligaments.stiffness)
     strain = length / slack - 1.0
-    way = [_way(parts[name]) for name in names]
     gathered = len(names) > MOST_ROWS and not every_fibre
     bundles = _bundles(knee) if gathered else {name: [i] for i, name in enumerate(names)}
     gathered = gathered and len(bundles) < len(names)
@@ -107,7 +103,7 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     table[0].insert(1 if gathered else 2, "fibres" if gathered else "reference_length_mm")
     for name, rows in bundles.items():
         row = [name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
-               _range(strain[rows], 2 if gathered else 4), _ways([way[i] for i in rows])]
+               _range(strain[rows], 2 if gathered else 4), _ways([parts[names[i]] for i in rows])]
         if gathered:
             row.insert(1, str(len(rows)))
         else:
@@ -160,17 +156,16 @@ def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
         )
     lines = wrapped("; ".join(said), "  groups: ") if said else []
     lines = [line.replace(_FIXED_SPACE, " ") for line in lines]
-    return lines + (wrapped(_STRUCTURES, "  ") if knee.groups else [])
+    return lines + (wrapped(prose("groups"), "  ") if knee.groups else [])
 
 
-def _way(part: Mapping[str, Any]) -> str:
-    via = len(part.get("via_points", ()))
-    words = [f"via {via} point{'s' * (via > 1)}"] * bool(via)
-    words += [f"around {part['wrap']}"] if "wrap" in part else []
-    return ", ".join(words)
-
-
-def _ways(every: Sequence[str]) -> str:
+def _ways(parts: Sequence[Mapping[str, Any]]) -> str:
+    """Over which points and around which obstacles fibres run."""
+    every = []
+    for part in parts:
+        via = len(part.get("via_points", ()))
+        words = [f"via {via} point{'s' * (via > 1)}"] * bool(via)
+        every.append(", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])]))
     counts = {way: every.count(way) for way in dict.fromkeys(every) if way}
     return "; ".join(way if count == len(every) else f"{way} ({count} of {len(every)})"
                      for way, count in counts.items())  # fmt: skip

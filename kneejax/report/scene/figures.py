@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.report.look.colours import BLACK, GREY
-from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim, without_frame
 from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene.scene import Fibre, Scene
@@ -213,11 +213,8 @@ def _sentence(name: str) -> str:
 def _show(axes: Axes, image: np.ndarray, view: rendering.Camera) -> None:
     w, h = view.half_mm
     axes.imshow(image, extent=(-w, w, -h, h), interpolation="lanczos", aspect="equal")
-    axes.set_xticks([])
-    axes.set_yticks([])
-    axes.grid(False)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    axes.set(xticks=[], yticks=[])
+    without_frame(axes)
 
 
 def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
@@ -228,25 +225,18 @@ def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
     target = {name: view.seen(_central(fibres)) for name, fibres in groups.items()}
     w, h = view.half_mm
     order = sorted(target, key=lambda name: target[name][0])
-    half = len(order) // 2 if len(order) % 2 == 0 else int(np.sum(
-        [target[name][0] < 0 for name in order]
-    ))  # fmt: skip
-    half = min(max(half, len(order) // 2), -(-len(order) // 2))
+    half = len(order) // 2
+    half += len(order) % 2 and sum(target[name][0] < 0 for name in order) > half
     for side, names in ((-1.0, order[:half]), (1.0, order[half:])):
         # In the lower left corner stand the axes.
         low = -h + 2.9 * _TRIAD * min(w, h) if side < 0 else -h
         places = _apart([float(target[name][1]) for name in names], low, h, 2 * h / 22.0)
         for name, y in zip(names, places, strict=True):
+            line = {"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1, "shrinkB": 0}
             axes.annotate(
-                verbatim(name),
-                xy=tuple(target[name]),
-                xytext=(side * (w + 1.0), y),
-                ha="right" if side < 0 else "left",
-                va="center",
-                fontsize=_LABEL_SIZE,
-                annotation_clip=False,
-                arrowprops={"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1,
-                            "shrinkB": 0},
+                verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y), va="center",
+                ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE, annotation_clip=False,
+                arrowprops=line,
             )  # fmt: skip
 
 

@@ -114,8 +114,7 @@ def _traces(go, scene: Scene, strain: float, pressure: float, first: bool) -> li
         (scene.obstacles, rendering.OBSTACLE, 0.13, "wrap obstacles"),
     ):
         traces += [_sheet(go, sheet, colour, opacity, name) for sheet in sheets]
-    for plateau in scene.plateaus:
-        traces.append(_center(go, plateau))
+    traces += [_center(go, plateau) for plateau in scene.plateaus]
     for fibre in scene.fibres:
         traces.append(_fibre(go, fibre, strain, fibre.group not in started, len(scene.fibres)))
         started.add(fibre.group)
@@ -149,42 +148,38 @@ def _places(points_mm: np.ndarray) -> dict[str, np.ndarray]:
     return {"x": flat[:, 0], "y": -flat[:, 2], "z": flat[:, 1]}
 
 
-def _triangles(faces: np.ndarray) -> dict[str, np.ndarray]:
-    return dict(zip("ijk", np.asarray(faces, np.int32).T, strict=True))
-
-
 _LIGHT = {"ambient": 0.75, "diffuse": 0.45, "specular": 0.1, "roughness": 0.8}
 
 
+def _mesh(go, points_mm: np.ndarray, faces: np.ndarray, group: str, **how: Any):
+    corners = dict(zip("ijk", np.asarray(faces, np.int32).T, strict=True))
+    return go.Mesh3d(**_places(points_mm), **corners, lighting=_LIGHT, legendgroup=group,
+                     name=group, **how)  # fmt: skip
+
+
 def _sheet(go, sheet: Sheet, colour: str, opacity: float, group: str):
-    return go.Mesh3d(**_places(sheet.points_mm),
-                     **_triangles(grid_triangles(*sheet.points_mm.shape[:2])), color=colour,
-                     opacity=opacity, lighting=_LIGHT, hoverinfo="skip", legendgroup=group,
-                     name=group)  # fmt: skip
+    return _mesh(go, sheet.points_mm, grid_triangles(*sheet.points_mm.shape[:2]), group,
+                 color=colour, opacity=opacity, hoverinfo="skip")  # fmt: skip
 
 
 def _bone(go, bone, number: int):
-    return go.Mesh3d(**_places(bone.points_mm), **_triangles(bone.faces), color=rendering.BONE,
-                     opacity=_BONE_OPACITY, lighting=_LIGHT, hoverinfo="skip",
-                     legendgroup=bone.bone, name=bone.bone, showlegend=number == 0)  # fmt: skip
+    return _mesh(go, bone.points_mm, bone.faces, bone.bone, color=rendering.BONE,
+                 opacity=_BONE_OPACITY, hoverinfo="skip", showlegend=number == 0)  # fmt: skip
 
 
 def _plateau(go, plateau: Plateau, limit: float):
     pressure = np.round(np.nan_to_num(plateau.pressure_MPa, nan=limit), 3).ravel()
     group = _ON_TIBIA if plateau.bone == TIBIA else f"{plateau.bone}'s surface"
-    return go.Mesh3d(
-        **_places(plateau.points_mm), **_triangles(plateau.faces),
-        intensity=pressure.astype(np.float32), coloraxis="coloraxis2", lighting=_LIGHT,
-        hovertemplate="%{intensity:.2f} MPa<extra>" + _escaped(plateau.name) + "</extra>",
-        legendgroup=group, name=group,
-    )
+    says = "%{intensity:.2f} MPa<extra>" + html.escape(plateau.name) + "</extra>"
+    return _mesh(go, plateau.points_mm, plateau.faces, group, intensity=pressure.astype(np.float32),
+                 coloraxis="coloraxis2", hovertemplate=says)  # fmt: skip
 
 
 def _center(go, plateau: Plateau):
     center = plateau.center_mm + np.array([0.0, 0.5, 0.0])
     return go.Scatter3d(
         **_places(center), mode="markers", marker={"symbol": "cross", "size": 4, "color": "black"},
-        hovertemplate="centre of pressure<extra>" + _escaped(plateau.name) + "</extra>",
+        hovertemplate="centre of pressure<extra>" + html.escape(plateau.name) + "</extra>",
         legendgroup="centre of pressure", name="centre of pressure", showlegend=False,
     )
 
@@ -197,8 +192,8 @@ def _fibre(go, fibre: Fibre, limit: float, first: bool, count: int):
     return go.Scatter3d(
         **_places(fibre.points_mm), mode="lines",
         line={"width": 2 if fibre.slack else thick, "color": rendering.fibre_colour(fibre, limit)},
-        hovertemplate=f"{_escaped(fibre.name)}<br>{says}<extra></extra>",
-        legendgroup=f"{owner} {fibre.group}", name=_escaped(fibre.group), showlegend=first,
+        hovertemplate=f"{html.escape(fibre.name)}<br>{says}<extra></extra>",
+        legendgroup=f"{owner} {fibre.group}", name=html.escape(fibre.group), showlegend=first,
     )
 
 
@@ -208,7 +203,8 @@ def _axes(go, scene: Scene) -> list[Any]:
     low = scene.points_mm.min(axis=0)
     start = np.array([points[:, 0].min(), low[1], 0.5 * (points[:, 2].min() + points[:, 2].max())])
     start[2] -= scene.lateral * 0.6 * np.ptp(points[:, 2])
-    ends = {word: start + 18.0 * scene.directions[word] for word in _SHOWN}
+    words = ("anterior", "superior", "lateral")
+    ends = {word: start + 18.0 * scene.directions[word] for word in words}
     lines = np.concatenate([[start, end, [np.nan] * 3] for end in ends.values()])
     return [
         go.Scatter3d(**_places(lines), mode="lines", line={"color": "#444444", "width": 3},
@@ -220,15 +216,13 @@ def _axes(go, scene: Scene) -> list[Any]:
     ]  # fmt: skip
 
 
-_SHOWN = ("anterior", "superior", "lateral")
-
-
 def _layout(shown: Sequence[Scene], limits: tuple[float, float]) -> dict[str, Any]:
     hidden = {"visible": False, "showbackground": False}
     strain, pressure = limits
     bar = {"len": 0.42, "thickness": 14, "x": 1.0, "xanchor": "left", "outlinewidth": 0}
     layout: dict[str, Any] = {
-        "title": {"text": _title(shown[0]), "font": {"size": 16}, "x": 0.02},
+        "title": {"text": html.escape(f"{shown[0].title} (the tibia held still)"),
+                  "font": {"size": 16}, "x": 0.02},
         "template": "plotly_white", "margin": {"l": 0, "r": 0, "t": 44, "b": 0},
         "legend": {"x": 0.0, "y": 0.98, "itemsizing": "constant", "bgcolor": "rgba(0,0,0,0)"},
         "scene": {"xaxis": hidden, "yaxis": hidden, "zaxis": hidden, "aspectmode": "data",
@@ -282,10 +276,6 @@ def _slider(shown: Sequence[Scene]) -> dict[str, Any]:
     }
 
 
-def _title(scene: Scene) -> str:
-    return _escaped(f"{scene.title} (the tibia held still)")
-
-
 def _scale(colours: Any, ground: str | None = None) -> list[list[Any]]:
     """A matplotlib scale for the page; the colour of what is not pressed at its foot."""
     from matplotlib import colormaps
@@ -294,7 +284,3 @@ def _scale(colours: Any, ground: str | None = None) -> list[list[Any]]:
     shades = colormaps[colours] if isinstance(colours, str) else colours
     scale: list[list[Any]] = [[float(t), to_hex(shades(t))] for t in np.linspace(0.0, 1.0, 33)]
     return scale if ground is None else [[0.0, ground], [0.02, scale[0][1]], *scale[1:]]
-
-
-def _escaped(text: str) -> str:
-    return html.escape(text)

@@ -15,6 +15,7 @@ from kneejax.geometry import TIBIA, Pose, State, Surface, vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.panels import grid
 from kneejax.report.scene.surfaces import surface_grid
 
 #: Colours of pressure, pale where it is small.
@@ -255,7 +256,6 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     """
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     if not knee.contacts:
         raise ValueError(f"the knee {knee.name!r} has no contacts: there is no pressure to draw")
@@ -263,17 +263,15 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     rows = spread(state.shape[0], min(most, _MOST_PANELS))
     state = jax.tree.map(lambda x: x[rows], state)
     fields = [one for one in plateau_pressures(knee, state) if one.bone == TIBIA]
-    box = _outline(fields)
+    every = np.concatenate([field.rim_mm for field in fields])
+    (x0, _, z0), (x1, _, z1) = every.min(axis=0), every.max(axis=0)
+    # Left, right, lower and upper end of a panel, mm, with room for its words.
+    box = z0 - 2.0, z1 + 2.0, x0 - 7.0, x1 + 2.0
     columns = min(4, len(rows))
-    lines = -(-len(rows) // columns)
-    panel = WIDTH / 4 if columns > 2 else 3.2
+    lines, panel = -(-len(rows) // columns), WIDTH / 4 if columns > 2 else 3.2
     height = panel * (box[3] - box[2]) / (box[1] - box[0])
-    figure = Figure(
-        figsize=(max(columns * panel + 0.9, 4.2),
-                 lines * (height + 0.32) + (0.25 if columns > 2 else 0.6)),
-        layout="constrained",
-    )
-    panels = figure.subplots(lines, columns, squeeze=False)
+    figure, panels = grid(lines, columns, lines * (height + 0.32) + (0.25 if columns > 2 else 0.6),
+                          width=max(columns * panel + 0.9, 4.2), constrained=True)  # fmt: skip
     peak = max(field.peak_MPa for field in fields)
     scale = Normalize(0.0, peak if peak > 0 else 1.0)
     for number, axes in enumerate(panels.flat):
@@ -303,13 +301,6 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
 def _lines(most: float) -> np.ndarray:
     """Pressures at which contours are drawn, MPa."""
     return most * np.linspace(0.2, 0.8, 4)
-
-
-def _outline(fields: Sequence[PlateauPressure]) -> tuple[float, float, float, float]:
-    """Left, right, lower and upper end of a panel, mm, with room for its words."""
-    every = np.concatenate([field.rim_mm for field in fields])
-    (x0, _, z0), (x1, _, z1) = every.min(axis=0), every.max(axis=0)
-    return z0 - 2.0, z1 + 2.0, x0 - 7.0, x1 + 2.0
 
 
 def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) -> None:

@@ -252,12 +252,13 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
              "show_scalar_bar": False}  # fmt: skip
     for bone in scene.bones:
         mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-        opacity = BONE_OPACITY[bone.bone]
-        plotter.add_mesh(mesh, color=BONE, opacity=opacity, **plain)
-    for sheet in scene.condyles:
-        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=CONDYLE, opacity=0.5, **plain)
-    for sheet in scene.obstacles:
-        plotter.add_mesh(_sheet(pv, sheet.points_mm), color=OBSTACLE, opacity=0.13, **plain)
+        plotter.add_mesh(mesh, color=BONE, opacity=BONE_OPACITY[bone.bone], **plain)
+    sheets = [(sheet, CONDYLE, 0.5) for sheet in scene.condyles]
+    sheets += [(sheet, OBSTACLE, 0.13) for sheet in scene.obstacles]
+    for sheet, colour, opacity in sheets:
+        faces = grid_triangles(*sheet.points_mm.shape[:2])
+        mesh = pv.PolyData.from_regular_faces(sheet.points_mm.reshape(-1, 3), faces)
+        plotter.add_mesh(mesh, color=colour, opacity=opacity, **plain)
     for plateau in scene.plateaus:
         mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
         mesh.point_data["colour"] = pressure_colours(plateau, pressure_limit).reshape(-1, 3)
@@ -279,21 +280,13 @@ def _fibres(pv, scene: Scene, limit: float):
         shapes = [(tube, fibre_colour(fibre, limit))]
         if not fibre.slack:
             balls = (fibre.points_mm[0], fibre.points_mm[-1])
-            shapes += [(_ball(pv, 1.4 * radius, end), _END) for end in balls]
+            fine = {"theta_resolution": 12, "phi_resolution": 12}
+            shapes += [(pv.Sphere(radius=1.4 * radius, center=end, **fine), _END) for end in balls]
         for shape, colour in shapes:
             shape.clear_data()
             shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
             parts.append(shape)
     return pv.merge(parts, merge_points=False)
-
-
-def _ball(pv, radius: float, center: np.ndarray):
-    return pv.Sphere(radius=radius, center=center, theta_resolution=12, phi_resolution=12)
-
-
-def _sheet(pv, points_mm: np.ndarray):
-    faces = grid_triangles(*points_mm.shape[:2])
-    return pv.PolyData.from_regular_faces(points_mm.reshape(-1, 3), faces)
 
 
 def _aim(pv, plotter, view: Camera) -> None:
@@ -304,11 +297,10 @@ def _aim(pv, plotter, view: Camera) -> None:
     plotter.camera.parallel_scale = view.half_mm[1]
     plotter.camera.clipping_range = (1.0, 1500.0)
     # Light from all sides: the colours mean something, and shall be seen whatever way they face.
-    for share, place in (
-        (0.8, view.towards), (0.55, view.up), (0.4, -view.up), (0.45, -view.right),
-        (0.35, view.right),
-    ):
-        plotter.add_light(
-            pv.Light(position=tuple(view.center_mm + 500.0 * place),
-                     focal_point=tuple(view.center_mm), light_type="scene light", intensity=share)
-        )
+    sides = ((0.8, view.towards), (0.55, view.up), (0.4, -view.up), (0.45, -view.right),
+             (0.35, view.right))  # fmt: skip
+    for share, place in sides:
+        plotter.add_light(pv.Light(
+            position=tuple(view.center_mm + 500.0 * place), focal_point=tuple(view.center_mm),
+            light_type="scene light", intensity=share,
+        ))  # fmt: skip
