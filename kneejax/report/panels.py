@@ -66,7 +66,7 @@ def panel_grid(
     """Panels in reading order with room for a legend above each, `shared` with one lowest axis."""
     left, wide, tall = (0.63, 0.77, 0.48) if columns == 2 else (0.53, 0.57, 0.45)
     figure, panels = grid(rows, columns, height, title=title, left=left, top=0.68, bottom=0.46,
-                          apart=(wide, tall if shared else 0.62), sharex=shared)  # fmt: skip
+                          apart=(wide, tall if shared else 0.8), sharex=shared)  # fmt: skip
     return figure, panels.ravel()
 
 
