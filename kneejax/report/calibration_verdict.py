@@ -16,7 +16,7 @@ from kneejax.parameters import sums_in_words
 from kneejax.report.calibration_parameters import limits, reasons
 from kneejax.report.calibration_tests import label_of, laxity_doubts, readings, unit_of
 from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
-from kneejax.report.look.page import Verdict
+from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import change, listed, number
 from kneejax.statics import Status, converged
 
@@ -136,20 +136,10 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
     every = (*fit.estimates, *fit.offsets)
-    for e in every:
-        if e.beside and e.same_sum:
-            why = f"a better fit is at {number(e.likeliest)}; start there."
-        else:
-            why = (
-                "limits follow the likelihood, and the weights are not 1/noise^2. The likeliest "
-                f"value is {number(e.likeliest)}; weigh coordinates by their noise, or doubt the "
-                "model."
-            )
-        if e.beside:
-            known = limits(e.low, e.high)
-            sentences.append(
-                f"{e.name}, {number(e.value)}, lies outside its limits ({known}): {why}"
-            )
+    for e in (one for one in every if one.beside):
+        why = prose("fit.same_sum" if e.same_sum else "fit.weights", likeliest=number(e.likeliest))
+        known = limits(e.low, e.high)
+        sentences.append(f"{e.name}, {number(e.value)}, lies outside its limits ({known}): {why}")
     failed: dict[str, list[str]] = {}
     lost: dict[str, list[str]] = {}
     for e in every:
@@ -158,11 +148,8 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
         # What ended on a bound has been said.
         if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound:
             lost.setdefault(reasons(e), []).append(e.name)
-    sentences += [
-        f"The 95 % limits of {listed(names, 40)} could not be computed: {reason}. That says "
-        "nothing about whether the data determine them."
-        for reason, names in failed.items()
-    ]
+    sentences += [prose("fit.failed", names=listed(names, 40), reason=reason)
+                  for reason, names in failed.items()]  # fmt: skip
     sentences += [
         f"{listed(names, 40)} {'are' if len(names) > 1 else 'is'} not determined by the data: "
         f"{reason or 'other parameters make up for whatever its bounds allow'}."
@@ -322,20 +309,11 @@ def calibration_notes(calibration: Calibration) -> list[str]:
 
     notes = []
     if names := named(IntervalKind.NOT_DETERMINED):
-        notes.append(
-            f"These data do not determine {names}: other parameters make up for nearly all that "
-            "their bounds allow. Fix them, or measure where those ligaments are tight."
-        )
+        notes.append(prose("notes.undetermined", names=names))
     if names := named(IntervalKind.PRIOR):
-        notes.append(
-            f"Known from the prior alone: {names}. Their standard deviation is more than 0.9 of "
-            "the prior's: the data do not narrow them."
-        )
+        notes.append(prose("notes.prior", names=names))
     if names := ", ".join(e.name for e in everything if e.at_bound):
-        notes.append(
-            f"On a bound: {names}. The model lacks something that these try to make up for, or "
-            "the bounds are too narrow."
-        )
+        notes.append(prose("notes.bound", names=names))
     notes += filter(None, [sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])])
     if fit.objective > 0:
         shares = zip(FREE_COORDINATES, calibration.weights, strict=True)

@@ -10,6 +10,7 @@ from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.parameters import unit_of_quantity
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
+from kneejax.report.look.page import prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after, wrapped
 from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
@@ -159,12 +160,6 @@ def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
 
 #: Columns of a table of all candidates.
 CANDIDATE_COLUMNS = ("name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen")
-_GOALS = {
-    "D": "all parameters together become as certain as possible (D-optimal: the joint confidence "
-    "region shrinks most)",
-    "A": "the parameters become certain on average (A-optimal: the mean squared standard error, in "
-    "units of the prior SD, falls most)",
-}
 _SHOWN = 8
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
@@ -219,10 +214,7 @@ def goal_words(design: Design) -> str:
     """How many tests were chosen, and what they make small."""
     many = len(design.chosen)
     tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
-    return (
-        f"{tests}, chosen so that {_GOALS[design.criterion]}. Each is one more pose of this knee, "
-        "predicted with the fitted parameters."
-    )
+    return prose("design.goal", tests=tests, goal=prose(f"design.{design.criterion}"))
 
 
 def design_words(design: Design) -> list[str]:
@@ -236,31 +228,20 @@ def design_words(design: Design) -> list[str]:
 
 def design_notes(design: Design) -> list[str]:
     """What else a reader must know."""
-    notes = []
-    if design.prior_assumed:
-        notes.append(
-            "The data alone leave combinations of parameters less certain than the prior. The "
-            "prior (each parameter's spread between knees, as a standard deviation) is therefore "
-            "part of every number here."
-        )
+    notes = [prose("design.prior")] if design.prior_assumed else []
     lost = design.status[np.isnan(design.gains)]
     if len(lost):
         words = sorted({Status(s).word.replace("_", " ") for s in lost})
         verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
-        notes.append(
-            f"{len(lost)} of {len(design.candidates)} candidates {verb} left out, since the model "
-            f"does not predict {them} well ({', '.join(words)})."
-        )
+        notes.append(prose("design.lost", lost=len(lost), count=len(design.candidates), verb=verb,
+                           them=them, words=", ".join(words)))  # fmt: skip
     if design.freed:
         bound = ", ".join(plain(name) for name in design.freed)
         notes.append(f"On a bound at the fit, but counted as free here: {bound}.")
     for test, bend in zip(design.tests, design.departures, strict=True):
         if bend > _FAR:
             off = f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
-            notes.append(
-                f"{test}: the pose is far from a straight line over what the parameters may still "
-                f"be ({off}). Take what it promises as a rough guide, and plan again after it."
-            )
+            notes.append(prose("design.bent", test=test, off=off))
     return notes
 
 

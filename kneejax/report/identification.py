@@ -244,31 +244,20 @@ def _fit_words(found: Identification) -> str:
 
 def fit_doubts(found: Identification) -> list[str]:
     """What a reader of the fit must know."""
-    notes = []
+    notes, names = [], found.selection.names
     if not found.converged:
         notes.append("The fit did not converge: free fewer parameters or start nearer.")
     if found.lost:
         notes.append(f"{found.lost} measured poses count nowhere: the start has no balance there.")
     per_freedom = found.chi2 / max(found.spare, 1)
     if not found.noise_estimated and found.spare > 0 and per_freedom > _MISFIT:
-        notes.append(
-            f"The fit misses the data by {np.sqrt(per_freedom):.2g} times the noise that was "
-            "given: the model lacks something, or the noise is larger; all limits are too narrow."
-        )
+        notes.append(prose("fit.misfit", times=f"{np.sqrt(per_freedom):.2g}"))
     if found.spare <= 0:
-        notes.append(
-            f"{found.data} measured numbers for {len(found.values)} parameters: fewer data than "
-            "unknowns; what follows is what priors leave."
-        )
-    notes += [
-        f"Along the profile of {profile.name} chi squared falls {profile.better:.3g} below "
-        "the fit: there is a better fit; start the calibration from there."
-        for profile in found.profiles if profile.better
-    ]  # fmt: skip
-    if names := [n for n, on in zip(found.selection.names, found.at_bound, strict=True) if on]:
-        notes.append(
-            f"On a bound: {', '.join(names)}. Standard errors of the others hold them there."
-        )
+        notes.append(prose("fit.data", data=found.data, count=len(found.values)))
+    notes += [prose("fit.better", name=profile.name, better=f"{profile.better:.3g}")
+              for profile in found.profiles if profile.better]  # fmt: skip
+    if held := [n for n, on in zip(names, found.at_bound, strict=True) if on]:
+        notes.append(prose("fit.bound", names=", ".join(held)))
     return notes
 
 
@@ -284,17 +273,9 @@ def _agreement(found: Identification, sampled: Posterior | None) -> list[str]:
         if sampled is not None and profile.closed:
             drawn = sampled.quantiles((0.025, 0.975))[i]
             moved += [name] * (not same_ends((profile.low, profile.high), drawn))
-    notes = ["Profiles agree with the standard errors: the problem is nearly linear."]
-    if bent:
-        notes = [
-            f"The standard error does not tell the limits of {', '.join(bent)}: the interval is "
-            "asymmetric, or a bound cuts it; use the profile."
-        ]
+    notes = [prose("profile.bent", names=", ".join(bent)) if bent else prose("profile.alike")]
     if moved:
-        notes.append(
-            f"Posterior and profile differ for {', '.join(moved)}: the prior speaks there, or the "
-            "valley is wider elsewhere."
-        )
+        notes.append(prose("posterior.moved", names=", ".join(moved)))
     elif sampled is not None:
         notes.append("Posterior and profiles agree where the data limit a parameter.")
     return notes

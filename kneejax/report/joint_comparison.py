@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
 from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
-from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, text_of, wrapped
 from kneejax.report.panels import grid
@@ -193,42 +193,25 @@ def _test_rows(found: Comparison) -> Iterator[list[Any]]:
 
 def comparison_notes(found: Comparison) -> Iterator[str]:
     """Sentences on which poses the numbers are of, and what they mean."""
-    subjects = len(found.measured)
+    subjects, alpha = len(found.measured), found.alpha
     if not found.compared.all():
-        yield (
-            f"Models were calibrated at {_left_out(found.flexion_deg, found.compared)} degrees: "
-            "these are in the summaries, but not in differences, R2, RMSE and tests."
-        )
-    yield (
-        "R2 is that of the straight line from modelled to measured values, subjects and compared "
-        "flexions together; adjusted for one predictor. RMSE is of the values as they are."
-    )
+        yield prose("joints.left_out", angles=_left_out(found.flexion_deg, found.compared))
+    yield prose("joints.r2")
     if found.tests:
-        yield (
-            "Tests: one-way repeated-measures analyses of variance, a measure and flexion each, "
-            "Greenhouse-Geisser corrected; pairs Bonferroni-adjusted, significant (*) up to "
-            f"p = {found.alpha:g}, intervals of {100.0 * (1.0 - found.alpha):g}%."
-        )
+        interval = f"{100.0 * (1.0 - alpha):g}"
+        yield prose("joints.tests", alpha=f"{alpha:g}", interval=interval)
     elif subjects < FEWEST_SUBJECTS:
         one = "One subject" if subjects == 1 else f"{subjects} subjects"
-        yield (
-            f"{one}: numbers describe, and nothing is tested; an analysis of variance needs "
-            f"{FEWEST_SUBJECTS} subjects or more."
-        )
+        yield prose("joints.untested", subjects=one, fewest=FEWEST_SUBJECTS)
 
 
 def comparison_doubts(found: Comparison) -> Iterator[str]:
     """Sentences on what is missing in the tables."""
     for name, gaps in found.missing.items():
-        yield (
-            f"{name} has no pose for {gaps} of {found.models[name][..., 0].size} values: they are "
-            "left out of its numbers, and its flexions out of the tests."
-        )
+        count = found.models[name][..., 0].size
+        yield prose("joints.gaps", name=name, gaps=gaps, count=count)
     if found.undefined:
-        yield (
-            f"{found.undefined} of {len(found.tests)} analyses of variance are undefined: motions "
-            "are the same distance apart in all subjects. Are these different persons?"
-        )
+        yield prose("joints.undefined", lost=found.undefined, count=len(found.tests))
 
 
 def _left_out(flexion: np.ndarray, compared: np.ndarray) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
-from kneejax.report.look.page import Drawing
+from kneejax.report.look.page import Drawing, prose
 from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
 from kneejax.report.look.tables import Column, Table, columns_of, number, wrapped
 from kneejax.report.panels import flexion_axis, grid
@@ -284,42 +284,21 @@ def posterior_summary(found: Posterior) -> str:
 
 def posterior_doubts(result: Posterior) -> list[str]:
     """Sentences on what a reader must know before the numbers are used."""
-    said, count = [], result.divergent.size
+    said, count, names = [], result.divergent.size, result.names
     if result.unbalanced:
-        said.append(
-            f"{result.unbalanced} of {count} trajectories ran into parameters with which a pose "
-            "has no balance; the posterior ends there. Narrower priors or bounds keep away from it."
-        )
+        said.append(prose("posterior.unbalanced", lost=result.unbalanced, count=count))
     diverged = result.divergences - result.unbalanced
     if diverged > _FEW * count:
-        said.append(
-            f"{diverged} of {count} trajectories diverged: the posterior bends more sharply than "
-            "the step size follows. Draw longer warm-ups, or give narrower priors."
-        )
-    apart = [n for n, r in zip(result.names, result.r_hat, strict=True) if not r <= _R_HAT]
-    if apart:
-        said.append(
-            f"The chains disagree about {', '.join(apart)} (R-hat above {_R_HAT}): draw more, or "
-            "look for several modes in the pair plot."
-        )
+        said.append(prose("posterior.diverged", lost=diverged, count=count))
+    if apart := [n for n, r in zip(names, result.r_hat, strict=True) if not r <= _R_HAT]:
+        said.append(prose("posterior.chains", names=", ".join(apart), r_hat=_R_HAT))
     least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
     enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
-    few = [n for n, e in zip(result.names, least, strict=True) if not e >= enough]
-    if few:
-        said.append(
-            f"Fewer than {enough:.0f} effective draws of {', '.join(few)}: quantiles are rough; "
-            "draw more."
-        )
-    prior_spread = np.array([prior.spread for prior in result.priors])
-    idle = [n for n, s in zip(result.names, result.sd > _LITTLE * prior_spread, strict=True) if s]
-    if idle:
-        said.append(
-            f"These data say little about {', '.join(idle)}: what is shown is the prior, or what "
-            "the bounds leave of it."
-        )
-    if result.measured[:, 1:].size < len(result.names):
-        said.append(
-            f"{result.measured[:, 1:].size} measured numbers for {len(result.names)} parameters: "
-            "the priors decide between them."
-        )
+    if few := [n for n, e in zip(names, least, strict=True) if not e >= enough]:
+        said.append(prose("posterior.few", names=", ".join(few), enough=f"{enough:.0f}"))
+    spread = np.array([prior.spread for prior in result.priors])
+    if idle := [n for n, s in zip(names, result.sd > _LITTLE * spread, strict=True) if s]:
+        said.append(prose("posterior.prior", names=", ".join(idle)))
+    if (data := result.measured[:, 1:].size) < len(names):
+        said.append(prose("posterior.data", data=data, count=len(names)))
     return said

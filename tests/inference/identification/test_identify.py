@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from kneejax.report.estimates import fit_doubts
 
 import kneejax as kj
 from kneejax.inference import Observations, balances_of, fit_lanes, identify, profiles
 from kneejax.parameters import UnknownParameter, UnsuitableData
+from kneejax.report.identification import fit_doubts
 from kneejax.statics import LoadCases, balance_with_slopes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
