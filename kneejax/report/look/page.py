@@ -189,13 +189,13 @@ def as_setting(value: Any) -> str:
     return "none" if value in (None, [], {}) else json.dumps(value, ensure_ascii=False)
 
 
-def prose(name: str, **values: Any) -> str:
+def prose(name: str, /, **values: Any) -> str:
     """What pages say whatever was found: a text of `templates/prose.toml`, its names filled in."""
     text = _prose()[name]
     return text.format(**values) if values else text
 
 
-def paragraphs(name: str, **values: Any) -> list[str]:
+def paragraphs(name: str, /, **values: Any) -> list[str]:
     """Likewise a text of several paragraphs, one a line; those left empty are dropped."""
     return [line for line in prose(name, **values).splitlines() if line.strip()]
 
