@@ -6,7 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from kneejax.report.look._style import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILLION, WIDTH, styled
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, LIGHT, VERMILLION
+from kneejax.report.look.style import WIDTH, styled
 
 FLEXION = "Flexion, degrees"
 _RECORDED = dict(

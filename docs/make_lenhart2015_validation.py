@@ -32,7 +32,7 @@ from raycast_foundation import load_mesh_mm, raycast_contact  # noqa: E402
 from second_knee import write_second_knee  # noqa: E402
 
 from kneejax.mechanics import Knee, Ligaments  # noqa: E402
-from kneejax.report.look._saving import picture_png, write_whole  # noqa: E402
+from kneejax.report.look.style import picture_png, write_whole  # noqa: E402
 
 #: Flexion, degrees, at which the outcomes of equilibrium are parted.
 BANDS = ((0, 10), (10, 20), (20, 25), (25, 30), (30, 35), (35, 45), (45, 60), (60, 90))

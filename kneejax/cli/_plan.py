@@ -46,7 +46,7 @@ def run(arguments: PlanAcl) -> int:
             check_installed(package, "maps")
     with stages_on_terminal(plan.title) as show:
         result = planning.run_plan(plan, show)
-    from kneejax.report.planning import plan_answer, plan_document
+    from kneejax.report.plan import plan_answer, plan_document
 
     used = ["dtaidistance", *(["pymoo"] if result.front is not None else [])]
     packages = versions() | {name: importlib.metadata.version(name) for name in used}

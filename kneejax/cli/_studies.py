@@ -59,7 +59,7 @@ def objective_maps(arguments: options.Map) -> int:
         files.append(f"map{tail}.nc")
         dataset = one.to_dataset({**about, "versions": json.dumps(packages)})
         write_netcdf(arguments.out / files[-1], dataset)
-    from kneejax.report.sensitivity import map_answer
+    from kneejax.report.maps import map_answer
 
     shown = files if len(files) < 4 else [f"{len(files)} files map-*.nc"]
     return deliver(map_answer(maps, about, packages, begun), arguments, shown)

@@ -23,7 +23,7 @@ from kneejax.report.look import (
     without_frame,
     wrapped,
 )
-from kneejax.report.sensitivity import uniform_colours
+from kneejax.report.look.colours import uniform_colours
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

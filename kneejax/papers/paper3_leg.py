@@ -15,7 +15,7 @@ from kneejax.papers.claims import Finding
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
 from kneejax.report.look import BLUE, GREEN, GREY, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.motion import flexion_axis
+from kneejax.report.panels import flexion_axis
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

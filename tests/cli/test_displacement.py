@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from kneejax.geometry import CONVENTION_WORDS, CONVENTIONS, convert_table
-from kneejax.report import change_table, displacement, pose_table, text_of
+from kneejax.report.flexion import displacement
+from kneejax.report.look.tables import text_of
+from kneejax.report.pose_tables import change_table, pose_table
 from kneejax.statics import Status
 
 #: Bent by a right angle, unloaded; then drawn 0.9 mm forwards, which is down the femur, and turned.

@@ -21,6 +21,7 @@ from kneejax.experiments import (
 )
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import add_lane_axis
+from kneejax.report.extensor import extensor_figure, extensor_table, shear_figure
 from kneejax.statics import Guess, solve_equilibrium
 
 #: Each compiles a search of its own.
@@ -210,16 +211,16 @@ def test_a_held_leg_inside_a_program_is_refused(knee):
 
 def test_tables_and_figures_tell_what_was_found(tracked):
     status = np.asarray(tracked.motion.status)
-    table = report.extensor_table(tracked, status)
+    table = extensor_table(tracked, status)
     named = table.records()
     assert [row["flexion_deg"] for row in named] == pytest.approx(list(FLEXION))
     assert named[0]["tendon_by_quadriceps"] == pytest.approx(tracked.tendon_N[0] / PULL_N)
     assert named[1]["patella_flexion_deg"] == pytest.approx(tracked.patella[1, 0])
     assert {row["status"] for row in named} == {"balanced"}
     assert len(table.terminal().splitlines()) == 2 + len(FLEXION)
-    figure = report.extensor_figure(tracked, status, "a ball: tracking")
+    figure = extensor_figure(tracked, status, "a ball: tracking")
     assert [axes.get_ylabel() for axes in figure.axes][3] == "Patella, deg"
-    lines = report.shear_figure(tracked).axes[0].get_lines()
+    lines = shear_figure(tracked).axes[0].get_lines()
     total = next(line for line in lines if line.get_label() == "sum")
     np.testing.assert_allclose(total.get_ydata(), 0.0, atol=1e-3)
 

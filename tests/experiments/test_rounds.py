@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import Round, weights
-from kneejax.report import round_table
+from kneejax.report.activity import round_table
 
 FLEXION = np.array([0.0, 20.0, 40.0])
 GOAL = np.outer([1.0, 2.0, 3.0], [1.0, -2.0, 0.5, 0.1, 4.0])

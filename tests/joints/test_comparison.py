@@ -17,7 +17,7 @@ from kneejax.joints import (
     poses_from_clinical,
     repeated_measures,
 )
-from kneejax.report.joints import comparison_doubts, comparison_notes
+from kneejax.report.joint_comparison import comparison_doubts, comparison_notes
 
 pingouin = pytest.importorskip("pingouin")
 FLEXION = np.array([0.0, 20.0, 45.0, 60.0, 90.0])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kneejax.planning import PlanResult, criteria_of, missed, pareto_front, undominated
-from kneejax.report import plan_failed
+from kneejax.report.plan import plan_failed
 
 pytest.importorskip("dtaidistance")
 pytest.importorskip("pymoo")

@@ -4,7 +4,7 @@ import csv
 
 from kneejax.cohorts import KneeAnswer, summed_up
 from kneejax.files import write_rows
-from kneejax.report import cohort_answer
+from kneejax.report.cohort import cohort_answer
 
 ODD = '=HYPERLINK("http://a")<script>alert(1)</script>'
 

@@ -33,8 +33,8 @@ def drawn_only_where_wanted(request, monkeypatch):
     """Drawing takes longer than all else."""
     if "figures" not in request.fixturenames:
         for name in ("axes", "motion"):
-            figure = f"kneejax.report.joints._fit.joint_{name}_figure"
+            figure = f"kneejax.report.joint_fit.joint_{name}_figure"
             monkeypatch.setattr(figure, lambda *_: None)
         monkeypatch.setattr(
-            "kneejax.report.look._answer.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
+            "kneejax.report.look.page.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
         )

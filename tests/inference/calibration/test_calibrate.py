@@ -11,7 +11,7 @@ from kneejax.inference import identify, synthetic_motion, uncertainty
 from kneejax.inference.calibration._quality import Fault, misfits
 from kneejax.inference.intervals._intervals import IntervalKind
 from kneejax.parameters import UnknownParameter, select
-from kneejax.report.calibration import calibration_notes
+from kneejax.report.calibration_verdict import calibration_notes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 

@@ -17,7 +17,7 @@ from kneejax.inference.calibration import _side_by_side
 from kneejax.inference.fit import Problem, form_of
 from kneejax.mechanics import load_of
 from kneejax.parameters import UnsuitableData, select
-from kneejax.report.calibration._tests import laxity_doubts
+from kneejax.report.calibration_tests import laxity_doubts, reading_table
 from tests.dynamics.massed import SHANK, in_a_vice
 
 #: Each compiles a search of its own.
@@ -133,7 +133,7 @@ def test_parameters_come_back_from_a_motion_and_from_its_frames_as_balances_they
     assert 0.0 < led.fit.tests[0].restless < 0.05
     for one, x in zip(led.fit.estimates, true, strict=True):
         assert abs(one.value - x) < 0.02 * (one.high - one.low)
-    table = report.reading_table(led)
+    table = reading_table(led)
     at = table.names.index("time_s")
     assert [row[at] for row in table.rows[::5]] == test.frames.time_s.tolist()
     assert report.tests_figure(led).axes[0].get_xlabel() == "Time, s"

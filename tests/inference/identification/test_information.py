@@ -7,7 +7,7 @@ import kneejax as kj
 from kneejax.geometry import State
 from kneejax.inference import Observations, fit_information, information, noise_of
 from kneejax.parameters import UnsuitableData, select
-from kneejax.report.identification import (
+from kneejax.report.information import (
     information_notes,
     reason_words,
     slack_words,

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Posterior, Prior
-from kneejax.report import (
+from kneejax.report.posterior import (
     POSTERIOR_COLUMNS,
+    posterior_doubts,
     posterior_drawings,
     posterior_summary,
     posterior_table,
     predictive_figure,
 )
-from kneejax.report.bayesian import posterior_doubts
 
 NAMES = ("ACL.stiffness", "MCL.reference_strain", "LCL.femoral_attachment.superior",
          "offset.internal_rotation")  # fmt: skip

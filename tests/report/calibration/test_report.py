@@ -14,8 +14,11 @@ from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._intervals import IntervalKind
-from kneejax.report.calibration import calibration_notes
+from kneejax.report.calibration import calibration_summary
+from kneejax.report.calibration_parameters import PARAMETER_COLUMNS, parameters_table
+from kneejax.report.calibration_verdict import calibration_notes, verdict, warnings
 from kneejax.report.look import SHOWN
+from kneejax.report.motion_figures import simulation_figure
 from kneejax.statics._status import Status
 from tests.report import made_up
 
@@ -114,7 +117,7 @@ def test_page_names_every_parameter_and_warning(paths):
     text = html.unescape(page)
     for estimate in calibration.fit.estimates:
         assert f"<td>{estimate.name}</td>" in page
-    for sentence in report.warnings(calibration):
+    for sentence in warnings(calibration):
         assert sentence in text
     assert made_up.REASON in text
     assert Status.NOT_CONVERGED.sentence in text
@@ -158,7 +161,7 @@ def test_unusual_calibrations_are_reported(tmp_path, change):
     page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
     assert ">nan<" not in page.lower()
     json.dumps(report.result_document(calibration), allow_nan=False)
-    assert all(len(line) < 100 for line in report.calibration_summary(calibration).splitlines())
+    assert all(len(line) < 100 for line in calibration_summary(calibration).splitlines())
 
 
 def test_names_are_escaped(tmp_path):
@@ -170,7 +173,7 @@ def test_names_are_escaped(tmp_path):
 
 def test_a_row_of_nan_is_never_called_balanced():
     calibration = _all_failed(made_up.calibration())
-    assert any("25 of 25 poses not converged" in s for s in report.warnings(calibration))
+    assert any("25 of 25 poses not converged" in s for s in warnings(calibration))
 
 
 def test_result_document_keeps_its_promises():
@@ -201,26 +204,26 @@ def test_result_document_keeps_its_promises():
 
 
 def test_parameter_rows_have_the_columns():
-    rows = report.parameters_table(made_up.calibration()).records()
+    rows = parameters_table(made_up.calibration()).records()
     assert len(rows) == 9 and rows[-1]["name"] == "frame_offset.lateral"
     assert rows[-1]["standard_error"] == 0.05 and rows[-1]["unit"] == "mm"
-    assert all(tuple(row) == report.PARAMETER_COLUMNS for row in rows)
+    assert all(tuple(row) == PARAMETER_COLUMNS for row in rows)
 
 
 def test_summary_is_plain_and_complete():
     calibration = made_up.calibration()
-    text = report.calibration_summary(calibration)
+    text = calibration_summary(calibration)
     assert text.isascii()
     for estimate in calibration.fit.estimates:
         assert estimate.name in text
     flat = " ".join(text.split())
-    for sentence in report.warnings(calibration):
+    for sentence in warnings(calibration):
         assert " ".join(sentence.split()) in flat
 
 
 def test_simulation_is_drawn_even_at_constant_flexion(tmp_path):
     motion = made_up.calibration().fit.motion
-    figure = report.simulation_figure(
+    figure = simulation_figure(
         np.full(25, 30.0),
         motion.table,
         motion.status,
@@ -248,7 +251,7 @@ def test_figures_show_every_free_coordinate_of_the_tables():
      (-np.inf, "-inf"), (123456.0, "123456")],
 )  # fmt: skip
 def test_numbers_read_well(value, text):
-    from kneejax.report.look._numbers import number
+    from kneejax.report.look.tables import number
 
     assert number(value) == text
 
@@ -259,7 +262,7 @@ def test_numbers_read_well(value, text):
      (5.0, 0.0, "100 % lower"), (100.0, 100.01, "unchanged"), (0.0, 1.0, ""), (np.nan, 1.0, "")],
 )  # fmt: skip
 def test_a_change_is_said_in_its_direction(before, after, text):
-    from kneejax.report.look._numbers import change
+    from kneejax.report.look.tables import change
 
     assert change(before, after).startswith(text) and bool(change(before, after)) == bool(text)
 
@@ -276,5 +279,5 @@ def test_verdict_counts_the_truths_within_the_limits_of_the_determined_parameter
 
     estimates = tuple(map(around, calibration.fit.estimates))
     fit = dataclasses.replace(calibration.fit, estimates=estimates)
-    said = report.verdict(dataclasses.replace(calibration, fits=(fit,)))
+    said = verdict(dataclasses.replace(calibration, fits=(fit,)))
     assert f"{inside} of 7 lie within the 95 % limits" in said

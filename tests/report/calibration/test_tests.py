@@ -8,7 +8,7 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
-from kneejax.report.calibration._tests import (
+from kneejax.report.calibration_tests import (
     _curve,
     errors_table,
     laxity_doubts,

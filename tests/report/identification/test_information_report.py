@@ -7,6 +7,15 @@ import pytest
 
 from kneejax import report
 from kneejax.inference import Candidate, Design, information, usual_candidates
+from kneejax.report.design import (
+    CANDIDATE_COLUMNS,
+    candidates_figure,
+    candidates_table,
+    design_text,
+    standard_errors_figure,
+)
+from kneejax.report.identification_figures import spectrum_figure
+from kneejax.report.information import INFORMATION_COLUMNS, information_table, information_text
 from kneejax.statics import Status
 
 NAMES = ("ACL.stiffness", "PCL.stiffness", "ACL.reference_strain", "PCL.reference_strain")
@@ -59,7 +68,7 @@ def plain(text):
 
 
 def test_a_terminal_shows_value_error_and_reason():
-    text = plain(report.information_text(told(lost=1)))
+    text = plain(information_text(told(lost=1)))
     assert "4500" in text and "unlimited" in text and "not determined" in text
     assert "warning: PCL stiffness is not determined by these data: a change of 1,158 N" in text
     assert "Well-determined combination" in text
@@ -67,16 +76,16 @@ def test_a_terminal_shows_value_error_and_reason():
 
 def test_a_terminal_shows_what_is_held_on_a_bound():
     held = np.array([True, False, False, False])
-    text = plain(report.information_text(told(at_bound=held)))
+    text = plain(information_text(told(at_bound=held)))
     assert "at bound" in text and "note: On a bound and held there: ACL.stiffness." in text
 
 
 def test_rows_have_the_columns_of_the_table():
-    rows = report.information_table(told(lost=1)).records()
-    assert [tuple(row) for row in rows] == [report.INFORMATION_COLUMNS] * 4
+    rows = information_table(told(lost=1)).records()
+    assert [tuple(row) for row in rows] == [INFORMATION_COLUMNS] * 4
     assert [row["determined"] for row in rows] == [True, False, True, True]
-    tests = report.candidates_table(planned()).records()
-    assert [tuple(row) for row in tests] == [report.CANDIDATE_COLUMNS] * 72
+    tests = candidates_table(planned()).records()
+    assert [tuple(row) for row in tests] == [CANDIDATE_COLUMNS] * 72
     assert tests[19]["chosen"] == 1 and tests[40]["chosen"] == 3 and tests[0]["chosen"] is None
     assert tests[1]["status"] == Status.OUTSIDE_REGION.word and tests[1]["gain"] is None
 
@@ -84,7 +93,7 @@ def test_rows_have_the_columns_of_the_table():
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_a_terminal_says_what_to_measure_next(criterion):
     design = planned(criterion)
-    text = plain(report.design_text(design))
+    text = plain(design_text(design))
     assert "1. Next: posterior force 100 N at 15 degrees; it cuts the standard error of" in text
     assert "3. Then:" in text and "note: The data alone leave combinations" in text
     assert "note: 3 of 72 candidates are left out" in text
@@ -99,7 +108,7 @@ def test_a_terminal_says_what_to_measure_next(criterion):
 
 
 def test_many_tests_fit_on_a_terminal():
-    lines = plain(report.design_text(planned(chosen=tuple(range(20, 32))))).splitlines()
+    lines = plain(design_text(planned(chosen=tuple(range(20, 32))))).splitlines()
     assert max(map(len, lines)) <= 100
     assert any(line.startswith("12. Then:") for line in lines)
 
@@ -108,21 +117,21 @@ def test_many_tests_fit_on_a_terminal():
 def test_the_spectrum_shows_every_parameter(count):
     names = tuple(f"bundle{i}.reference_strain" for i in range(count))
     found = told(names, np.full(count, 0.05))
-    words = assert_inside(report.spectrum_figure(found))
+    words = assert_inside(spectrum_figure(found))
     assert all(f"bundle{i} reference strain" in words for i in range(count))
 
 
 def test_the_spectrum_bears_nothing_known_and_parameters_on_a_bound():
     nothing = information(np.zeros((5, 4)), 0.1, NAMES, VALUES)
-    assert_inside(report.spectrum_figure(nothing))
+    assert_inside(spectrum_figure(nothing))
     held = told(at_bound=np.array([False, True, False, False]))
-    assert "PCL stiffness" not in assert_inside(report.spectrum_figure(held))
+    assert "PCL stiffness" not in assert_inside(spectrum_figure(held))
 
 
 @pytest.mark.parametrize("criterion", ["D", "A"])
 def test_the_candidates_are_hatched_or_numbered(criterion):
     design = planned(criterion)
-    figure = report.candidates_figure(design)
+    figure = candidates_figure(design)
     words = assert_inside(figure)
     assert {"1", "2", "3", "outside fitted surfaces", "unstable", "no balance"} <= set(words)
     hatched = [patch for patch in figure.axes[0].patches if patch.get_hatch()]
@@ -136,21 +145,21 @@ def test_the_candidates_of_a_person_need_fill_no_grid():
         Candidate("A $x$ test & <more>", 47.5),
         *(Candidate("torque", float(angle)) for angle in range(40)),
     ]
-    words = assert_inside(report.candidates_figure(planned(candidates=tests, chosen=(0, 7, 7))))
+    words = assert_inside(candidates_figure(planned(candidates=tests, chosen=(0, 7, 7))))
     assert {"drawer", "drawer (2)", "2, 3"} <= set(words)
 
 
 def test_standard_errors_before_and_after_stand_in_their_units():
-    words = assert_inside(report.standard_errors_figure(planned()))
+    words = assert_inside(standard_errors_figure(planned()))
     assert {"before", "after", "N", "240", "after all 3 tests"} <= set(words)
     one = dataclasses.replace(planned(chosen=(4,)), names=NAMES)
-    assert "after the test" in assert_inside(report.standard_errors_figure(one))
+    assert "after the test" in assert_inside(standard_errors_figure(one))
 
 
 def test_a_fit_with_nothing_free_is_said_on_the_spectrum():
     held = information(
         np.eye(2), 1.0, ["ACL.stiffness", "PCL.stiffness"], np.ones(2), at_bound=np.ones(2, bool)
     )
-    figure = report.spectrum_figure(held)
+    figure = spectrum_figure(held)
     assert "nothing is free" in figure.texts[0].get_text()
     assert report.picture_png(figure)

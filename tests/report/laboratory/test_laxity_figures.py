@@ -4,7 +4,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.files import bundled_bands
-from kneejax.report import laxity_figure, load_figure
+from kneejax.report.laboratory import laxity_figure, load_figure
 
 
 @pytest.mark.parametrize(("from_intact", "said"), [(True, "intact knee"), (False, "neutral pose")])

@@ -9,7 +9,7 @@ import kneejax as kj
 from kneejax import geometry as geo
 from kneejax import report
 from kneejax.mechanics import Contact
-from kneejax.report.scene._pressure_map import rim_of
+from kneejax.report.scene.pressure import plateau_pressures, rim_of
 
 POSE = [[20.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.6, -1.0, -1.2]]
 LINEAR = {"law": "linear", "youngs_modulus": 10.0, "onset_width": 1e-4}
@@ -38,7 +38,7 @@ def with_ball(knee, depth, form, radius=25.0, outline=None):
 def test_pressure_under_a_ball_is_the_law_of_its_depth(knee, form):
     depth, radius = 0.6, 25.0
     ball = with_ball(knee, depth, form, radius)
-    (field,) = report.plateau_pressures(ball, geo.Pose.from_table([[0.0] * 6]), (80, 80))
+    (field,) = plateau_pressures(ball, geo.Pose.from_table([[0.0] * 6]), (80, 80))
     contact = ball.contacts[0]
     away = np.hypot(field.points_mm[..., 0] - 2.0, field.points_mm[..., 2] - 14.0)
     under = np.sqrt(np.maximum(radius**2 - away**2, 0.0)) - radius + depth
@@ -55,7 +55,7 @@ def test_the_map_adds_up_to_the_evaluated_force(knee):
     changed = eqx.tree_at(lambda k: k.contacts, knee, (summed, summed))
     poses = geo.Pose.from_table(POSE)
     found = kj.evaluate(changed, poses)
-    field = report.plateau_pressures(changed, poses, (48, 48))[0]
+    field = plateau_pressures(changed, poses, (48, 48))[0]
     np.testing.assert_allclose(field.center_mm, found.center[:, 0], atol=1e-6)
     np.testing.assert_allclose(
         field.pressure_MPa.max(axis=(1, 2)), found.max_pressure[:, 0], rtol=1e-9
@@ -66,13 +66,13 @@ def test_nothing_is_pressed_where_there_is_no_cartilage_or_no_touch(knee):
     turn = np.linspace(0.0, 2.0 * np.pi, 30)[:-1]
     outline = np.stack([1.0 + 4.0 * np.cos(turn), 4.0 * np.sin(turn)], axis=1)
     ball = with_ball(knee, 0.8, "quadrature", outline=outline)
-    (field,) = report.plateau_pressures(ball, geo.Pose.from_table([[0.0] * 6]))
+    (field,) = plateau_pressures(ball, geo.Pose.from_table([[0.0] * 6]))
     away = np.hypot(field.points_mm[..., 0] - 1.0, field.points_mm[..., 2] - 14.0)
     assert not field.pressure_MPa[0][away > 4.0].any()
     assert field.pressure_MPa[0][away < 3.5].all()
     np.testing.assert_allclose(np.hypot(*(field.rim_mm[:, [0, 2]] - [1.0, 14.0]).T), 4.0)
 
-    (apart,) = report.plateau_pressures(ball, geo.Pose.from_table([[0, 0, 0, 0, -5.0, 0]]))
+    (apart,) = plateau_pressures(ball, geo.Pose.from_table([[0, 0, 0, 0, -5.0, 0]]))
     assert apart.peak_MPa == 0.0 and np.isnan(apart.center_mm).all()
 
 
@@ -89,8 +89,8 @@ def test_a_left_knee_is_the_mirror_image_and_says_so(knee):
     poses = geo.Pose.from_table(POSE)
     mirror = [1.0, 1.0, -1.0]
     for right, left in zip(
-        report.plateau_pressures(knee, poses),
-        report.plateau_pressures(as_left(knee), poses),
+        plateau_pressures(knee, poses),
+        plateau_pressures(as_left(knee), poses),
         strict=True,
     ):
         np.testing.assert_allclose(left.points_mm, right.points_mm * mirror)

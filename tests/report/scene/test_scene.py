@@ -17,15 +17,16 @@ import kneejax as kj
 from kneejax import report
 from kneejax.files import mirror_document, read_knee, write_knee
 from kneejax.geometry import Frame, Pose, WrapCylinder, WrapEllipsoid, WrapSphere
-from kneejax.report.scene._colours import (
+from kneejax.report.scene.figures import _apart, _head
+from kneejax.report.scene.rendering import (
+    VIEWS,
+    camera,
     pressure_colours,
     pressure_limit,
     strain_colour,
     strain_limit,
 )
-from kneejax.report.scene._figure import _apart, _head
-from kneejax.report.scene._grids import grid_triangles, obstacle_grid
-from kneejax.report.scene._render import camera
+from kneejax.report.scene.surfaces import grid_triangles, obstacle_grid
 
 TABLE = np.array([[15.0, 0.88, 7.51, 1.06, 1.03, -1.14], [60.0, 3.78, 3.13, 1.65, -0.99, -1.15]])
 MIRROR = np.array([1.0, 1.0, -1.0])
@@ -191,7 +192,7 @@ def test_cameras_see_the_knee_as_a_clinician_does(left, scenes):
     assert camera("anterior", scenes).right @ lateral == pytest.approx(-1.0)
     other = report.scenes(left, Pose.from_table(TABLE))
     assert camera("anterior", other).right @ other[0].directions["lateral"] == pytest.approx(1.0)
-    for view in report.VIEWS:
+    for view in VIEWS:
         seen = camera(view, scenes)
         axes = np.stack([seen.right, seen.up, seen.towards])
         np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
@@ -249,7 +250,7 @@ def drawing():
 
 
 def test_render_shows_parts_where_the_camera_puts_them(scenes, drawing):
-    from kneejax.report.scene._render import render
+    from kneejax.report.scene.rendering import render
 
     seen = camera("anterior", scenes[:1])
     image = render(scenes[0], seen, 0.1, 3.0, height=300).astype(int)
@@ -335,8 +336,8 @@ def test_the_number_of_poses_does_not_change_a_pose(right, scenes):
 
 def test_plateaus_end_at_the_cartilages_border():
     """The drawn triangles cover the outline's area, with no teeth of the grid."""
-    from kneejax.report.scene._pressure_map import PlateauPressure
-    from kneejax.report.scene._scene import _to_the_rim
+    from kneejax.report.scene.pressure import PlateauPressure
+    from kneejax.report.scene.scene import _to_the_rim
 
     turn = np.linspace(0.0, 2.0 * np.pi, 91)[:-1]
     rim = np.stack([10.0 * np.cos(turn), 0.0 * turn, 7.0 * np.sin(turn)], axis=1)
@@ -357,7 +358,7 @@ def test_plateaus_end_at_the_cartilages_border():
 def test_page_cuts_long_bones_at_a_height(right):
     """A tube along Y, of rings: what is kept ends at the cut, and moves as the whole does."""
     pytest.importorskip("plotly")
-    from kneejax.report.scene._html import _SHAFT_MM, _with_short_shafts
+    from kneejax.report.scene.html import _SHAFT_MM, _with_short_shafts
 
     turn = np.linspace(0.0, 2.0 * np.pi, 13)[:-1]
     heights = np.arange(-300.0, 301.0, 7.0)

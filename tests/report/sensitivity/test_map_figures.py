@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
-from kneejax.report import map_figure, map_matrix_figure, picture_png, profiles_figure
-from kneejax.report.sensitivity import map_answer
-from kneejax.report.sensitivity._map_answer import correlation
-from kneejax.report.sensitivity._maps import _levels
+from kneejax.report import map_figure, map_matrix_figure, picture_png
+from kneejax.report.identification_figures import profiles_figure
+from kneejax.report.maps import _levels, correlation, map_answer
 
 
 def a_map(names=("PCL.stiffness", "PCL.reference_strain")):

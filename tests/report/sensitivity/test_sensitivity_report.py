@@ -7,6 +7,8 @@ import pytest
 
 from kneejax import report
 from kneejax.inference import GlobalIndices, LocalSensitivity, MotionIndices, Output, Sweep, Sweeps
+from kneejax.report.sensitivity import sensitivity_doubts, swept_table
+from kneejax.report.sensitivity_figures import fit_indices_figure, pose_indices_figure
 from kneejax.statics import Status
 
 FLEXION = np.array([0.0, 30.0, 60.0, 90.0])
@@ -133,19 +135,19 @@ def test_of_many_parameters_curves_show_those_that_move_most_and_heat_all():
 def test_bars_carry_their_intervals_and_say_what_was_left_out(method):
     found = made_up_indices(["ACL.stiffness", "PCL.stiffness", "ACL.reference_strain"], method)
     kind = "Saltelli blocks" if method == "sobol" else "trajectories"
-    for figure in (report.fit_indices_figure(found), report.pose_indices_figure(found)):
+    for figure in (fit_indices_figure(found), pose_indices_figure(found)):
         assert any(f"30 of 128 {kind} left out" in word for word in words(figure))
-    assert "95 % interval" in words(report.fit_indices_figure(found))
+    assert "95 % interval" in words(fit_indices_figure(found))
 
 
 def test_what_was_not_computed_says_so_instead_of_empty_bars():
     found = made_up_indices(["ACL.stiffness", "PCL.stiffness"], left_out=128, lost=True)
-    for figure in (report.fit_indices_figure(found), report.pose_indices_figure(found)):
+    for figure in (fit_indices_figure(found), pose_indices_figure(found)):
         assert "not computed" in words(figure)
 
 
 def test_the_table_of_sweeps_has_the_sound_range_and_the_faults():
-    text = report.swept_table(made_up_sweep()).terminal()
+    text = swept_table(made_up_sweep()).terminal()
     assert text.isascii() and max(map(len, text.splitlines())) < 100
     row = next(line for line in text.splitlines() if line.endswith(" 2"))
     assert row.split() == ["ACL.reference_strain", "0", "to", "0.100", "1", "-", "3", "1", "2"]
@@ -155,7 +157,7 @@ def test_doubt_is_for_the_knee_itself_and_for_much_that_was_left_out():
     names = ["ACL.reference_strain", "PCL.stiffness"]
     sweeps = made_up_sweep()
     few, many = made_up_indices(names, left_out=5), made_up_indices(names, left_out=30)
-    assert report.sensitivity_doubts(made_up_slopes(names), sweeps, few) == []
-    doubts = report.sensitivity_doubts(made_up_slopes(names, failed=(1, 3)), sweeps, many)
+    assert sensitivity_doubts(made_up_slopes(names), sweeps, few) == []
+    doubts = sensitivity_doubts(made_up_slopes(names, failed=(1, 3)), sweeps, many)
     assert doubts[0].startswith("the knee itself at 30, 90 degrees: no balance found")
     assert "30 of 128 Saltelli blocks" in doubts[1]

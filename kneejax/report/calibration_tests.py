@@ -1,0 +1,263 @@
+"""Tests under load beside what the fitted knee does: figure, table rows and doubts."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from kneejax.experiments import counts_like_poses, reading_unit
+from kneejax.geometry import COORDINATES, OTHER_COLUMNS
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.report.look.colours import GREY
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, change
+from kneejax.report.panels import grid
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference import Calibration, FittedTest
+
+#: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
+_REPEATS_WITHIN = 0.05
+_PANEL = 2.9  # inches high
+#: Flexions with a curve each that a legend names.
+_MOST_NAMED = 8
+#: What was compared, by what it is counted from.
+_COMPARED = {"unloaded": "Change from the unloaded pose", "intact": "Change from the intact knee",
+             "least_load": "Change from the least load", "opposite": "Difference of opposite loads",
+             "offset": "Pose in the laboratory's frame",
+             "offset_each_flexion": "Pose in the laboratory's frame", "absolute": "Pose",
+             "extension": "Change from extension"}  # fmt: skip
+
+
+class LaxityError(NamedTuple):
+    """Root mean square errors of a test's coordinate at one flexion; of all if that is None."""
+
+    test: str
+    flexion_deg: float | None
+    coordinate: str
+    readings: int
+    start: float
+    fitted: float
+
+
+def laxity_errors(calibration: Calibration) -> list[LaxityError]:
+    """Errors by test, coordinate and flexion, each coordinate as a whole first."""
+    found = []
+    for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
+        for name, (measured, _) in own.compared.items():
+            seen = np.isfinite(measured)
+            for flexion in (None, *np.unique(own.test.flexion_deg[seen]).tolist()):
+                rows = seen if flexion is None else seen & (own.test.flexion_deg == flexion)
+                errors = before.rmse(name, flexion), own.rmse(name, flexion)
+                found.append(LaxityError(own.test.name, flexion, name, int(rows.sum()), *errors))
+    return found
+
+
+def errors_table(calibration: Calibration) -> Table:
+    """Root mean square errors of each test, coordinate and flexion, as people read them.
+
+    Those of a single reading are left to tests.csv, which has the reading itself.
+    """
+    columns = [Column("test", "test under load", words=True), Column("coordinate", words=True),
+               Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
+               Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
+               Column("change", words=True)]  # fmt: skip
+    rows = []
+    for one in laxity_errors(calibration):
+        size = [one.readings, one.start, one.fitted, change(one.start, one.fitted)]
+        if one.flexion_deg is None:
+            rows.append([one.test, axis_label_of(one.coordinate), "all", *size])
+        elif one.readings > 1:
+            rows.append(["", "", f"{one.flexion_deg:g}", *size])
+    return Table(columns, rows)
+
+
+#: Columns of tests.csv after what acted.
+_COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", "fitted", "status")
+
+
+def reading_table(calibration: Calibration) -> Table:
+    """The table of tests.csv: every reading of every test beside what the knee does."""
+    tests = [own.test for own in calibration.fit.tests]
+    lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
+    pulls = (f"{line}.tension_N" for line in lines)
+    timed = any(test.frames is not None for test in tests)
+    header = ("test", *("time_s",) * timed, "flexion_deg", *NAMED_LOADS, *pulls, *_COMPARED_COLUMNS)
+    rows = []
+    for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
+        test = own.test
+        nothing = np.zeros(len(test.flexion_deg))
+        acting = [test.loads.get(name, nothing) + test.constant.get(name, 0.0)
+                  for name in NAMED_LOADS]  # fmt: skip
+        acting += [test.tensions.get(line, nothing) for line in lines]
+        rows += [
+            [
+                test.name, *["" if test.frames is None else test.frames.time_s[row]] * timed,
+                test.flexion_deg[row], *(size[row] for size in acting), name, unit_of(name),
+                test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
+                measured[row], before.compared[name][1][row], fitted[row],
+                Status(int(own.status[row])).word,
+            ]
+            for row in range(len(test.flexion_deg))
+            for name, (measured, fitted) in own.compared.items()
+            if np.isfinite(measured[row])
+        ]  # fmt: skip
+    return Table([Column(name) for name in header], rows)
+
+
+def unit_of(name: str) -> str:
+    """Of a coordinate, or of a reading; a strain has none."""
+    return COORDINATES[name].unit if name in COORDINATES else reading_unit(name)
+
+
+def label_of(name: str) -> str:
+    """Of a coordinate, or of what was read of a part, within a sentence."""
+    if name in COORDINATES:
+        return COORDINATES[name].phrase
+    if name in OTHER_COLUMNS:
+        return OTHER_COLUMNS[name].phrase
+    part, _, kind = name.rpartition(".")
+    words = {"tension_N": "tension", "contact_N": "contact force"}
+    return f"{part} {words.get(kind, kind)}"
+
+
+def axis_label_of(name: str) -> str:
+    """Label with unit, to begin a line with."""
+    label, unit = label_of(name), unit_of(name)
+    return f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit)
+
+
+def readings(calibration: Calibration) -> int:
+    """Numbers that tests under load observed."""
+    every = (pair[0] for own in calibration.fit.tests for pair in own.compared.values())
+    return sum(int(np.isfinite(measured).sum()) for measured in every)
+
+
+def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
+    """What is wrong with a knee under the loads of tests, and in motion, a sentence per test and
+    status."""
+    found = []
+    for own in tests:
+        for value in np.unique(own.status):
+            status = Status(int(value))
+            if status is Status.BALANCED or status in accepted:
+                continue
+            rows = own.status == value
+            where = ", ".join(f"{x:g}" for x in np.unique(own.test.flexion_deg[rows]))
+            found.append(
+                f"Test {own.test.name}: {int(rows.sum())} of {len(rows)} loads {status.word} "
+                f"({status.sentence}), at {where} deg."
+            )
+        if own.restless > _REPEATS_WITHIN:
+            found.append(
+                f"Test {own.test.name}: {own.restless:.2g} mm or degrees from where the knee was a "
+                "period before, so its start is still seen: more cycles_before, or more damping."
+            )
+    return found
+
+
+@styled
+def tests_figure(calibration: Calibration) -> Figure:
+    """Draw measured tests, and what the knee does in them at the start and fitted.
+
+    Args:
+        calibration: with tests.
+
+    Returns:
+        A panel for each coordinate of each test. Load over displacement, a colour for each flexion;
+        over flexion where there is one reading at each, over time of a knee in motion.
+    """
+    panels = [(own, before, name)
+              for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True)
+              for name in own.compared]  # fmt: skip
+    figure, every = grid(len(panels), 1, _PANEL * len(panels) + 0.35, left=0.7, right=1.54,
+                         apart=(0, 0.9))  # fmt: skip
+    for axes, (own, before, name) in zip(every[:, 0], panels, strict=True):
+        flexions = own.test.flexion_deg[np.isfinite(own.compared[name][0])]
+        if own.test.frames is not None:
+            _along(axes, own, before, name, own.test.frames.time_s, "Time, s")
+        elif len(np.unique(flexions)) == len(flexions) > 1:
+            _along(axes, own, before, name, own.test.flexion_deg, "Flexion, deg")
+        else:
+            _over_load(axes, own, before, name)
+        cut = f", {' and '.join(own.test.cut)} cut" if own.test.cut else ""
+        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{cut}"))
+        if own.test.counted_from != "absolute":
+            axes.axhline(0.0, color=GREY, linewidth=0.5)
+    return figure
+
+
+def _label(own: FittedTest, name: str) -> str:
+    unit = unit_of(name) or "-"
+    if name.endswith("_N"):
+        return f"{label_of(name)}, {unit}"
+    if name.endswith(".strain"):
+        return f"{label_of(name)}{', change' * own.test.counts_from_rest}, {unit}"
+    return f"{_COMPARED[own.test.counted_from]}, {unit}"
+
+
+def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
+    from matplotlib import colormaps
+
+    test, measured = own.test, own.compared[name][0]
+    flexions, load = np.unique(test.flexion_deg), test.loads[test.driven_by]
+    every = max(1, -(-len(flexions) // _MOST_NAMED))
+    colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(flexions)))
+    for k, (flexion, color) in enumerate(zip(flexions, colors, strict=True)):
+        rows = np.flatnonzero(test.flexion_deg == flexion)
+        rows = rows[np.argsort(load[rows], kind="stable")]
+        label = f"{flexion:g}" if k % every == 0 else None
+        axes.plot(*_curve(before, rows, name, load), ":", color=color, linewidth=0.9)
+        axes.plot(*_curve(own, rows, name, load), color=color, label=label)
+        axes.plot(measured[rows], load[rows], "o", color=color, markersize=3)
+    kind = NAMED_LOADS[test.driven_by]
+    axes.set_xlabel(_label(own, name))
+    axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+    axes.axvline(0.0, color=GREY, linewidth=0.5)
+    _legend(axes, "Flexion, deg")
+
+
+def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
+    """A curve from its readings, and from the pose that counts as zero."""
+    measured, fitted = (each[rows] for each in one.compared[name])
+    if name.endswith("_N"):
+        drawn = np.isfinite(measured)
+        return fitted[drawn], load[rows][drawn]
+    zero = (one.test.partner[rows] == rows) & (one.test.counted_from == "least_load")
+    drawn = zero | np.isfinite(measured)
+    x, y = np.where(zero, 0.0, fitted)[drawn], load[rows][drawn]
+    if one.test.counted_from == "unloaded":
+        place = int(np.searchsorted(y, 0.0))
+        x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
+    return x, y
+
+
+def _along(
+    axes: Axes, own: FittedTest, before: FittedTest, name: str, across: np.ndarray, label: str
+) -> None:
+    """One reading at each flexion, or time."""
+    rows = np.flatnonzero(np.isfinite(own.compared[name][0]))
+    order = rows[np.argsort(across[rows])]
+    x, (measured, fitted) = across[order], own.compared[name]
+    axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)
+    axes.plot(x, fitted[order], color="black")
+    axes.plot(x, measured[order], "o", color="black", markersize=3)
+    axes.set_xlabel(label)
+    axes.set_ylabel(_label(own, name))
+    _legend(axes, None)
+
+
+def _legend(axes: Axes, title: str | None) -> None:
+    """Flexions by colour; what is drawn how, below."""
+    if title:
+        first = axes.legend(title=title, title_fontsize=8, loc="upper left",
+                            bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5,
+                            handlelength=1.6)  # fmt: skip
+        axes.add_artist(first)
+    style = {"color": GREY}
+    kinds = [axes.plot([], [], "o", markersize=3, **style)[0], axes.plot([], [], **style)[0],
+             axes.plot([], [], ":", linewidth=0.9, **style)[0]]  # fmt: skip
+    axes.legend(kinds, ["measured", "fitted", "start"], loc="lower left",
+                bbox_to_anchor=(1.02, -0.02), borderaxespad=0, fontsize=7.5, handlelength=1.6)

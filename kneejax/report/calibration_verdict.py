@@ -1,0 +1,330 @@
+"""Whether a calibration worked, what to doubt, and what limits the fit: sentences for everyone."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.inference import Ending, Fault, IntervalKind
+from kneejax.parameters import sums_in_words
+from kneejax.report.calibration_parameters import reasons
+from kneejax.report.calibration_tests import label_of, laxity_doubts, readings, unit_of
+from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
+from kneejax.report.look.page import Verdict, prose
+from kneejax.report.look.tables import change, listed, number
+from kneejax.statics import Status, converged
+
+if TYPE_CHECKING:
+    from kneejax.inference import Calibration, Fit, Misfit
+
+#: Method of a study -> the optimiser, and what ends it when it has converged.
+_SEARCHES = {
+    "least_squares": ("bounded Levenberg-Marquardt with exact Jacobians",
+                      "the search stopped: further steps no longer improve the fit"),
+    "lbfgsb": ("L-BFGS-B with exact gradients (jaxopt)",
+               "the projected gradient fell below the tolerance"),
+}
+
+
+class Outcome(enum.Enum):
+    """What became of a calibration: the words of its badge and of its first line."""
+
+    GOOD = "Converged"
+    DOUBTFUL = "Converged, with warnings"
+    POOR = "Poor fit"
+    FAILED = "Not converged"
+
+    @property
+    def exit_status(self) -> int:
+        """Of `kneejax calibrate`: 0 if there is nothing to doubt."""
+        return 0 if self is Outcome.GOOD else 1
+
+    @property
+    def verdict(self) -> Verdict:
+        """How far the answer can be trusted."""
+        known = {Outcome.GOOD: Verdict.GOOD, Outcome.DOUBTFUL: Verdict.DOUBTFUL}
+        return known.get(self, Verdict.FAILED)
+
+
+def outcome(calibration: Calibration) -> Outcome:
+    """What became of a calibration; badge, terminal and exit status all say this."""
+    if not calibration.fit.success:
+        return Outcome.FAILED
+    if calibration.misfits:
+        return Outcome.POOR
+    return Outcome.DOUBTFUL if answer_warnings(calibration) else Outcome.GOOD
+
+
+def message(fit: Fit, when_converged: str = "converged") -> str:
+    """Why a search ended, and how many poses and loads of tests found no equilibrium.
+
+    Args:
+        fit: of one procedure.
+        when_converged: what is said of a search that converged.
+    """
+    words = {Ending.CONVERGED: when_converged,
+             Ending.FLAT: "converged to within the noise: further steps gained less than the noise",
+             Ending.STOPPED: fit.reason or "stopped before it converged"}[fit.ending]  # fmt: skip
+    lost = int((~converged(row_status(fit.motion))).sum())
+    words += f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else ""
+    gone = sum(int((~converged(one.status)).sum()) for one in fit.tests)
+    loads = sum(len(one.status) for one in fit.tests)
+    return words + (f"; {gone} of {loads} loads of tests have no balance" if gone else "")
+
+
+def search(calibration: Calibration, fit: Fit) -> str:
+    """Which optimiser searched, as far as the settings say, and why it ended."""
+    method = str(calibration.settings.get("method", ""))
+    optimiser, ended = _SEARCHES.get(method, ("", "converged"))
+    return "; ".join(filter(None, [optimiser, message(fit, ended)]))
+
+
+def starts_words(fit: Fit) -> str:
+    """Where several starts ended; empty if there was one."""
+    starts = fit.starts
+    if starts is None:
+        return ""
+    count, objectives = len(starts.objectives), np.array(starts.objectives)
+    lost = int(np.isinf(objectives).sum())
+    apart = starts.elsewhere & ~np.isinf(objectives)
+    words = [f"{count - int((starts.elsewhere | starts.rivals).sum())} of {count} at the answer"]
+    if starts.rivals.any():
+        words.append(f"{int(starts.rivals.sum())} apart from it with as good a fit")
+    if apart.any():
+        low, high = number(objectives[apart].min()), number(objectives[apart].max())
+        among = low if low == high else f"{low} to {high}"
+        words.append(
+            f"{int(apart.sum())} at worse fits (objective {among}, the answer's is "
+            f"{number(fit.objective)})"
+        )
+    words += [f"{lost} found no balance"] * bool(lost)
+    return f"Several starts ended: {'; '.join(words)}."
+
+
+def _rivals(fit: Fit) -> list[str]:
+    """Ends that the data do not tell from the answer, though a parameter is outside its limits."""
+    starts = fit.starts
+    if starts is None or not starts.rivals.any():
+        return []
+    names = [
+        f"{e.name} {number(min(e.value, *column))} to {number(max(e.value, *column))}"
+        for e, column in zip(
+            (*fit.estimates, *fit.offsets), starts.values[starts.rivals].T, strict=True
+        )
+        if (column < np.nan_to_num(e.low, nan=e.lower)).any()
+        or (column > np.nan_to_num(e.high, nan=e.upper)).any()
+    ]
+    return [
+        f"{int(starts.rivals.sum())} of {len(starts.objectives)} starts ended apart from the "
+        f"answer and fit as well: {', '.join(names)}."
+    ]
+
+
+def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list[str]:
+    """Everything to doubt about one fit."""
+    sentences = [] if fit.success else [f"search not converged: {message(fit)}"]
+    bound = [e.name for e in fit.estimates if e.at_bound]
+    if bound:
+        sentences.append(
+            f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
+            f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
+        )
+    every = (*fit.estimates, *fit.offsets)
+    failed: dict[str, list[str]] = {}
+    lost: dict[str, list[str]] = {}
+    for e in every:
+        if e.interval is IntervalKind.NOT_COMPUTED:
+            failed.setdefault(e.reason, []).append(e.name)
+        # What ended on a bound has been said.
+        if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound:
+            lost.setdefault(reasons(e), []).append(e.name)
+    sentences += [prose("fit.failed", names=listed(names, 40), reason=reason)
+                  for reason, names in failed.items()]  # fmt: skip
+    sentences += [
+        f"{listed(names, 40)} {'are' if len(names) > 1 else 'is'} not determined by the data: "
+        f"{reason or 'other parameters make up for whatever its bounds allow'}."
+        for reason, names in lost.items()
+    ]
+    sentences += _rivals(fit) + pose_doubts(fit.motion, flexion, accepted)
+    return sentences + laxity_doubts(fit.tests, accepted)
+
+
+def _misfit(one: Misfit) -> str:
+    """Why a fit is poor in a coordinate."""
+    label, unit = label_of(one.coordinate), unit_of(one.coordinate)
+    test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
+    said = f"{test}: RMSE {f'{number(one.rmse, 3)} {unit}'.strip()}, "
+    against = f"{number(one.against, 3)} {unit}".strip()
+    return {
+        Fault.WORSE_THAN_START: f"{said}{change(one.against, one.rmse)} than at the start "
+        f"({against}): the fit gives it up for others. The model lacks something, or the weights "
+        "are wrong.",
+        Fault.BEYOND_NOISE: f"{said}{number(one.rmse / one.against, 2)} times the stated noise "
+        f"({against}): the model lacks something, or the noise is larger; limits are too narrow.",
+        Fault.LARGE: f"{said}more than {against}. Check side, signs and frames.",
+    }[one.fault]
+
+
+def warnings(calibration: Calibration) -> list[str]:
+    """Everything to doubt: searches, bounds, undetermined parameters and poses.
+
+    A study that names its `failures` accepts poses with any other status, as long as they balance.
+    """
+    return [sentence for sentences in split_warnings(calibration) for sentence in sentences]
+
+
+def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
+    """Everything to doubt about the answer, and about procedures that are there to compare."""
+    accepted = accepted_statuses(calibration.settings.get("failures") or ())
+    flexion = np.asarray(calibration.measured, float)[:, 0]
+    found: dict[str, list[str]] = {}
+    for fit in calibration.fits:
+        for sentence in _doubts(fit, flexion, accepted):
+            found.setdefault(sentence, []).append(fit.procedure)
+    answer = [f"Poor fit. {_misfit(one)}" for one in calibration.misfits]
+    others: list[str] = []
+    for sentence, procedures in found.items():
+        plural = "s" if len(procedures) > 1 else ""
+        who = f"Procedure{plural} {', '.join(procedures)}: " if len(calibration.fits) > 1 else ""
+        ours = calibration.fit.procedure in procedures
+        (answer if ours else others).append(who + sentence)
+    start = pose_doubts(calibration.start, flexion, accepted)
+    return [*answer, *(f"Start: {sentence}" for sentence in start)], others
+
+
+def answer_warnings(calibration: Calibration) -> list[str]:
+    """Everything to doubt about the answer: what decides the exit status."""
+    return split_warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))[0]
+
+
+def verdict(calibration: Calibration) -> str:
+    """Say in one paragraph what the calibration achieved."""
+    fit, became = calibration.fit, outcome(calibration)
+    doubts, others = map(len, split_warnings(calibration))
+    compared = [one.procedure for one in calibration.fits[1:]]
+    ended = {Outcome.FAILED: "DID NOT CONVERGE", Outcome.POOR: "stopped at a POOR FIT"}
+    who = f"Procedure {fit.procedure}" if compared else "The search"
+    with_doubts = f", with {doubts} warning{'s' * (doubts > 1)}" * bool(doubts)
+    # The badge says the same of a search without comparison or doubt.
+    parts = [f"{who} {ended.get(became, 'converged')}{with_doubts}."]
+    parts = parts if compared or became is not Outcome.GOOD else []
+    if others:
+        more = ("One" if others == 1 else str(others)) + " further" * (doubts > 0)
+        parts.append(
+            f"{more} warning{'s' * (others > 1)}, about procedure{'s' * (len(compared) > 1)} "
+            f"{' and '.join(compared)} (comparison only)."
+        )
+    worst = {
+        unit: max(
+            (x for name, x in fit.rmse.items()
+             if name in COORDINATES and COORDINATES[name].unit == unit and math.isfinite(x)),
+            default=None,
+        )
+        for unit in ("mm", "deg")
+    }  # fmt: skip
+    known = [f"{number(x, 3)} {unit}" for unit, x in worst.items() if x is not None]
+    if known and len(calibration.measured):
+        good = became in (Outcome.GOOD, Outcome.DOUBTFUL)
+        parts.append(
+            f"The fitted motion follows the measured one within {' and '.join(known)} "
+            "(largest root mean square error of a translation and of a rotation)."
+            if good and len(known) == 2
+            else f"{'Largest RMSE' if good else 'Poor fit: RMSE'} {' and '.join(known)}."
+        )
+    return " ".join([*parts, *filter(None, [known_words(calibration)])])
+
+
+def data_words(calibration: Calibration) -> str:
+    """How much was measured: poses, and readings of tests under load."""
+    count, tests = len(calibration.measured), len(calibration.fit.tests)
+    words = [f"{count} pose{'s' * (count != 1)}"] if count else []
+    if tests:
+        words.append(f"{readings(calibration)} readings of {tests} test{'s' * (tests > 1)}")
+    return " and ".join(words)
+
+
+def noise_words(calibration: Calibration) -> str:
+    """The noise by which limits are what they are; empty where none is known."""
+    sizes = []
+    for unit in ("mm", "deg"):
+        known = [x for name, x in calibration.noise.items() if COORDINATES[name].unit == unit]
+        sizes += [f"{number(x, 3)} {unit}" for x in known if math.isfinite(x)][:1]
+    if len(sizes) < 2:
+        return ""
+    kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
+    return f"Noise {' and '.join(sizes)}, {kind}; limits are at 95 % confidence."
+
+
+def known_words(calibration: Calibration) -> str:
+    """How many parameters have which kind of limits, and how many hold the truth if it is known."""
+    estimates = [*calibration.fit.estimates, *calibration.fit.offsets]
+    counts = Counter(e.interval for e in estimates if e.interval is not None)
+    if not counts:
+        return ""
+    words = {IntervalKind.STANDARD_ERROR: "by a standard error",
+             IntervalKind.PROFILE: "by profile limits", IntervalKind.ONE_SIDED: "from one side",
+             IntervalKind.NOT_DETERMINED: "not at all"}  # fmt: skip
+    kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
+    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
+    for kind, said in (
+        (IntervalKind.PRIOR, "known from the prior alone"),
+        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed"),
+    ):
+        verb = "is" if counts[kind] == 1 else "are"
+        sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
+    sentence += "."
+    truth = calibration.truth
+    shared = [e for e in calibration.fit.estimates
+              if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
+    if shared:
+        inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
+        sentence += (
+            " The data are synthetic, so the true values are known: "
+            f"{inside} of {len(shared)} lie within the 95 % limits."
+        )
+    return sentence
+
+
+def calibration_notes(calibration: Calibration) -> list[str]:
+    """Sentences on what limits a fit: data, bounds, and where the misfit is.
+
+    Args:
+        calibration: what to judge.
+    """
+    fit = calibration.fit
+    everything = (*fit.estimates, *fit.offsets)
+
+    def named(kind: IntervalKind) -> str:
+        return ", ".join(e.name for e in everything if e.interval is kind)
+
+    notes = []
+    if names := named(IntervalKind.NOT_DETERMINED):
+        notes.append(prose("notes.undetermined", names=names))
+    if names := named(IntervalKind.PRIOR):
+        notes.append(prose("notes.prior", names=names))
+    if names := ", ".join(e.name for e in everything if e.at_bound):
+        notes.append(prose("notes.bound", names=names))
+    notes += filter(None, [sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])])
+    if fit.objective > 0:
+        shares = zip(FREE_COORDINATES, calibration.weights, strict=True)
+        share = {name: weight * fit.partial_objectives[name] for name, weight in shares}
+        worst = max(share, key=share.__getitem__)
+        unit = "degrees" if COORDINATES[worst].unit == "deg" else "mm"
+        error = f" (RMSE {fit.rmse[worst]:.3g} {unit})" if np.isfinite(fit.rmse[worst]) else ""
+        notes.append(
+            f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
+            f"{worst.replace('_', ' ')}{error}."
+        )
+    if calibration.left_out:
+        poses = "1 pose was" if calibration.left_out == 1 else f"{calibration.left_out} poses were"
+        notes.append(
+            f"{poses} left out: the start's parameters find no balance there "
+            f"({Status.NOT_CONVERGED.sentence})."
+        )
+    return notes

@@ -1,0 +1,272 @@
+"""A cohort as an answer."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES
+from kneejax.report.calibration_parameters import correlation_matrix_figure
+from kneejax.report.calibration_verdict import Outcome
+from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import Figure, readable, styled
+from kneejax.report.look.tables import NONE, Column, Table, number, plain, wrapped
+from kneejax.report.panels import grid
+
+if TYPE_CHECKING:
+    from kneejax.cohorts import CohortSummary, KneeAnswer
+
+#: Panels beside each other, and knees whose names are all written.
+_ACROSS, _NAMED = 4, 40
+#: Above all panels, and between two rows of them, inches: room for titles of two lines.
+_ABOVE, _BETWEEN = 0.48, 0.76
+
+
+@styled
+def forest_figure(summary: CohortSummary) -> Figure:
+    """Draw every parameter over the knees: 95 % limits, and what the others make of them."""
+    names, knees = list(summary.units), summary.fitted
+    across = min(_ACROSS, max(len(names), 1))
+    down = -(-len(names) // across)
+    tall = min(max(0.085 * len(knees), 0.8), 7.0)
+    high = _ABOVE + down * (tall + _BETWEEN)
+    figure, panels = grid(down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1,
+                          bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN), sharey=True)  # fmt: skip
+    for place, axes in enumerate(panels.flat):
+        if place >= len(names):
+            axes.set_axis_off()
+            continue
+        _panel(axes, summary, names[place])
+        _name_knees(axes, [one.name for one in knees], place % across == 0)
+    handles, labels = panels.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="upper center", ncols=5, borderaxespad=0.1)
+    return figure
+
+
+def _panel(axes, summary: CohortSummary, name: str) -> None:
+    rows = np.arange(len(summary.fitted))
+    estimates = [one.parameters.get(name) for one in summary.fitted]
+    value, low, high = (np.array([np.nan if e is None else e[field] for e in estimates], float)
+                        for field in ("value", "low", "high"))  # fmt: skip
+    unit = summary.units[name]
+    found = summary.populations.get(name)
+    told = np.isfinite(low) | np.isfinite(high)
+    seen = np.r_[value[told], low[np.isfinite(low)], high[np.isfinite(high)]]
+    left, right = (seen.min(), seen.max()) if len(seen) else (0.0, 1.0)
+    room = 0.05 * (right - left) or 1.0
+    left, right = left - room, right + room
+    if found is not None:
+        ends = [found.in_own_unit(found.mean + sign * 1.96 * found.spread) for sign in (-1, 1)]
+        left, right = min(left, ends[0]), max(right, ends[1])
+        axes.axvspan(*ends, color=LIGHT, lw=0, label="95 % of the population")
+        axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0, label="its mean")
+    from_, to = np.where(np.isfinite(low), low, left), np.where(np.isfinite(high), high, right)
+    good = np.array([one.good for one in summary.fitted], bool)
+    for some, colour, label in (
+        (told & ~good, GREY, "a poor fit"), (told & good, BLUE, "a knee, 95 % limits"),
+    ):  # fmt: skip
+        axes.hlines(rows[some], from_[some], to[some], color=colour, lw=0.8)
+        shown = label if some.any() else None
+        axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=shown)
+    for open_, edge, mark in ((~np.isfinite(low), left, "<"), (~np.isfinite(high), right, ">")):
+        some = open_ & told
+        axes.plot(np.full(some.sum(), edge), rows[some], mark, ms=2.6, color=BLUE, clip_on=False)
+    if found is not None:
+        shrunk = [found.in_own_unit(x) for x in found.shrunk]
+        light = "shrunken towards the mean"
+        axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
+    axes.set_xlim(left, right)
+    axes.set_title(textwrap.fill(readable(name), 22), fontsize=8)
+    axes.set_xlabel(unit or "strain" if name.endswith("strain") else unit or "-")
+    axes.tick_params(axis="x", labelsize=7)
+    axes.locator_params(axis="x", nbins=4)
+    axes.grid(axis="y", visible=False)
+
+
+def _name_knees(axes, names: list[str], first: bool) -> None:
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    every = 1 if len(names) <= _NAMED else 10
+    shown = np.arange(0, len(names), every)
+    axes.set_yticks(shown, [names[row] for row in shown], fontsize=5.5 if every == 1 else 7)
+    axes.tick_params(axis="y", length=0, labelleft=first)
+    axes.set_yticks(shown)
+
+
+#: Columns of cohort.csv; what is else known of a knee follows.
+COHORT_COLUMNS = ("knee", "outcome", "kind", "name", "unit", "value", "low", "high",
+                  "standard_error", "interval", "at_bound", "start", "in_population",
+                  "in_population_sd", "own_share", "bootstrap_sd", "bootstrap_low",
+                  "bootstrap_high")  # fmt: skip
+_FAILED = "No answer"
+
+def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
+    """What a cohort found."""
+    counts = Counter(one.outcome or _FAILED for one in summary.answers)
+    order = [*(one.value for one in Outcome), _FAILED]
+    found = {word: counts[word] for word in order if counts[word]}
+    words = ", ".join(f"{count} {word.lower()}" for word, count in found.items())
+    failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
+    doubtful = any(word != Outcome.GOOD.value for word in found)
+    population, each = population_table(summary), _knees_table(summary, knees)
+    drawings = {}
+    if summary.fitted and summary.units:
+        drawings["parameters"] = Drawing(forest_figure, summary)
+    if np.isfinite(summary.correlation).any():
+        drawings["correlation"] = Drawing(correlation_matrix_figure, list(summary.units),
+                                          summary.correlation,
+                                          more="Over the knees; of logarithms for stiffness.")
+    seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
+    lines = wrapped(f"{summary.title}: {len(summary.answers)} knees: {words}")
+    for one in failed:
+        lines += wrapped(one)
+    lines += ["", population.terminal()] if population.rows else []
+    if summary.outliers:
+        first = ", ".join(f"{one.knee} {plain(one.parameter)} ({one.deviations:+.1f} SD)"
+                          for one in summary.outliers[:5])  # fmt: skip
+        more = len(summary.outliers) - 5
+        lines += ["", *wrapped(first + f" and {more} more" * (more > 0), "outliers: ")]
+    sections = [Section("Knees", tables=[each], opened=True)]
+    if summary.outliers:
+        sections.append(Section("Outliers", tables=[_outlier_table(summary)]))
+    if "correlation" in drawings:
+        sections.append(Section("Correlation over the knees", drawings=["correlation"]))
+    return Answer(
+        title=summary.title,
+        asked=f"What are the parameters of {len(summary.answers)} knees, and how much do they "
+        "differ between knees?",
+        verdict=Verdict.FAILED if not summary.fitted else
+        Verdict.DOUBTFUL if doubtful else Verdict.GOOD,
+        sentence=f"{len(summary.fitted)} of {len(summary.answers)} knees have an answer: {words}.",
+        tables={"cohort": _every_number(summary)}, main=[population] if population.rows else [],
+        drawings=drawings,
+        doubts=[
+            *(f"{word}: {count} of {len(summary.answers)} knees, whose pages say why"
+              for word, count in found.items() if word not in (Outcome.GOOD.value, _FAILED)),
+            *(f"No answer: {one}" for one in failed),
+        ],
+        facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
+        sections=sections, text="\n".join(lines),
+    )  # fmt: skip
+
+
+def population_table(summary: CohortSummary) -> Table:
+    """Mean and spread of each parameter over knees with their limits; the spread of what differs
+    by factors in per cent.
+    """
+    rows = []
+    for name, found in summary.populations.items():
+        mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
+        spread, *ends = ((100.0 if found.log else 1.0) * x
+                         for x in (found.spread, *found.spread_limits))  # fmt: skip
+        sign = " %" if found.log else ""
+        rows.append(
+            [name, found.knees, mean, f"{number(low)} to {number(high)}",
+             f"{number(spread, 3)}{sign}",
+             f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
+        )  # fmt: skip
+    return Table(
+        [Column("parameter", words=True), Column("knees", show=str), Column("mean"),
+         Column("mean_limits", "95 % limits"), Column("spread"),
+         Column("spread_limits", "95 % limits"), Column("unit")],
+        rows,
+        "Parameters over the knees",
+        prose("population"),
+    )  # fmt: skip
+
+
+def _outlier_table(summary: CohortSummary) -> Table:
+    named = [Column(name, words=True) for name in ("knee", "parameter")]
+    columns = [*named, Column("value"), Column("deviations", show="+.1f")]
+    columns.append(Column("unit"))
+    rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
+    note = "Farther from the population than 3 standard deviations of a knee measured as well."
+    return Table(columns, rows, note=note)
+
+
+def _knees_table(summary: CohortSummary, knees: str) -> Table:
+    """Outcome and errors of every knee, with a link to its page."""
+    from markupsafe import Markup
+
+    link = Markup('<a href="{}/{}/report.html">{}</a>')
+    answered = {one.name for one in summary.fitted}
+
+    def linked(name: str) -> str:
+        return link.format(quote(knees), quote(name), name) if name in answered else name
+
+    rows = [
+        [one.name, one.outcome or _FAILED, _worst(one, "mm"), _worst(one, "deg"), one.objective,
+         one.seconds]
+        for one in summary.answers
+    ]  # fmt: skip
+    return Table(
+        [Column("knee", show=linked, words=True), Column("outcome", words=True),
+         Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
+         Column("objective"), Column("time_s", show="3")],
+        rows,
+        note="Root mean square errors of the poses: the largest of the displacements and of the "
+        "rotations.",
+    )  # fmt: skip
+
+
+def _worst(one: KneeAnswer, unit: str) -> float:
+    """The largest error of a unit."""
+    own = [x for name, x in one.rmse.items() if COORDINATES[name].unit == unit]
+    return max((x for x in own if math.isfinite(x)), default=math.nan)
+
+
+def _every_number(summary: CohortSummary) -> Table:
+    """Everything that a cohort found, a number a row.
+
+    A row is a number of a knee: a `parameter` with its limits and with its estimate shrunken
+    towards the population (`in_population`), a root mean square error of its poses (`rmse`) or
+    curves (`test`), or its `objective`. A knee that failed has one row, with its sentence as
+    `name`. Rows of knee `population` hold the mean and the spread of each parameter.
+    """
+    about = list(dict.fromkeys(name for one in summary.answers for name in one.about))
+    rows: list[list[Any]] = []
+    place = {one.name: row for row, one in enumerate(summary.fitted)}
+    for one in summary.answers:
+        known = [one.about.get(name) for name in about]
+        own = [["failed", one.failed]] if one.failed else _rows(summary, one, place[one.name])
+        rows += [[one.name, one.outcome or "failed", *_filled(row), *known] for row in own]
+    for name, found in summary.populations.items():
+        middle, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
+        # A standard deviation of the logarithm is one in proportion.
+        units = [summary.units.get(name, "")] * 2
+        units[1] = "of the logarithm" if found.log else units[1]
+        for row in (["mean", name, units[0], middle, low, high],
+                    ["spread", name, units[1], found.spread, *found.spread_limits]):  # fmt: skip
+            rows.append(["population", "", *_filled(row), *[None] * len(about)])
+    return Table([Column(name) for name in (*COHORT_COLUMNS, *about)], rows)
+
+
+def _filled(row: list[Any]) -> list[Any]:
+    return [*row, *[None] * (len(COHORT_COLUMNS) - 2 - len(row))]
+
+
+def _rows(summary: CohortSummary, one: KneeAnswer, row: int) -> Iterator[list[Any]]:
+    yield ["objective", "objective", "", one.objective]
+    for name, x in one.rmse.items():
+        yield ["rmse", name, COORDINATES[name].unit, x]
+    for name, x in one.tests.items():
+        coordinate = name.rpartition(", ")[2]
+        unit = COORDINATES[coordinate].unit if coordinate in COORDINATES else ""
+        yield ["test", name, unit, x]
+    for name, own in one.parameters.items():
+        shrunk: list[Any] = [None, None, None]
+        if (found := summary.populations.get(name)) is not None:
+            mean, sd = float(found.shrunk[row]), float(found.deviation[row])
+            # Of a logarithm, to first order.
+            middle = found.in_own_unit(mean)
+            shrunk = [middle, sd * middle if found.log else sd, float(found.own[row])]
+        fields = ("value", "low", "high", "standard_error", "interval", "at_bound", "start")
+        estimate = [own[field] for field in fields]
+        redrawn = summary.redrawn(one.name, name)
+        yield ["parameter", name, summary.units.get(name, ""), *estimate, *shrunk, *redrawn]

@@ -1,0 +1,294 @@
+"""Tests to make next."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.parameters import unit_of_quantity
+from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
+from kneejax.report.look.page import prose
+from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
+from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after, wrapped
+from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from kneejax.inference import Design
+
+#: What is hatched, by status: hatch, and its legend entry.
+_HATCHES = {
+    Status.OUTSIDE_REGION: ("....", "outside fitted surfaces"),
+    Status.OVERSTRETCHED: ("||||", "overstretched"), Status.UNSTABLE: ("xxxx", "unstable"),
+    Status.DISLOCATED: ("////", "dislocated"),
+    **dict.fromkeys((Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE),
+                    ("----", "wrong way")),
+    **dict.fromkeys([s for s in Status if not s.converged], ("\\\\\\\\", "no balance")),
+}
+_MOST_COLUMNS = 16
+
+
+@styled
+def candidates_figure(design: Design) -> Figure:
+    """Draw what each candidate would tell as the next test, over flexion and load."""
+    from matplotlib.colors import LinearSegmentedColormap
+    from matplotlib.patches import Rectangle
+
+    rows, places = _places(design)
+    angles = sorted({test.flexion_deg for test in design.candidates})
+    gains = np.full((len(rows), len(angles)), np.nan)
+    for place, gain in zip(places, design.gains, strict=True):
+        gains[place] = gain
+    left = 0.062 * max(len(row) for row in rows) + 0.15
+    cell = min((WIDTH - left - 0.75) / len(angles), 0.8)
+    wide, height = max(left + cell * len(angles) + 0.75, 4.5), 0.32 * len(rows) + 1.06
+    right = left + cell * len(angles)
+    figure, ((axes,),) = grid(1, 1, height, width=wide, left=left, right=wide - right, top=0.32,
+                              bottom=0.74)  # fmt: skip
+    shades = LinearSegmentedColormap.from_list("gain", ["#FFFFFF", "#A8D0E6", BLUE, "#003A5D"])
+    most = float(np.nanmax(gains)) if np.isfinite(gains).any() else 1.0
+    every = max(1, -(-len(angles) // 20))
+    heads = [f"{angle:g}" if j % every == 0 else "" for j, angle in enumerate(angles)]
+    factor, form = (1.0, "{:.1f}") if design.criterion == "D" else (100.0, "{:.0f}")
+    filled = draw_matrix(
+        axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
+        lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
+        numbers=len(angles) <= _MOST_COLUMNS,
+    )  # fmt: skip
+    handles = {}
+    for place, status in zip(places, design.status, strict=True):
+        if Status(status) in _HATCHES:
+            hatch, word = _HATCHES[Status(status)]
+            handles[word] = hatched(axes, place[::-1], 1, 1, hatch)
+    steps: dict[int, list[int]] = {}
+    for step, row in enumerate(design.chosen, 1):
+        steps.setdefault(row, []).append(step)
+    for row, own in steps.items():
+        i, j = places[row]
+        axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
+        axes.text(j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
+                  color="white", fontweight="bold",
+                  bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"})  # fmt: skip
+    axes.set_xlabel("Flexion, deg")
+    axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
+    handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
+    figure.legend(list(handles.values()), list(handles), loc="lower left",
+                  bbox_to_anchor=((left - 0.08) / wide, 0.0), ncols=4, handlelength=1.5,
+                  handleheight=1.1, columnspacing=1.5)  # fmt: skip
+    place = (right + 0.12) / wide, 0.74 / height, 0.11 / wide, 0.32 * len(rows) / height
+    bar = figure.colorbar(filled, cax=figure.add_axes(place))
+    bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+    bar.ax.tick_params(length=0, labelsize=7)
+    if design.criterion == "A":
+        ticks = [tick for tick in bar.get_ticks() if 0 <= tick <= most]
+        bar.set_ticks(ticks, labels=[f"{100 * tick:.0f}" for tick in ticks])
+    return figure
+
+
+@styled
+def standard_errors_figure(design: Design) -> Figure:
+    """Draw the expected standard error of each parameter before and after the chosen tests."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    names = [readable(name) for name in design.names]
+    n, last = len(names), len(design.chosen)
+    parts = design.standard_errors / design.scale
+    left, right = 0.062 * max(map(len, names)) + 0.15, 1.75
+    figure, ((axes,),) = grid(1, 1, 1 + 0.27 * n, left=left, right=right, top=0.55, bottom=0.45)
+    y = np.arange(n, dtype=float)
+    axes.hlines(y, parts[-1], parts[0], color="#C8CDD2", linewidth=2.2, zorder=1)
+    handles = {}
+    (handles["before"],) = axes.plot(parts[0], y, "o", ms=5, mfc="white", mec=BLACK, zorder=3)
+    for step in range(1, last):
+        (handles["after each test"],) = axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2)
+    word = f"after {'the test' if last == 1 else f'all {last} tests'}"
+    (handles[word],) = axes.plot(parts[-1], y, "o", ms=5, color=VERMILLION, zorder=4)
+    prior = "prior SD (spread between knees)"
+    handles[prior] = axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1)
+    axes.set_xscale("log")
+    low, high = parts.min() / 1.3, max(parts.max(), 1.0) * 1.3
+    axes.set_xlim(low, high)
+    subs = (1.0, 2.0, 5.0) if high / low < 200 else (1.0,)
+    axes.xaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=9))
+    axes.xaxis.set_minor_locator(NullLocator())
+    plain_numbers(axes.xaxis)
+    axes.set_yticks(y, names)
+    axes.set_ylim(n - 0.5, -0.5)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("Expected standard error, as a fraction of the prior SD")
+    edge, inch = axes.get_yaxis_transform(), 1.0 / (WIDTH - left - right)
+    before, after = 1.0 + 0.62 * inch, 1.0 + 1.27 * inch
+    for x, head in ((before, "before"), (after, "after")):
+        axes.text(x, -0.62, head, transform=edge, ha="right", va="bottom", fontsize=7.5, color=GREY)
+    for i, unit in enumerate(map(_unit, design.names)):
+        for x, row in ((before, 0), (after, -1)):
+            axes.text(x, i, number(design.standard_errors[row, i], 2), transform=edge, ha="right",
+                      va="center_baseline", fontsize=7.5)  # fmt: skip
+        axes.text(after + 0.07 * inch, i, unit, transform=edge, va="center_baseline", fontsize=7.5)
+    figure.legend(list(handles.values()), list(handles), loc="upper left",
+                  bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4, handlelength=1.2,
+                  columnspacing=1.5)  # fmt: skip
+    return figure
+
+
+def _unit(name: str) -> str:
+    return unit_of_quantity(name.split(".", 1)[-1])
+
+
+def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
+    """Names of rows, and row and column of each candidate."""
+    angles = sorted({test.flexion_deg for test in design.candidates})
+    rows: list[str] = []
+    taken: set[tuple[int, int]] = set()
+    places = []
+    for test in design.candidates:
+        column, name, copy = angles.index(test.flexion_deg), test.name, 1
+        # Two loads of one name at one flexion get rows of their own.
+        while name in rows and (rows.index(name), column) in taken:
+            copy += 1
+            name = f"{test.name} ({copy})"
+        if name not in rows:
+            rows.append(name)
+        places.append((rows.index(name), column))
+        taken.add(places[-1])
+    return rows, places
+
+
+#: Columns of a table of all candidates.
+CANDIDATE_COLUMNS = ("name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen")
+_SHOWN = 8
+# Departure from a straight line from which on a promise is rough.
+_FAR = 0.5
+
+
+def gain_words(criterion: str) -> str:
+    """What the gains of a design are, with their unit."""
+    if criterion == "D":
+        return "information gained, bits"
+    return "fall of the mean squared standard error, %"
+
+
+def candidates_table(design: Design) -> Table:
+    """What each candidate would add, the table of candidates.csv."""
+    place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
+    rows = [
+        [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
+        + [Status(status).word, float(gain), place.get(row)]
+        for row, (test, status, gain) in enumerate(
+            zip(design.candidates, design.status, design.gains, strict=True)
+        )
+    ]
+    return Table([Column(name) for name in CANDIDATE_COLUMNS], rows)
+
+
+def next_tests_table(design: Design) -> Table:
+    """The chosen tests as a table to be filled in and added to a study's `tests`."""
+    tests = [design.candidates[row] for row in design.chosen]
+    acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
+    measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
+    columns = (COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured))
+    rows = [[test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
+            for test in tests]  # fmt: skip
+    return Table([Column(name) for name in columns], rows)
+
+
+def design_text(design: Design) -> str:
+    """Say on a terminal which tests to make next, and why."""
+    lines = [*wrapped(f"What to measure next: {goal_words(design)}"), ""]
+    for step, sentence in enumerate(design_words(design), 1):
+        lines += wrapped(sentence, f"{step}. ")
+    for table in design_tables(design):
+        lines += ["", f"{table.title}:", table.terminal()]
+    notes = design_notes(design)
+    lines += [""] * bool(notes)
+    for note in notes:
+        lines += wrapped(note, "note: ")
+    return "\n".join(lines)
+
+
+def goal_words(design: Design) -> str:
+    """How many tests were chosen, and what they make small."""
+    many = len(design.chosen)
+    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
+    return prose("design.goal", tests=tests, goal=prose(f"design.{design.criterion}"))
+
+
+def design_words(design: Design) -> list[str]:
+    """One sentence per chosen test: what to do, and which parameter profits most."""
+    return [
+        f"{'Then' if int(step) > 1 else 'Next'}: {test}; it cuts the standard error of "
+        f"{plain(name)} from {short(before)} to {short(after)}{unit_after(name)}."
+        for step, test, name, before, after in profit_table(design).rows
+    ]
+
+
+def design_notes(design: Design) -> list[str]:
+    """What else a reader must know."""
+    notes = [prose("design.prior")] if design.prior_assumed else []
+    lost = design.status[np.isnan(design.gains)]
+    if len(lost):
+        words = sorted({Status(s).word.replace("_", " ") for s in lost})
+        verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
+        notes.append(prose("design.lost", lost=len(lost), count=len(design.candidates), verb=verb,
+                           them=them, words=", ".join(words)))  # fmt: skip
+    if design.freed:
+        bound = ", ".join(plain(name) for name in design.freed)
+        notes.append(f"On a bound at the fit, but counted as free here: {bound}.")
+    for test, bend in zip(design.tests, design.departures, strict=True):
+        if bend > _FAR:
+            off = f"off by {bend:.0%}" if np.isfinite(bend) else "some of it has no balance"
+            notes.append(prose("design.bent", test=test, off=off))
+    return notes
+
+
+def profit_table(design: Design) -> Table:
+    """The chosen tests, and what each does to the parameter that gains most."""
+    rows = []
+    for step, test in enumerate(design.tests):
+        before, after = design.standard_errors[step : step + 2]
+        i = int(np.argmax(before / after))
+        rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
+    columns = [
+        Column("step", " ", words=True), Column("test", "test to make next", words=True),
+        Column("parameter", "gains most", words=True), Column("before", "std. error before", "2"),
+        Column("after", show="2"),
+    ]  # fmt: skip
+    return Table(columns, rows)
+
+
+def design_tables(design: Design) -> list[Table]:
+    """Expected standard errors, the best tests by themselves, and the best for each parameter."""
+    steps = len(design.chosen)
+    # Many steps do not fit beside each other: the first three and the last tell the story.
+    shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
+    heads = ["before" if step == 0 else f"after {step}" for step in shown]
+    units = [*map(_unit, design.names)]
+    parameter, unit = Column("parameter", words=True), Column("unit", words=True)
+    errors = Table(
+        [parameter, unit, *(Column(head, show="2") for head in ("prior SD", *heads))],
+        [[name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
+         for i, name in enumerate(design.names)],
+        "Expected standard errors (the prior SD is the spread between knees)",
+    )
+    order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
+    factor, digits = (1.0, 1) if design.criterion == "D" else (100.0, 0)
+    best = Table(
+        [Column("test", words=True), Column("gain")],
+        [[str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"] for row in order
+         if np.isfinite(design.gains[row])],
+        f"The best next tests by themselves ({gain_words(design.criterion)})",
+    )
+    after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
+    rows = [
+        [name, str(design.candidates[row]), design.standard_errors[0, i], after[row, i], units[i]]
+        for i, name in enumerate(design.names)
+        for row in [int(np.argmin(after[:, i]))]
+    ]
+    columns = [Column("best next test", words=True), Column("before", show="2")]
+    single = Table([parameter, *columns, Column("after", show="2"), unit], rows,
+                   "If only one parameter matters, the best next test for it")  # fmt: skip
+    return [errors, best, single]

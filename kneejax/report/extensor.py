@@ -1,0 +1,239 @@
+"""The extensor mechanism, as an answer with figures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
+from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
+from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
+from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles
+from kneejax.report.look.page import Answer, Drawing, Section, prose
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, columns_of
+from kneejax.report.panels import (
+    draw_ligaments,
+    draw_named,
+    flexion_axis,
+    grid,
+    mark_status,
+    panel_grid,
+    part_legend,
+)
+from kneejax.report.pose_tables import bundles, force_table, peak_table, verdict_of
+from kneejax.statics import Status
+
+_PULL = "Quadriceps force, N"
+_MOST_LINES = 8
+#: Moment up to which a leg counts as held by the quadriceps, N m.
+_LEFT_NM = 1e-3
+
+
+@styled
+def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
+    """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments."""
+    from matplotlib import colormaps
+
+    figure, panels = panel_grid(3, 2, 7.8, title)
+    flexion, pull, patella = (np.asarray(x) for x in
+                              (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
+    angles = np.unique(flexion)
+    over_pull = len(angles) < len(flexion)
+    x, rows = (pull if over_pull else flexion), [np.arange(len(flexion))]
+    if over_pull:
+        rows = [np.flatnonzero(flexion == angle) for angle in angles]
+
+    def by_flexion(axes: Axes, values, label: str) -> None:
+        """A line for each flexion where several pulls were tried, else one."""
+        shades = colormaps["viridis"](np.linspace(0.0, 0.92, len(rows)))
+        for angle, own, shade in zip(angles, rows, shades, strict=False):
+            color = shade if len(rows) > 1 else BLUE
+            axes.plot(x[own], np.asarray(values)[own], color=color, label=f"{angle:g}")
+        axes.set_ylabel(label)
+
+    def by_kind(axes: Axes, curves: dict[str, np.ndarray], label: str) -> None:
+        """A colour for each of several quantities."""
+        for k, own in enumerate(rows):
+            named = {name if k == 0 else f"_{name}": y[own] for name, y in curves.items()}
+            draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
+
+    # A quadriceps that nothing asks for is left at rest: its ratios tell of the bands alone.
+    extension = np.asarray(found.extension_Nm)
+    asked = (np.asarray(found.weight_Nm) == 0.0) | (np.abs(extension) < _LEFT_NM)
+    tendon, contact = (np.where(asked, np.asarray(force) / pull, np.nan)
+                       for force in (found.tendon_N, found.contact_N))  # fmt: skip
+    if over_pull:
+        by_flexion(panels[0], extension, "Extension moment, N m")
+    else:
+        by_flexion(panels[0], pull, _PULL)
+    ratios = {"patellar tendon": tendon, "patellofemoral contact": contact}
+    by_kind(panels[1], ratios, "Force by quadriceps force")
+    panels[1].set_ylim(bottom=0.0)
+    by_flexion(panels[2], found.arm_mm, "Moment arm of the quadriceps, mm")
+    turns = {"flexion": patella[:, 0], "tilt": patella[:, 2], "rotation": patella[:, 1]}
+    by_kind(panels[3], turns, "Patella, deg")
+    knee = found.motion.knee
+    draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
+                   rows=rows)  # fmt: skip
+    by_flexion(panels[5], np.asarray(found.motion.to_table())[:, 3], "Tibia, anterior, mm")
+    for axes in panels:
+        if over_pull:
+            axes.set_xlabel(_PULL)
+        else:
+            flexion_axis(axes, x)
+        mark_status(axes, x, status, height=0.02)
+    if len(rows) > 1:
+        panels[2].legend(title="Flexion, deg", title_fontsize=7.5, fontsize=7.5)
+    return figure
+
+
+@styled
+def shear_figure(found: Extensor) -> Figure:
+    """Draw what each part does to the tibia along its anterior axis: the parts sum to zero."""
+    forces = {name: force[:, 0] for name, force in _grouped(found).items()}
+    size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
+    shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
+    figure, ((axes,),) = grid(1, 1, 3.6, left=0.7, right=1.82)
+    x = np.asarray(found.flexion_deg)
+    for name, style in part_styles(shown).items():
+        axes.plot(x, forces[name], label=verbatim(name), **style)
+    rest = [name for name in forces if name not in shown]
+    if rest:
+        axes.plot(x, sum(forces[name] for name in rest), color=GREY, label="all others")
+    axes.plot(x, sum(forces.values()), color="black", linestyle=":", label="sum")
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    axes.set_title("Force on the tibia, forwards along its own axis")
+    axes.set_ylabel("N")
+    flexion_axis(axes, x)
+    handles, labels = axes.get_legend_handles_labels()
+    part_legend(axes, dict(zip(labels, handles, strict=True)), (1.02, 1.02))
+    return figure
+
+
+def _tibiofemoral(found: Extensor) -> list[str]:
+    """Fibres between femur and tibia."""
+    fibres = found.motion.knee.ligaments
+    pairs = zip(fibres.names, fibres.bodies, strict=True)
+    return [name for name, pair in pairs if pair == FEMUR_AND_TIBIA]
+
+
+def _grouped(found: Extensor) -> dict[str, np.ndarray]:
+    """Forces on the tibia: tendon, contact, muscles and weight, ligaments by their bundles."""
+    forces = dict(found.forces_on_tibia)
+    knee = found.motion.knee
+    tendon = {TENDON: forces.pop(TENDON)}
+    pressed = [forces.pop(name) for name in knee.contact_names if name in forces]
+    contact = {"contact": sum(pressed)} if pressed else {}
+    fibres = _tibiofemoral(found)
+    members = bundles(knee, fibres)
+    pulled = {name: sum(forces.pop(x) for x in own) for name, own in members.items()}
+    return {**tendon, **contact, **forces, **pulled}
+
+
+#: Columns of extensor.csv that people read, with heading and digits.
+_SHOWN = {"flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, N", ".1f"),
+          "tendon_by_quadriceps": ("tendon, / quadriceps", ".2f"), "arm_mm": ("arm, mm", ".1f"),
+          "patellofemoral_by_quadriceps": ("contact, / quadriceps", ".2f"), "status": (),
+          "patella_flexion_deg": ("patella: flexion, deg", ".1f"),
+          "patella_tilt_deg": ("tilt, deg", ".1f")}  # fmt: skip
+_BY_LENGTH = (
+    "slack: {:g} mm longer than at rest, at {:g} deg: the cable hangs loose, and the heads pull "
+    "as at rest"
+)
+
+
+def extensor_answer(
+    name: str, experiment: str, found: Extensor, *, loads, driven: DrivenExtensor | None = None
+) -> Answer:
+    """What a knee does while its quadriceps pulls.
+
+    Args:
+        name: of the knee, with what was cut.
+        experiment: patellar-tracking, extension or leg-raise.
+        found: of the experiment.
+        loads: that acted throughout, by name.
+        driven: where the quadriceps was given lengths.
+
+    Returns:
+        The answer; its tables are extensor, forces and tibia_forces.
+    """
+    knee, status = found.motion.knee, with_flips(found.motion.status, found.mechanics)
+    flexion, pull = np.asarray(found.flexion_deg), np.asarray(found.quadriceps_N)
+    words = pose_words(knee, found.mechanics, search_words(found.motion, loads))
+    doubts = [*status_doubts(status, words, *named_places([f"{x:g}" for x in flexion], "degrees"))]
+    title, notes = f"{name}: {experiment}", []
+    if found.walked.any():
+        places = ", ".join(f"{x:g}" for x in flexion[found.walked])
+        notes.append(
+            f"Found by a continuation of its own, since the equilibrium lay farther than 1 mm from "
+            f"where it was expected: {places} deg."
+        )
+    if driven is not None:
+        slack = zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
+        notes += [_BY_LENGTH.format(*one) for one in slack]
+    keys = {"flexion_deg": flexion, "quadriceps_N": pull}
+    axes = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
+    on_tibia = [[*place, part, *force] for part, forces in found.forces_on_tibia.items()
+                for *place, force in zip(flexion, pull, forces, strict=True)]  # fmt: skip
+    tables = {"extensor": extensor_table(found, status, driven),
+              "forces": force_table(knee, found.mechanics, keys),
+              "tibia_forces": Table([Column(x) for x in (*keys, "part", *axes)], on_tibia)}
+    peaks = peak_table(knee, found.mechanics, flexion, "at flexion, deg")
+    drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
+    sections = [Section("Largest forces", tables=[peaks])]
+    if experiment != "extension":
+        drawings["shear"] = Drawing(shear_figure, found)
+        sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
+    return Answer(
+        title=title, asked=prose(experiment), verdict=verdict_of(status),
+        sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
+        drawings=drawings, doubts=doubts,
+        sections=[*sections, *([Section("Notes", notes)] if notes else [])],
+        text="\n".join([title, tables["extensor"].text(), *notes, *doubts]),
+    )
+
+
+def extensor_table(
+    found: Extensor, status: np.ndarray, driven: DrivenExtensor | None = None
+) -> Table:
+    """Forces, lengths, moments and both bones, a row a pose: extensor.csv."""
+    motion, mechanics = found.motion, found.mechanics
+    pull, tendon, contact = (np.asarray(x) for x in
+                             (found.quadriceps_N, found.tendon_N, found.contact_N))  # fmt: skip
+    here = [k for k, x in enumerate(motion.knee.contacts) if x.bodies == (FEMUR, PATELLA)]
+    tibia, patella = np.asarray(motion.to_table()), np.asarray(found.patella)
+    columns = {
+        "flexion_deg": np.round(np.asarray(found.flexion_deg, float), 9), "quadriceps_N": pull,
+        "quadriceps_mm": found.quadriceps_mm, "tendon_N": tendon, "patellofemoral_N": contact,
+        "tendon_by_quadriceps": tendon / pull, "patellofemoral_by_quadriceps": contact / pull,
+        "extension_Nm": found.extension_Nm, "weight_Nm": found.weight_Nm, "arm_mm": found.arm_mm,
+        "patellofemoral_area_mm2": np.asarray(mechanics.area)[:, here].sum(axis=1),
+        "patellofemoral_max_pressure_MPa": np.asarray(mechanics.max_pressure)[:, here].max(axis=1),
+        **dict(zip(COLUMNS[1:], tibia[:, 1:].T, strict=True)),
+        **dict(zip((x.column for x in BODIES[PATELLA].values()), patella.T, strict=True)),
+        "converged": motion.equilibrium.converged, "stable": motion.stable,
+        "status": [Status(int(x)).word for x in status],
+    }  # fmt: skip
+    if driven is not None:
+        columns |= {"longer_mm": driven.longer_mm, "slack": driven.slack}
+    cells = zip(*(np.asarray(x).tolist() for x in columns.values()), strict=True)
+    made = columns_of([*columns], _SHOWN, ("status",))
+    return Table(made, [list(row) for row in cells], note=prose("arm"))
+
+
+def _sentence(experiment: str, found: Extensor, status: np.ndarray) -> str:
+    known = np.flatnonzero(np.asarray(status) < Status.TOO_DEEP)
+    if not len(known):
+        return "No pose has an equilibrium."
+    flexion, arm = np.asarray(found.flexion_deg)[known], np.asarray(found.arm_mm)[known]
+    values, what, unit = np.asarray(found.quadriceps_N)[known], "The quadriceps pulls", "N"
+    if experiment == "extension":
+        values, what, unit = np.asarray(found.extension_Nm)[known], "The knee extends", "N m"
+    elif experiment == "patellar-tracking":
+        values, what = np.asarray(found.contact_N)[known], "The patella is pressed"
+    most = int(np.argmax(values))
+    words = f"{what} with at most {values[most]:.0f} {unit}, at {flexion[most]:g} degrees"
+    if np.isfinite(arm).any():
+        arms = f"{np.nanmin(arm):.0f} to {np.nanmax(arm):.0f} mm"
+        words += f"; the quadriceps has a moment arm of {arms}"
+    return f"{words}."

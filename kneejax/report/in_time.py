@@ -1,0 +1,342 @@
+"""A knee in time: motions, energies, a leg that a motor raises."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from kneejax.experiments import RaisedLeg, Transient
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate, table_units
+from kneejax.inference.transients import FittedTransient, Recorded
+from kneejax.mechanics import NAMED_LOADS, load_words
+from kneejax.report.extensor import extensor_table
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
+from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.style import Figure, styled
+from kneejax.report.look.tables import Column, Table
+from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
+from kneejax.report.pose_tables import contact_forces, force_table, peak_table
+from kneejax.statics import Status
+
+_COLORS = (BLUE, VERMILLION, GREEN)
+_ENERGIES = {"work": BLACK, "kinetic": BLUE, "potential": GREEN, "dissipated": PURPLE,
+             "missing": GREY}  # fmt: skip
+
+
+@styled
+def transient_figure(found: Transient, title: str, recorded: Recorded | None = None) -> Figure:
+    """Draw a motion through time."""
+    figure, panels = panel_grid(3, 2, 7.0, title, shared=True)
+    motion, time, names = found.trajectory, found.time_s, list(COORDINATES)
+    table, knee = motion.to_table(), motion.moving.knee
+    rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
+    for axes, shown, label in (
+        (panels[0], names[3:], "Change of translation, mm"),
+        (panels[1], names[1:3], "Change of rotation, deg"),
+    ):
+        columns = [names.index(name) for name in shown]
+        changes = {name.replace("_rotation", ""): table[:, k] - table[0, k]
+                   for name, k in zip(shown, columns, strict=True)}  # fmt: skip
+        draw_named(axes, time, changes, label, colors=_COLORS)
+        for name, k, color in zip(shown, columns, _COLORS, strict=False):
+            if recorded is not None and name in recorded.changes:
+                dots = recorded.time_s, recorded.changes[name]
+                axes.plot(*dots, ".", color=color, markersize=2.5, alpha=0.6)
+            if rest is not None:
+                axes.axhline(rest[k] - table[0, k], color=color, linestyle="--", linewidth=0.8)
+    acting = {NAMED_LOADS[name]: x for name, x in found.sizes.items() if np.any(x)}
+    if acting:
+        units = sorted({load.unit for load in acting})
+        loads = {x.positive + f", {x.unit}" * (len(units) > 1): y for x, y in acting.items()}
+        draw_named(panels[2], time, loads, f"Load, {' and '.join(units)}")
+    else:
+        panels[2].plot(time, table[:, 0], color=BLACK)
+        panels[2].set_ylabel("Flexion, deg")
+    draw_ligaments(panels[3], time, knee, np.asarray(found.mechanics.tension) + found.damping_N)
+    contact = dict(zip(knee.contact_names, contact_forces(found.mechanics).T, strict=True))
+    draw_named(panels[4], time, contact, "Contact force, N")
+    energies = {kind: getattr(found.account, kind) for kind in _ENERGIES}
+    steps = np.concatenate([[0.0], motion.grid.time_s]) + time[0]
+    draw_named(panels[5], steps, energies, "Energy, N mm", colors=[*_ENERGIES.values()], columns=5,
+               size=6.5)  # fmt: skip
+    for axes in panels[4:]:
+        axes.set_xlabel("Time, s")
+    for axes in panels:
+        if motion.ended is not Status.BALANCED:
+            axes.axvline(motion.ended_s, color=VERMILLION, linewidth=0.8, linestyle=":")
+    return figure
+
+
+@styled
+def motor_raise_figure(found: RaisedLeg, title: str) -> Figure:
+    """Draw a leg that is raised over its flexion, and by points one that is held there."""
+    figure, panels = panel_grid(3, 2, 7.8, title)
+    one, motion, at = found.transient, found.transient.trajectory, found.held.flexion_deg
+    table, names = motion.to_table(), motion.names
+    flexion = table[:, 0]
+    panels[0].plot(one.time_s, flexion, color=BLUE)
+    panels[0].set(xlabel="Time, s", ylabel="Flexion, deg")
+    dots = {"linestyle": "none", "marker": ".", "markersize": 3.5}
+    draw_named(panels[1], at, {"held": found.held.quadriceps_N}, "", colors=[BLACK], **dots)
+    pull = {"raised": one.quadriceps["quadriceps_N"]}
+    draw_named(panels[1], flexion, pull, "Quadriceps force, N")
+    state = found.held.motion.equilibrium.state.at(names)
+    held = np.asarray(state).T * table_units(names)
+    for axes, shown, label in (
+        (panels[2], ("patella_flexion", "patella_tilt", "patella_rotation"), "Patella, deg"),
+        (panels[3], ("internal_rotation", "adduction", "anterior"), "Tibia, change, deg or mm"),
+    ):
+        curves = {}
+        for name, color in zip(shown, _COLORS, strict=True):
+            k = names.index(name)
+            zero = table[0, k] if axes is panels[3] else 0.0
+            curves[name.replace("patella_", "").replace("_", " ")] = table[:, k] - zero
+            axes.plot(at, held[:, k] - zero, color=color, **dots)
+        draw_named(axes, flexion, curves, label, colors=_COLORS, columns=3)
+    tension = np.asarray(one.mechanics.tension) + one.damping_N
+    draw_ligaments(panels[4], flexion, motion.moving.knee, tension)
+    away = {}
+    for bone in ("tibia", "patella"):
+        for unit in ("deg", "mm"):
+            columns = [
+                k for k, name in enumerate(names)
+                if coordinate(name).unit == unit
+                and name.startswith("patella") == (bone == "patella")
+            ]  # fmt: skip
+            away[f"{bone}, {unit}"] = np.abs(found.from_held[:, columns]).max(axis=1)
+    colors = (BLUE, GREEN, VERMILLION, PURPLE)
+    draw_named(panels[5], at, away, "From the leg that is held", colors=colors, columns=2)
+    panels[5].set_ylim(bottom=0.0)
+    for axes in panels[1:]:
+        flexion_axis(axes, flexion)
+    return figure
+
+
+#: A coordinate that moves less than this from the unloaded pose is left out, mm or degrees.
+_SMALL = 0.05
+#: Correlation from which a record does not separate two dampers.
+_ALIKE = 0.95
+#: Rows of a leg that is raised, for people.
+_ROWS = 9
+
+
+def transient_answer(
+    name: str, experiment: str, found: Transient, *, recorded: Recorded | None = None,
+    fit: FittedTransient | None = None, convention: str = FEMORAL,
+) -> Answer:
+    """A motion through time.
+
+    Args:
+        name: of the knee, with what was cut.
+        experiment: settle, drop or a test.
+        found: the motion.
+        recorded: a motion to compare with, where there is one.
+        fit: the dampers that were found from it.
+        convention: of the poses.
+
+    Returns:
+        The answer; its tables are motion, forces, energy and, of a fit, damping.
+    """
+    last = {load: size[-1] for load, size in found.sizes.items()}
+    under = f", {load_words(last)}" if any(last.values()) else ""
+    title = f"{name}: {experiment} at {found.trajectory.to_table()[0, 0]:.3g} degrees{under}"
+    moved, notes, doubts = _moved(found), [], [*_wrong(found)]
+    for load, values in ((NAMED_LOADS[x], size) for x, size in found.sizes.items()):
+        word = load.positive if values[np.argmax(np.abs(values))] >= 0 else load.negative
+        notes.append(f"{word}: {np.abs(values).max():g} {load.unit} at most")
+    if found.rest is not None:
+        notes.append(f"from the balance under the last loads: {found.from_rest_mm:.2g} mm")
+    tables, main, said = _motion_tables(found, convention), [moved], []
+    if fit is not None:
+        tables["damping"] = _damping_table(fit)
+        main.insert(0, "damping")
+        said = [tables["damping"].text()]
+        doubts += _not_found(fit)
+    exact = [*_how_exact(found)]
+    return Answer(
+        title=title,
+        asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
+        "the leg and damping.",
+        sentence=_sentence(moved, found) if fit is None else _found(fit), tables=tables, main=main,
+        drawings={"motion": Drawing(transient_figure, found, title, recorded)}, doubts=doubts,
+        sections=[*_sections(found), Section("Loads, time steps and energy", [*notes, *exact])],
+        text="\n".join([title, moved.text(), *notes, *exact, *said, *doubts]),
+        exit_status=int(any(_wrong(found)) or (fit is not None and not fit.converged)),
+    )
+
+
+def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) -> Answer:
+    """A leg that a motor raises, compared with the leg that is held at each flexion.
+
+    Args:
+        name: of the knee, with what was cut.
+        found: the leg.
+        convention: of the poses.
+
+    Returns:
+        The answer; its tables are motion, forces, energy and, of the leg that is held, extensor.
+    """
+    one, motion = found.transient, found.transient.trajectory
+    title = f"{name}: leg-raise in {one.time_s[-1]:g} s"
+    table, patella = motion.to_table(), motion.names.index("patella_flexion")
+    picked = np.unique(np.linspace(0, len(found.rows) - 1, _ROWS).round().astype(int))
+    rows = [
+        [one.time_s[row], table[row, 0], one.quadriceps["quadriceps_N"][row],
+         found.held.quadriceps_N[k], table[row, patella]]
+        for k, row in zip(picked, np.asarray(found.rows)[picked], strict=True)
+    ]  # fmt: skip
+    columns = [Column("time_s", "time, s", ".2f"), Column("flexion_deg", "flexion, deg", ".2f"),
+               Column("quadriceps_N", "quadriceps, N", ".1f"), Column("held_N", "held, N", ".1f"),
+               Column("patella_flexion_deg", "patella, deg", ".2f")]  # fmt: skip
+    raised = Table(columns, rows, note="Held: the quadriceps force that holds the leg there.")
+    sentence = "The leg was nowhere at a flexion at which it was held."
+    if np.isfinite(found.from_held).any():
+        k, column = np.unravel_index(np.nanargmax(np.abs(found.from_held)), found.from_held.shape)
+        far = coordinate(motion.names[column])
+        sentence = (
+            f"farthest from a leg that is held: {found.farthest:.2g} {far.unit}, {far.phrase}, "
+            f"at {table[found.rows[k], 0]:.1f} degrees"
+        )
+    exact, doubts = [*_how_exact(one)], [*_wrong(one)]
+    held = extensor_table(found.held, np.asarray(found.held.motion.status))
+    return Answer(
+        title=title,
+        asked=f"How a leg moves that a motor raises by shortening the quadriceps in "
+        f"{one.time_s[-1]:g} s, and how far it is from one that is held.",
+        sentence=f"{sentence[:1].upper()}{sentence[1:]}.",
+        tables=_motion_tables(one, convention) | {"extensor": held}, main=[raised],
+        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)}, doubts=doubts,
+        sections=[Section("The leg that is held", tables=["extensor"]), *_sections(one),
+                  Section("Time steps and energy", exact)],
+        text="\n".join([title, raised.text(), sentence, *exact, *doubts]),
+    )  # fmt: skip
+
+
+def _sections(found: Transient) -> list[Section]:
+    knee = found.trajectory.moving.knee
+    peaks = peak_table(knee, found.mechanics, found.time_s, "at time, s")
+    return [Section("Largest forces", tables=[peaks])]
+
+
+def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
+    """Poses, rates and loads; forces; energies: motion.csv, forces.csv and energy.csv."""
+    motion, more = found.trajectory, {**found.sizes, **found.quadriceps}
+    table = motion.to_table()
+    poses = convert_table(table[:, :6], FEMORAL, convention)
+    loads = np.stack(list(more.values()), 1) if more else np.zeros((len(poses), 0))
+    extra = [] if convention == FEMORAL else ["convention"]
+    header = ["time_s", *COLUMNS, *motion.columns[6:],
+              *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status",
+              *extra]  # fmt: skip
+    numbers = np.column_stack([found.time_s, poses, table[:, 6:], motion.rates_to_table(), loads])
+    rows = [[*row, Status(int(word)).word, *[convention] * len(extra)]
+            for row, word in zip(numbers.tolist(), np.asarray(motion.status), strict=True)]
+    knee = motion.moving.knee
+    damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
+    damping[:, : len(knee.ligaments.names)] = found.damping_N
+    kinds = ("work", "kinetic", "potential", "dissipated", "missing")
+    energies = [np.asarray(getattr(found.account, kind))[motion.rows] for kind in kinds]
+    energy_rows = np.column_stack([found.time_s, *energies]).tolist()
+    return {
+        "motion": Table([Column(name) for name in header], rows),
+        "forces": force_table(knee, found.mechanics, {"time_s": found.time_s.tolist()},
+                              damping_N=damping),
+        "energy": Table([Column("time_s"), *(Column(f"{x}_Nmm") for x in kinds)], energy_rows),
+    }
+
+
+def _moved(found: Transient) -> Table:
+    """Where each coordinate began, how far it went, and where it ended."""
+    motion, table = found.trajectory, found.trajectory.to_table()
+    rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
+    columns = [
+        Column("coordinate", " ", words=True), Column("start", show=".2f"),
+        Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"), Column("end", show=".2f"),
+    ]  # fmt: skip
+    if rest is not None:
+        columns += [Column("rest", "at rest", ".2f"), Column("overshoot", show=".2f")]
+    rows = []
+    for k, name in enumerate(motion.names[:6]):
+        values, away = table[:, k], np.abs(table[:, k] - table[0, k])
+        if not np.nanmax(away) > _SMALL:
+            continue
+        peak = int(np.nanargmax(away))
+        row = [coordinate(name).axis_label, values[0], values[peak], found.time_s[peak],
+               values[np.isfinite(values)][-1]]  # fmt: skip
+        rows.append(row if rest is None else [*row, rest[k], found.overshoot[name]])
+    note = "" if rest is None else "At rest: the balance under the last loads."
+    return Table(columns, rows, note=note)
+
+
+def _sentence(moved: Table, found: Transient) -> str:
+    if not moved.rows:
+        return "The knee does not move."
+    far = max(moved.rows, key=lambda row: abs(row[2] - row[1]))
+    words = f"{far[0].rpartition(',')[0]} changes most: from {far[1]:.1f} to {far[2]:.1f}"
+    words += f"{far[0].rpartition(',')[2]} at {far[3]:.2g} s"
+    if found.rest is not None:
+        words += f"; at the end the knee is {found.from_rest_mm:.2g} mm from its balance"
+    return f"{words}."
+
+
+def _how_exact(found: Transient) -> Iterator[str]:
+    """Time steps and their error; energies and what is missing of them."""
+    motion, account = found.trajectory, found.account
+    yield (
+        f"{len(motion.grid.time_s)} steps, {int(motion.grid.within().max())} at most between two "
+        f"times; error of the steps {motion.error_mm:.1g} mm"
+    )
+    ends = []
+    for kind in ("work", "kinetic", "potential", "dissipated"):
+        values = np.asarray(getattr(account, kind))
+        known = values[np.isfinite(values)]
+        ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")
+    yield (
+        f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
+        "what changed hands"
+    )
+
+
+def _wrong(found: Transient) -> Iterator[str]:
+    if not found.account.closes:
+        yield "the account of energy does not close: ask for a smaller --error-mm"
+    motion = found.trajectory
+    if motion.ended is not Status.BALANCED:
+        yield f"the motion ends at {motion.ended_s:.4g} s: {motion.ended.sentence}"
+
+
+def _damping_table(fit: FittedTransient) -> Table:
+    """Dampers with their 95 % limits, six digits, damping.csv."""
+    rows = [[name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
+            for name, *sizes in zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)]
+    heads = [Column("name", "damper", words=True), Column("value"),
+             Column("lower_95", "95 % from"), Column("upper_95", "to")]  # fmt: skip
+    left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
+    return Table(heads, rows, "Dampers", f"Left of the record, root of the mean square: {left}.")
+
+
+def _found(fit: FittedTransient) -> str:
+    values = zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)
+    return "; ".join(
+        f"{name} is {value:.3g} "
+        + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
+        for name, value, low, high in values
+    ) + "."  # fmt: skip
+
+
+def _not_found(fit: FittedTransient) -> Iterator[str]:
+    """What the record leaves open."""
+    for name, lower in zip(fit.names, fit.lower, strict=True):
+        if lower < 0.0:
+            yield f"{name}: the limits include zero; the record does not determine it"
+    together = np.nan_to_num(fit.uncertainty.correlation)
+    for i, first in enumerate(fit.names):
+        for j in range(i):
+            if abs(together[i, j]) > _ALIKE:
+                yield (
+                    f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
+                    "this record does not separate them"
+                )
+    if not fit.converged:
+        yield f"the search was given up after {fit.evaluations} evaluations"

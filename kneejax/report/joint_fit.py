@@ -1,0 +1,266 @@
+"""A moving axis and a hinge that were fitted to poses, as an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.inference import versions
+from kneejax.joints import CondyleAxes, Joint, JointFit
+from kneejax.report.look.colours import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    LIGHT,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILLION,
+)
+from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, columns_of, wrapped
+from kneejax.report.panels import coordinate_panels, grid, part_legend
+from kneejax.report.pose_tables import pose_columns
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+_MOST_POINTS = 4000
+_MARGIN_MM = 30.0
+#: Ends of the moving axis, and the hinge's.
+_EXTENSION, _FLEXION, _HINGE = VERMILLION, BLUE, GREEN
+_SHADES = {"extension": ORANGE, "flexion": SKY}
+_CURVES = (VERMILLION, GREEN, PURPLE, BLUE)
+# Coordinates seen along the lateral, the anterior and the superior direction.
+_VIEWS = (("from the side", 0, 1, "anterior, mm", "superior, mm"),
+          ("from behind", 2, 1, "lateral, mm", "superior, mm"),
+          ("from above", 2, 0, "lateral, mm", "anterior, mm"))  # fmt: skip
+
+
+@styled
+def joint_axes_figure(
+    moving: Joint, hinge: Joint | None = None, points: ArrayLike | None = None,
+    axes: CondyleAxes | None = None,
+) -> Figure:
+    """The axes of a joint in the femur, seen from three sides."""
+    cloud = None if points is None else np.asarray(points, float)
+    low, high = _window(moving, hinge, cloud)
+    span = high - low
+    widths = [span[across] for _, across, *_ in _VIEWS]
+    tallest = max(span[up] for _, _, up, *_ in _VIEWS)
+    height = 1.1 + (WIDTH - 1.5) * tallest / sum(widths)
+    figure, (panels,) = grid(1, 3, height, constrained=True, width_ratios=widths)
+    handles: dict[str, object] = {}
+    for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
+        panel.set_title(title)
+        if cloud is not None:
+            _cloud(panel, cloud, axes, across, up, handles)
+        if axes is not None and across == 0:
+            _circles(panel, axes)
+        _axis(panel, moving, across, up, handles)
+        if hinge is not None:
+            line = np.asarray(hinge.femoral[0])
+            style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
+            (handles["hinge"],) = panel.plot(line[:, across], line[:, up], **style, markersize=3.5)
+        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N")
+        panel.set_xlim(low[across], high[across])
+        panel.set_ylim(low[up], high[up])
+    figure.legend(
+        list(handles.values()), list(handles), loc="outside lower center",
+        ncols=3 if len(handles) in (3, 5, 6) else 4, markerscale=1.0,
+    )  # fmt: skip
+    return figure
+
+
+@styled
+def joint_motion_figure(
+    joints: Mapping[str, Joint], measured: ArrayLike, rows: ArrayLike, flexion_deg: ArrayLike,
+    label: str = "measured",
+) -> Figure:
+    """The five coordinates of joints over flexion, beside measured poses."""
+    measured, flexion = np.asarray(measured, float), np.asarray(flexion_deg, float)
+    figure, panels, words = coordinate_panels(flexion)
+    handles: dict[str, object] = {}
+    angle, label = np.deg2rad(flexion), verbatim(label)
+    tables = {name: np.asarray(joint.pose(angle).to_table()) for name, joint in joints.items()}
+    small = {"markersize": 2.6, "markeredgewidth": 0, "alpha": 0.55, "linestyle": "none"}
+    used = measured[np.asarray(rows, int)]
+    ends = np.rad2deg(np.asarray(next(iter(joints.values())).flexion))[[0, -1]]
+    for name, panel in panels.items():
+        i = list(COORDINATES).index(name)
+        (handles[label],) = panel.plot(measured[:, 0], measured[:, i], "o", color=GREY, **small)
+        for color, (joint, table) in zip(_CURVES, tables.items(), strict=False):
+            dashes = "-" if color == _CURVES[0] else "--"
+            (handles[joint],) = panel.plot(flexion, table[:, i], color=color, linestyle=dashes)
+        (handles["calibration poses"],) = panel.plot(
+            used[:, 0], used[:, i], "o", markersize=5, markerfacecolor="none", color=BLACK
+        )
+        for low, high in ((flexion[0], ends[0]), (ends[1], flexion[-1])):
+            if low < high:
+                fixed = panel.axvspan(low, high, color=LIGHT, alpha=0.6, linewidth=0, zorder=0)
+                handles["outside: the axis stays"] = fixed
+        panel.set_title(COORDINATES[name].axis_label)
+    part_legend(words, handles, (0.0, 0.86), fontsize=8)
+    return figure
+
+
+def _window(moving: Joint, hinge: Joint | None, cloud: np.ndarray | None):
+    """What is shown: all axis points, and of the femur what lies near them."""
+    shown = np.asarray(moving.femoral).reshape(-1, 3)
+    if hinge is not None:
+        shown = np.concatenate([shown, np.asarray(hinge.femoral).reshape(-1, 3)])
+    low, high = shown.min(axis=0) - 8.0, shown.max(axis=0) + 8.0
+    if cloud is not None:
+        near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(1)]
+        if len(near):
+            low = np.minimum(low, near.min(axis=0) - 3.0)
+            high = np.maximum(high, near.max(axis=0) + 3.0)
+    return low, high
+
+
+def _cloud(panel: Axes, cloud, axes: CondyleAxes | None, across, up, handles) -> None:
+    some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
+    style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
+    panel.plot(some[:, across], some[:, up], color="#C9CDD2", markersize=1.1, **style)
+    for facet in axes.facets if axes is not None else ():
+        part = cloud[facet.rows]
+        panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
+                   alpha=0.6, **style)  # fmt: skip
+        label = f"{facet.name} facets"
+        if label not in handles:
+            (handles[label],) = panel.plot([], [], "o", color=_SHADES[facet.name], markersize=4)
+
+
+def _circles(panel: Axes, axes: CondyleAxes) -> None:
+    """Cylinders seen along the transverse axis: medial solid, lateral dashed."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 181)
+    for facet in axes.facets:
+        c, r = facet.center, facet.cylinder.radius
+        color = _EXTENSION if facet.name == "extension" else _FLEXION
+        dashes = "-" if facet.side == "medial" else ":"
+        style = {"color": color, "linewidth": 0.6, "linestyle": dashes, "alpha": 0.8}
+        panel.plot(c[0] + r * np.cos(turn), c[1] + r * np.sin(turn), **style)
+
+
+def _axis(panel: Axes, moving: Joint, across: int, up: int, handles: dict) -> None:
+    degrees = np.rad2deg(np.asarray(moving.flexion))
+    lines = np.asarray(moving.femoral)
+    angles = np.deg2rad(np.linspace(degrees[0], degrees[-1], 31))
+    between = np.asarray(moving.axis_points(angles)[0])
+    for side in range(2):
+        panel.plot(between[side, across], between[side, up], color=BLACK, linewidth=0.8)
+    for i in range(1, len(lines) - 1):
+        panel.plot(lines[i, :, across], lines[i, :, up], color=GREY, linewidth=0.7, marker=".")
+    ends = ((0, _EXTENSION), (len(lines) - 1, _FLEXION)) if len(lines) > 1 else ((0, _EXTENSION),)
+    for i, color in ends:
+        (handles[f"axis at {degrees[i]:.0f} degrees"],) = panel.plot(
+            lines[i, :, across], lines[i, :, up], color=color, marker="o", markersize=3.5
+        )
+
+
+#: Columns of facets.csv; those that people read with heading and digits.
+_FACETS = ("side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm",
+           "center_superior_mm", "center_lateral_mm", "center_error_mm", "direction_anterior",
+           "direction_superior", "direction_lateral", "direction_error_deg", "own_direction")
+_SHOWN = {"side": (), "facet": (), "points": ("", "d"), "radius_mm": ("radius, mm", ".1f"),
+          "rms_mm": ("rms, mm", ".2f"), "center_error_mm": ("centre known to, mm", ".2f"),
+          "own_direction": ()}  # fmt: skip
+
+
+def joint_fit_answer(
+    fit: JointFit, name: str, table: np.ndarray, flexion: np.ndarray, *,
+    status: Sequence[Status] = (), hinge: str = "", facets: CondyleAxes | None = None,
+    regions: str = "", surface: np.ndarray | None = None, doubts: Sequence[str] = (),
+    document: Mapping[str, Any] | None = None,
+) -> Answer:
+    """What simple joints keep of a motion, and what they lose.
+
+    Args:
+        fit: the joints.
+        name: of the poses.
+        table: the poses, degrees and mm, `(n, 6)`; NaN where a contact knee has none.
+        flexion: where the joints' motion is written, degrees.
+        status: of each pose, where they are those of a contact knee.
+        hinge: what the hinge's axis goes through, in words.
+        facets: of the femur, if there are any.
+        regions: how they were chosen, in words.
+        surface: points of the femur, `(n, 3)`, mm.
+        doubts: on poses and facets.
+        document: what result.json says of the input.
+
+    Returns:
+        The answer; its tables are poses, hinge_poses, knee_poses of a contact knee, and facets.
+    """
+    kind = "moving axis" if len(fit.rows) == 2 else f"axis through {len(fit.rows)} poses"
+    angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
+    moved = fit.moving, fit.hinge
+    tables = {
+        file: Table(pose_columns(), np.asarray(joint.pose(np.deg2rad(flexion)).to_table()).tolist())
+        for joint, file in zip(moved, ("poses", "hinge_poses"), strict=True)
+    }
+    known = table[np.isfinite(table).all(axis=1), 0]
+    over = f"{len(known)} measured poses"
+    if status:
+        columns = [*pose_columns(), Column("status", words=True)]
+        rows = [[*row, one.word] for row, one in zip(table.tolist(), status, strict=True)]
+        tables["knee_poses"] = Table(columns, rows)
+        over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
+        over += f"{known.min():g} to {known.max():g} degrees"
+    errors = Table(
+        [Column("joint", " ", words=True), *_error_columns()],
+        [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
+        f"RMSE over {over}, degrees and mm:",
+    )
+    said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees",
+            f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees"]  # fmt: skip
+    text, sections = list(said), [Section("The joints", [f"{x}." for x in said])]
+    if facets is not None:
+        tables["facets"] = _facet_table(facets)
+        text += [f"facets: {regions}", tables["facets"].terminal()]
+        sections.append(Section("Facets of the condyles", [regions], ["facets"]))
+    dense = np.linspace(flexion.min(), flexion.max(), 241)
+    sections.insert(0, Section("Axes in the femur", drawings=["axes"]))
+    text += [errors.text(), *(line for one in doubts for line in wrapped(one, "! "))]
+    worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
+    rmse = {joint: dict(zip(FREE_COORDINATES, row, strict=True))
+            for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)}  # fmt: skip
+    return Answer(
+        title=f"Simple joints of {name if status else 'measured poses'}",
+        asked=f"How closely a {kind} and a hinge follow {over}.",
+        sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
+        f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
+        f"{worst[1, 1]:.2f} mm.",
+        tables=tables, main=[errors],
+        drawings={
+            "axes": Drawing(joint_axes_figure, fit.moving, fit.hinge, surface, facets),
+            "motion": Drawing(joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table,
+                              fit.rows, dense, name),
+        },
+        picture="motion", doubts=doubts, sections=sections, text="\n".join(text),
+        document={**(document or {}), "calibration_flexion_deg": fit.poses[:, 0].tolist(),
+                  "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
+                  "doubts": [*doubts], "versions": versions()},
+    )  # fmt: skip
+
+
+def _error_columns() -> list[Column]:
+    heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
+    units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
+    pairs = zip(FREE_COORDINATES, heads, units, strict=True)
+    return [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
+
+
+def _facet_table(axes: CondyleAxes) -> Table:
+    rows = [
+        [f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
+         f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg, f.turned]
+        for f in axes.facets
+    ]  # fmt: skip
+    note = "Without a direction of its own a facet has that of the transverse axis."
+    return Table(columns_of(_FACETS, _SHOWN, ("side", "facet")), rows, note=note)

@@ -1,0 +1,179 @@
+"""Knees made from an OpenSim model or from meshes: what was read and how well surfaces fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import Condyle
+from kneejax.report.look.colours import GREY
+from kneejax.report.look.page import Answer, Drawing, Section, prose
+from kneejax.report.look.style import Figure, styled
+from kneejax.report.look.tables import Column, Table, columns_of
+from kneejax.report.panels import grid
+
+if TYPE_CHECKING:
+    from kneejax.geometry import SurfaceFit
+
+
+
+@styled
+def surface_fit_figure(
+    fits: Mapping[str, SurfaceFit], regions: Mapping[str, np.ndarray] | None = None
+) -> Figure:
+    """Residual of surface fits at the points that were fitted.
+
+    Condyles are unrolled: angle from anterior over width. Plateaus are seen from above, a patella
+    from the front.
+
+    Args:
+        fits: title -> fit; one panel each.
+        regions: title -> mask of the fit's points in the contact region. Titles state the
+            residual there, points elsewhere are drawn faintly. Everywhere by default.
+
+    Returns:
+        The figure, on one scale of colours that ends at the largest 98th percentile of a panel.
+        Points beyond it are ringed; the largest residual stands in the title.
+    """
+    inside = {
+        title: np.ones(len(fit.points), bool) if (regions or {}).get(title) is None
+        else np.asarray((regions or {})[title], bool)
+        for title, fit in fits.items()
+    }  # fmt: skip
+    ends = [np.quantile(np.abs(fit.residual[inside[title]]), 0.98) for title, fit in fits.items()]
+    limit = float(max(ends, default=0.0)) or 1.0
+    columns = min(len(fits), 2)
+    rows = -(-len(fits) // columns)
+    figure, panels = grid(rows, columns, 3.2 * rows, width=3.6 * columns, constrained=True)
+    for axes in panels.flat[len(fits) :]:
+        axes.remove()
+    for axes, (title, fit) in zip(panels.flat, fits.items(), strict=False):
+        dots = _draw(axes, title, fit, inside[title], limit)
+    bar = figure.colorbar(dots, ax=figure.axes, shrink=0.6, aspect=30, extend="both")
+    bar.set_label("distance outside the fit, mm (ringed: beyond the scale)")
+    return figure
+
+
+def _draw(axes, title: str, fit: SurfaceFit, here: np.ndarray, limit: float):
+    residual, weights = fit.residual[here], fit.weights[here]
+    across, along = _flat(fit)
+    colours = {"cmap": "RdBu_r", "vmin": -limit, "vmax": limit, "linewidths": 0}
+    if not here.all():
+        axes.scatter(across[~here], along[~here], c=GREY, s=1.5, alpha=0.35, linewidths=0)
+    # Thousands of points are one picture inside the SVG, which keeps the file small.
+    dots = axes.scatter(across[here], along[here], c=residual, s=4, rasterized=len(residual) > 2000,
+                        **colours)  # fmt: skip
+    far = np.abs(residual) > limit
+    axes.scatter(across[here][far], along[here][far], c=residual[far], s=14,
+                 **{**colours, "linewidths": 0.5}, edgecolors="black")  # fmt: skip
+    rms = float(np.sqrt(np.average(residual**2, weights=weights)))
+    digits = 3 if rms < 0.1 else 2
+    largest = float(np.abs(residual).max())
+    axes.set_title(f"{title}\n{rms:.{digits}f} mm rms, {largest:.2f} mm at most")
+    axes.grid(False)
+    if isinstance(fit.surface, Condyle):
+        axes.set_xlabel("along the axis, mm")
+        axes.set_ylabel("angle from anterior, degrees")
+        axes.invert_yaxis()  # anterior is up, as on a plateau
+    else:
+        axes.set_xlabel("lateral, mm")
+        axes.set_ylabel(("anterior, mm", "superior, mm")[_upwards(fit.surface)])
+        axes.set_aspect("equal")
+    return dots
+
+
+def _flat(fit: SurfaceFit) -> tuple[np.ndarray, np.ndarray]:
+    if not isinstance(fit.surface, Condyle):
+        return fit.points[:, 2], fit.points[:, _upwards(fit.surface)]
+    local = fit.surface.frame.placement.apply_inverse(tuple(fit.points.T))
+    x, y, z = (np.broadcast_to(np.asarray(c), len(fit.points)) for c in local)
+    return z, np.rad2deg(0.5 * np.pi - np.arctan2(x, -y))
+
+
+def _upwards(surface) -> int:
+    """Axis of the bone, 0 anterior or 1 superior, that a plateau's own X is nearest to."""
+    along = surface.frame.placement.turn((1.0, 0.0, 0.0))
+    return int(abs(float(along[1])) > abs(float(along[0])))
+
+
+#: Columns of fit_report.csv; headings and digits of those that people read.
+_FITS = ("surface", "cells_along", "cells_across", "smoothing_mm", "points_in_region", "rms_mm",
+         "max_mm", "mean_mm", "patch_mean_rms_mm", "patch_mean_max_mm", "whole_rms_mm",
+         "held_out_rms_mm")  # fmt: skip
+_SHOWN = {"surface": (), "rms_mm": ("rms, mm", ".3f"), "max_mm": ("at most, mm", ".3f"),
+          "patch_mean_max_mm": ("worst patch, mm", ".3f"),
+          "held_out_rms_mm": ("held out, mm", ".3f")}  # fmt: skip
+_MISSED = "doubtful: a surface misses its target; the report says which"
+
+
+def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtful: bool) -> Answer:
+    """Contacts from meshes of cartilage.
+
+    Args:
+        fits: surface -> its fit, region and quality (`kneejax.files.MeshImport.fits`).
+        findings: sentences on what was found.
+        doubtful: whether a surface misses its target.
+
+    Returns:
+        The answer; its table is fit_report.
+    """
+    rows = []
+    for name, part in fits.items():
+        q = part.quality
+        rows.append([name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms,
+                     q.maximum, q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms,
+                     q.held_out_rms])
+    columns = columns_of(_FITS, _SHOWN, ("surface",))
+    fits_table = Table(columns, rows, "What the fits leave over, mm", prose("fit_report"))
+    worst = max(rows, key=lambda row: row[5])
+    return Answer(
+        title="Surfaces from meshes",
+        asked=f"How closely smooth surfaces follow {len(rows)} surfaces of cartilage.",
+        sentence=f"The worst, {worst[0]}, is {worst[5]:.3f} mm rms off its mesh in the contact "
+        f"region and {worst[6]:.2f} mm at most.",
+        tables={"fit_report": fits_table}, main=["fit_report"],
+        drawings={
+            "surface_fits": Drawing(surface_fit_figure,
+                                    {name: part.fit for name, part in fits.items()},
+                                    {name: part.region for name, part in fits.items()}),
+        },
+        doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
+        text="\n".join([*findings, *[_MISSED] * doubtful]),
+    )
+
+
+def osim_import_answer(
+    name: str, said: Sequence[str], sections: Mapping[str, Sequence[str]],
+    ligaments: Mapping[str, Mapping[str, Any]], doubts: Sequence[str], *, missed: bool = False,
+) -> Answer:
+    """A knee from an OpenSim model.
+
+    Args:
+        name: of the model.
+        said: sentences for the terminal: what was taken as what, how much was read.
+        sections: of the import report: title -> sentences.
+        ligaments: of the knee file: fibre -> entry.
+        doubts: what is not supported or was left out though it acts on the knee.
+        missed: whether a surface misses its target.
+    """
+    columns = [Column("fibre", words=True), Column("points", show=str),
+               Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
+               Column("slack_length_mm", "slack length, mm"),
+               Column("transition_strain", "transition")]  # fmt: skip
+    rows = [
+        [fibre, 2 + len(x.get("via_points", ())), x.get("wrap", ""), x["stiffness_N"],
+         x["slack_length_mm"], x["transition_strain"]]
+        for fibre, x in ligaments.items()
+    ]  # fmt: skip
+    missing = [_MISSED] * (missed and not doubts)
+    return Answer(
+        title=f"Import of {name}",
+        asked="What of an OpenSim model became a knee, what was left out, and what was not read.",
+        sentence=" ".join(f"{x}." for x in said[:2]), main=[Table(columns, rows, "Ligaments read")],
+        doubts=[*doubts, *missing],
+        sections=[Section(title, [*text] or ["None."]) for title, text in sections.items()
+                  if title != "Not supported"],
+        text="\n".join([*said, *(f"doubtful: {x}" for x in doubts), *missing]),
+    )  # fmt: skip

@@ -1,0 +1,220 @@
+"""A knee in words and tables for a terminal, in plain ASCII."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import numpy as np
+
+from kneejax.geometry import COLUMNS, CUBIC_SPLINE
+from kneejax.mechanics import Contact, Knee, Ligaments, Support
+from kneejax.report.look.page import prose
+from kneejax.report.look.tables import aligned, trimmed, wrapped
+
+#: More fibres than this are gathered by their groups.
+MOST_ROWS = 15
+_FIXED_SPACE = "\u00a0"  # where no line is broken
+_SIZES = {"radius_mm": "radius", "length_mm": "length", "semi_axes_mm": "semi-axes"}
+
+
+def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False) -> str:
+    """Describe a knee: ligaments, wrap objects, contacts, lines, loads, what was adapted, notes.
+
+    Args:
+        knee: what the file gave.
+        document: the file's content, for what a knee does not hold: names and fits.
+        every_fibre: a row for each fibre, with its length and strain at the reference pose, also
+            where many fibres would be gathered and where ways around obstacles must be found.
+
+    Returns:
+        Lines without a final line break, of fewer than 100 columns but for long names.
+
+    Example:
+        >>> import kneejax as kj
+        >>> file = kj.files.load_knee_file("four_ligament")
+        >>> print(knee_text(file.knee, file.document).splitlines()[0])
+        four_ligament (right knee)
+    """
+    pose = np.asarray(knee.reference_pose.to_table())
+    words = ", ".join(f"{c} {value:g}" for c, value in zip(COLUMNS, pose, strict=True))
+    lines = [f"{knee.name} ({knee.side} knee)"]
+    lines += wrapped(_one_line(document["description"]), "  ")
+    lines += wrapped(f"reference pose: {words}", "  ")
+    lines.append("  frames: X anterior, Y superior, Z lateral; tibia in femur; mm, N, MPa")
+    lines += ["", *_ligaments(knee, document["ligaments"], every_fibre)]
+    lines += _wraps(document)
+    for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
+        lines += ["", *_contact(name, contact, document["contacts"][name])]
+    for bone, surface in document.get("surfaces", {}).items():
+        lines += ["", f"Surface of the {bone}, not in contact: {_surface(surface)}"]
+    if "patella" in document:
+        lines += ["", *_patella(document["patella"])]
+    lines += [""] * bool(knee.lines or knee.loads)
+    for line in knee.lines:
+        lines.append(f"Line {line.name}: {float(line.tension):g} N")
+    for load in knee.loads:
+        if isinstance(load, Support):
+            lines.append(f"Support of {load.coordinate}: {float(load.size):g} N or N mm")
+            continue
+        force = " ".join(f"{x:g}" for x in np.asarray(load.force))
+        lines.append(f"Load {load.name}: {force} N in {load.axes} axes")
+    for change in document.get("adaptations", ()):
+        lines += ["", f"Adapted {change['field']}"]
+        for key in ("from", "to", "reason"):
+            lines += wrapped(_one_line(change[key]), f"  {key}: ")
+    if "notes" in document:
+        lines += ["", "Notes", *wrapped(_one_line(document["notes"]), "  ")]
+    return "\n".join(lines)
+
+
+def _patella(section: Mapping[str, Any]) -> list[str]:
+    """What stands in a knee file for where the patella is asked for."""
+    if "same_as" in section:
+        return [f"Patella: that of {section['same_as']}; acts where the quadriceps pulls"]
+    heads = {n: x for n, x in section["muscles"].items() if x["insertion_bone"] == "patella"}
+    others = [name for name in section["muscles"] if name not in heads]
+    rest = sum(part["tension_N"] for part in heads.values())
+    lines = ["Patella: acts where the quadriceps pulls"]
+    lines += wrapped(f"ligaments: {', '.join(section['ligaments'])}", "  ")
+    lines += wrapped(f"contact: {', '.join(section['contacts']) or 'none'}", "  ")
+    lines += wrapped(f"quadriceps: {', '.join(heads)}; {rest:.2f} N at rest", "  ")
+    return lines + wrapped(f"other muscles: {', '.join(others)}", "  ") if others else lines
+
+
+def _one_line(text: Any) -> str:
+    return " ".join(str(text).split())
+
+
+def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[str]:
+    ligaments = knee.ligaments
+    names = ligaments.names
+    if not names:
+        return ["No ligaments"]
+    length = _lengths(knee, every_fibre)
+    slack, stiffness = np.asarray(ligaments.slack_length), np.asarray(ligaments.stiffness)
+    strain = length / slack - 1.0
+    gathered = len(names) > MOST_ROWS and not every_fibre
+    bundles = _bundles(knee) if gathered else {name: [i] for i, name in enumerate(names)}
+    gathered = gathered and len(bundles) < len(names)
+    table = [["ligament", "stiffness_N", "slack_length_mm", "reference_strain", "way"]]
+    table[0].insert(1 if gathered else 2, "fibres" if gathered else "reference_length_mm")
+    for name, rows in bundles.items():
+        row = [name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
+               _range(strain[rows], 2 if gathered else 4), _ways([parts[names[i]] for i in rows])]
+        if gathered:
+            row.insert(1, str(len(rows)))
+        else:
+            row.insert(2, _range(length[rows], 3))
+        table.append(row)
+    head = f"Ligaments: {len(names)} fibres"
+    head += f" in {len(bundles)} bundles; their stiffnesses are sums" if gathered else ""
+    lines = [head, *(f"  {line}" for line in aligned(table, (0, len(table[0]) - 1)))]
+    if np.isnan(strain).any():
+        lines.append("  -: not straight; `kneejax describe KNEE --fibres` finds the way")
+    return lines + _groups(knee, bundles)
+
+
+def _lengths(knee: Knee, every_fibre: bool) -> np.ndarray:
+    """At the reference pose; NaN for fibres that are not straight, unless those are asked for."""
+    ligaments, place = knee.ligaments, knee.at_reference
+    if every_fibre and ligaments.courses:
+        return np.array(jax.jit(Ligaments.length)(ligaments, place))
+    straight = eqx.tree_at(lambda x: x.courses, ligaments, ())
+    length = np.array(straight.length(place))
+    bent = [row for course in ligaments.courses for row in course.rows]
+    length[bent] = np.nan
+    return length
+
+
+def _bundles(knee: Knee) -> dict[str, list[int]]:
+    """First group that has a fibre -> rows of its fibres; a fibre without group is its own."""
+    first = {fibre: name for name, fibres in reversed(knee.groups) for fibre in fibres}
+    answer: dict[str, list[int]] = {}
+    for row, name in enumerate(knee.ligaments.names):
+        answer.setdefault(first.get(name, name), []).append(row)
+    return answer
+
+
+def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
+    """Groups that are no row of the table, as bundles together where they are that."""
+    names = knee.ligaments.names
+    bundles = {name: {names[row] for row in many} for name, many in _bundles(knee).items()}
+    said = []
+    for name, fibres in knee.groups:
+        if name in rows:
+            continue
+        inside = [bundle for bundle, members in bundles.items() if members <= set(fibres)]
+        together = set().union(*(bundles[bundle] for bundle in inside))
+        whole = name not in inside and together == set(fibres)
+        rows_of = [names.index(fibre) for fibre in fibres]
+        total = np.asarray(knee.ligaments.stiffness)[rows_of].sum()
+        said.append(
+            f"{name} = {' + '.join(inside if whole else fibres)}, {total:.0f}{_FIXED_SPACE}N"
+        )
+    lines = wrapped("; ".join(said), "  groups: ") if said else []
+    lines = [line.replace(_FIXED_SPACE, " ") for line in lines]
+    return lines + (wrapped(prose("groups"), "  ") if knee.groups else [])
+
+
+def _ways(parts: Sequence[Mapping[str, Any]]) -> str:
+    """Over which points and around which obstacles fibres run."""
+    every = []
+    for part in parts:
+        via = len(part.get("via_points", ()))
+        words = [f"via {via} point{'s' * (via > 1)}"] * bool(via)
+        every.append(", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])]))
+    counts = {way: every.count(way) for way in dict.fromkeys(every) if way}
+    return "; ".join(way if count == len(every) else f"{way} ({count} of {len(every)})"
+                     for way, count in counts.items())  # fmt: skip
+
+
+def _range(values: np.ndarray, decimals: int) -> str:
+    if not np.isfinite(values).all():
+        return "-"
+    ends = (round(float(x), decimals) + 0.0 for x in (values.min(), values.max()))
+    low, high = (f"{end:.{decimals}f}" for end in ends)
+    return low if low == high else f"{low} to {high}"
+
+
+def _wraps(document: Mapping[str, Any]) -> list[str]:
+    lines = []
+    users = [part.get("wrap") for part in document["ligaments"].values()]
+    for name, wrap in document.get("wraps", {}).items():
+        sizes = [f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
+                 for field, word in _SIZES.items() if field in wrap]  # fmt: skip
+        kind = f"{wrap['kind']} on the {wrap['bone']}"
+        lines.append(f"  {name}: {kind}, {', '.join(sizes)}, for {users.count(name)} fibres")
+    return ["", "Wrap objects", *lines] if lines else []
+
+
+def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[str]:
+    form = contact.form.replace("_", " ")
+    if "points" in document:
+        form += f" over {' x '.join(str(n) for n in document['points'])} points"
+    thickness = f"{float(contact.layer_thickness):g} mm"
+    if contact.layer_variation is not None:
+        thickness += " and a field"
+    lines = [
+        f"Contact {name}: {form}, {contact.law} law",
+        f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
+        f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}",
+    ]
+    for side in ("femoral_surface", "tibial_surface"):
+        lines.append(f"  {side.replace('_', ' ')}: {_surface(document[side])}")
+    return lines
+
+
+def _surface(surface: Mapping[str, Any]) -> str:
+    said = surface["kind"]
+    if "coefficients_mm" in surface:
+        m, n = np.shape(surface["coefficients_mm"])
+        said += f", polynomial of degree {m - 1} x {n - 1}"
+        if surface.get("basis") == CUBIC_SPLINE:
+            said = f"{surface['kind']}, cubic spline of {m} x {n} values"
+    if "fit_rms_mm" in surface:
+        said += f", fit {surface['fit_rms_mm']:.3f} mm rms, "
+        said += f"{surface['fit_max_mm']:.2f} mm at most"
+    return said

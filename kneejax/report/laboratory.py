@@ -1,0 +1,356 @@
+"""Tests under load: laxity, curves, and where a knee gives way."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+
+from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate
+from kneejax.mechanics import NAMED_LOADS, Knee, load_called
+from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION
+from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import Column, Table, text_of
+from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
+from kneejax.report.pose_tables import force_table, pose_table, verdict_of
+from kneejax.statics import Status, converged
+
+#: Flexions with a curve each; of more, evenly chosen ones are named.
+_MOST_NAMED = 8
+#: Of a displacement, by what it is counted from.
+_FROM = {"unloaded": "from the neutral pose", "intact": "from the intact knee"}
+
+
+@styled
+def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figure:
+    """Draw load against displacement, a panel for each test and a curve for each flexion."""
+    from matplotlib import colormaps
+
+    figure, panels = _panels(len(curves), 1.4)
+    for axes, one, own in zip(panels[:, 0], curves, status, strict=True):
+        test, loads = one.test, np.asarray(one.driving_load)
+        moved, held = np.asarray(one.displacement_by_load), [_ends(one.part, x) for x in own]
+        colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(moved)))
+        every, shown = max(1, -(-len(moved) // _MOST_NAMED)), {}
+        for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
+            (line,) = axes.plot(x, load, color=color)
+            shown |= {f"{test.flexion_deg[k]:g}": line} if k % every == 0 else {}
+            axes.plot(x[held[k]], load[held[k]], "x", color=VERMILLION, markersize=5, zorder=5)
+        if any(held):
+            (shown["last load held"],) = axes.plot([], [], "x", color=VERMILLION, markersize=5)
+        kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        axes.axvline(0.0, color=GREY, linewidth=0.5)
+        axes.set_title(verbatim(f"{test.name}: {test.words}"))
+        axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
+        axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+        part_legend(axes, shown, (1.02, 1.02), title="Flexion, deg", title_fontsize=8,
+                    handlelength=1.6)  # fmt: skip
+    return figure
+
+
+def _panels(count: int, right: float):
+    """Panels one below the other, with room for legends to the right."""
+    return grid(count, 1, 2.7 * count + 0.35, left=0.7, right=right, apart=(0, 0.8))
+
+
+def _ends(part: np.ndarray, status: np.ndarray) -> list[int]:
+    """Last rows, each way from the neutral pose, of a knee that still holds together."""
+    zero = int(np.argmin(np.abs(part)))
+    good = converged(status) & ~np.isin(status, [int(Status.UNSTABLE), int(Status.DISLOCATED)])
+    ends = []
+    for rows in (np.arange(zero, len(part)), np.arange(zero, -1, -1)):
+        held = good[rows]
+        if held[0] and not held.all():
+            ends.append(int(rows[np.argmin(held) - 1]))
+    return ends
+
+
+@styled
+def laxity_figure(
+    curves: Sequence[Curves], found: Sequence[Laxity], bands: Sequence[Any] = ()
+) -> Figure:
+    """Draw how far the knee gives over flexion, beside published ranges of the same load; of a test
+    by displacement, what it takes.
+    """
+    figure, panels = _panels(len(curves), 1.96)
+    for axes, one in zip(panels[:, 0], curves, strict=True):
+        _laxity_panel(axes, one, [x for x in found if x.test == one.test.name], bands)
+    return figure
+
+
+def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequence[Any]) -> None:
+    test = one.test
+    flexion = np.array([x.flexion_deg for x in rows])
+    kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
+    drawn: dict[str, Any] = {}
+    by_load = test.displacement is None
+    for band in bands if by_load and not test.held else ():
+        one_way = band.end in ("positive", "negative")
+        if one_way and band.load == test.driven_by and band.size == abs(test.size):
+            spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
+            points = axes.errorbar(band.flexion_deg, band.mean, spread, fmt="s", color=GREY,
+                                   markersize=3, elinewidth=0.8, capsize=2, zorder=1)  # fmt: skip
+            counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
+            drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
+    ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
+    words = (kind.positive, kind.negative)
+    for name, word, color in zip(ends, words, (BLUE, VERMILLION), strict=True):
+        y = np.array([getattr(x, name) for x in rows])
+        if np.isfinite(y).any():
+            (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
+    drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
+    axes.axhline(0.0, color=GREY, linewidth=0.5)
+    axes.set_title(verbatim(f"{test.name}: {test.words}"))
+    change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
+    axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
+    flexion_axis(axes, flexion)
+    part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
+
+
+def laboratory_answer(
+    name: str, knee: Knee, curves: Sequence[Curves], mechanics: Mechanics, *,
+    second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
+) -> Answer:
+    """What tests under load tell of a knee.
+
+    Args:
+        name: of the knee, with what was cut.
+        knee: that was loaded.
+        curves: one per test.
+        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
+        second: of each test, poses of a second stable balance, NaN where there is none,
+            `(flexions, loads, 6)`; none for tests that were not asked.
+        bands: published laxities (`kneejax.files.bundled_bands`), to be drawn beside.
+        convention: of the poses of the curves.
+
+    Returns:
+        The answer; its tables are curves, laxity, poses and forces.
+    """
+    status = [one.status(mechanics) for one in curves]
+    wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
+    found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
+    by_test = [(one, [x for x in found if x.test == one.test.name]) for one in curves]
+    shown = [laxity_table(one, rows) for one, rows in by_test]
+    doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
+    doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
+    heads = [f"{one.test.name}: {one.test.words}" for one in curves]
+    return Answer(
+        title=f"{', '.join(one.test.name for one in curves)} of {name}",
+        asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
+        verdict=verdict_of([x.status for x in found]),
+        sentence=" ".join(_headline(*each) for each in by_test),
+        tables={"curves": _curves_table(curves, status, wrong, convention),
+                "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
+                "poses": _poses_table(curves, status, wrong, convention),
+                "forces": _forces_table(knee, curves, mechanics)},
+        main=shown,
+        drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
+                  "curves": Drawing(load_figure, curves, status)},
+        doubts=doubts, sections=[Section("Load against displacement", drawings=["curves"])],
+        text="\n".join([name, text_of(*shown), *doubts]), exit_status=int(bool(doubts)),
+    )  # fmt: skip
+
+
+def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
+    """Laxity for people: a row for each angle, units in the headings."""
+    test, unit = curves.test, rows[0].unit
+    load, by_load = NAMED_LOADS[test.driven_by], test.displacement is None
+    ends = unit if by_load else load.unit
+    slope = f"{load.unit}/{unit}"
+    observed = COORDINATES[test.observed].phrase
+    counted = ", from the intact knee" if curves.intact is not None else ""
+    columns = [
+        Column("flexion_deg", "flexion, deg", ".1f"), Column("range", f"range, {ends}", ".2f"),
+        Column("positive", f"under {load.positive}, {ends}", ".2f"),
+        Column("negative", f"under {load.negative}, {ends}", ".2f"),
+        Column("neutral", f"neutral, {unit}", ".2f"),
+        Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
+        Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True),
+    ]
+    cells = []
+    for x in rows:
+        moved = (x.range, x.positive, x.negative)
+        held = (_span(x), x.held_positive, x.held_negative)
+        cells.append(
+            [x.flexion_deg, *(moved if by_load else held), x.neutral, x.stiffness_start,
+             x.stiffness_end, "; ".join(_not_held(test, x)) or x.status.word]
+        )  # fmt: skip
+    note = f"Change of {observed} along the load's own axes{counted}, {unit}."
+    if not by_load:
+        note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
+    return Table(columns, cells, f"{test.name}: {test.words}", note)
+
+
+def _span(x: Laxity) -> float:
+    """Between the forces at both ends of a displacement, or the one of a test one way."""
+    known = [force for force in (x.held_positive, x.held_negative) if np.isfinite(force)]
+    return max(known) - min(known) if len(known) == 2 else abs(known[0]) if known else np.nan
+
+
+def _not_held(test, x: Laxity) -> Iterator[str]:
+    """Each way in which the knee did not hold the full load."""
+    if test.displacement is not None:
+        return
+    load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
+    ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
+    for held, full, word in (
+        (x.held_negative, ends[0], load.negative), (x.held_positive, ends[1], load.positive),
+    ):
+        if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
+            part = f"{abs(held):.3g} of {abs(full):.3g} {load.unit}"
+            yield f"beyond {part} of {word}: {x.status.word}"
+
+
+def _angles(curves: Sequence[Curves]) -> str:
+    return ", ".join(f"{x:g}" for x in dict.fromkeys(a for c in curves for a in c.test.flexion_deg))
+
+
+def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
+    """How far the knee gives, and at how many angles something is doubtful."""
+    held = [x for x in rows if x.status == Status.BALANCED]
+    if not held:
+        return f"{one.test.name.capitalize()}: no angle without a doubt."
+    by_load = one.test.displacement is None
+    unit = held[0].unit if by_load else NAMED_LOADS[one.test.driven_by].unit
+    known = [(x.range if by_load else _span(x), x) for x in held]
+    (low, at_low), (high, at_high) = (f(known, key=lambda pair: pair[0]) for f in (min, max))
+    lost = len(rows) - len(held)
+    said = f"{one.test.name.capitalize()}: {high:.3g} {unit} at {at_high.flexion_deg:g} degrees"
+    if len(known) > 1:
+        said += f", the most, and {low:.3g} {unit} at {at_low.flexion_deg:g}, the least"
+    return said + (f"; {lost} of {len(rows)} angles in doubt." if lost else ".")
+
+
+def _curves_table(curves, status, wrong, convention: str) -> Table:
+    """A row for each step of the loads of each test."""
+    columns = [
+        name
+        for name in NAMED_LOADS
+        if any(name in {**x.test.full, **x.test.constant, x.test.driven_by: 0} for x in curves)
+    ]
+    held = {f"held_{_load_column(load_called(name) or name)}": name
+            for x in curves for name in x.test.held}  # fmt: skip
+    seen = list(dict.fromkeys(x.test.observed for x in curves))
+    extra = [] if convention == FEMORAL else ["convention"]
+    header = ["test", "flexion_deg", "step", *map(_load_column, columns), *held, *COLUMNS[1:],
+              *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
+              "converged", "stable", "status", "doubt", *extra]  # fmt: skip
+    rows = []
+    for one, own, said in zip(curves, status, wrong, strict=True):
+        poses = convert_table(_femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+        poses = poses.reshape(*one.nodes.shape, -1)
+        loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
+        turning = [np.asarray(one.motion.reaction(x))[one.nodes] / 1000.0 for x in held.values()]
+        stable, moved = np.asarray(one.motion.stable)[one.nodes], np.asarray(one.displacement)
+        for i, flexion in enumerate(one.test.flexion_deg):
+            for step, k in enumerate(one.steps):
+                outcome = Status(int(own[i, k]))
+                rows.append([one.test.name, flexion, step, *loads[i, step],
+                             *(x[i, k] for x in turning), *poses[i, k, 1:],
+                             *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
+                             one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
+                             said[i][k], *[convention] * len(extra)])
+    return Table([Column(name) for name in header], rows)
+
+
+def _load_column(name: str) -> str:
+    """`anterior_N` -> `anterior_force_N`, `varus_Nm` -> `varus_moment_Nm`."""
+    word, unit = name.rsplit("_", 1)
+    if word == "compression":
+        return name
+    return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
+
+
+def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:
+    """Of ligaments, then of contacts, at each step of the loads."""
+    steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
+             for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
+    *keys, rows = zip(*steps, strict=True)
+    of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
+    names = ("test", "flexion_deg", "step")
+    return force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
+
+
+def _poses_table(curves, status, wrong, convention: str) -> Table:
+    """A row for each different load of each flexion, by its size."""
+    rows = np.concatenate([one.nodes.ravel() for one in curves])
+    motion = curves[0].motion
+    more = {"converged": np.asarray(motion.equilibrium.converged)[rows].tolist(),
+            "stable": np.asarray(motion.stable)[rows].tolist(),
+            "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
+    poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
+    return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)
+
+
+def _femoral_poses(one: Curves) -> np.ndarray:
+    """By flexion and load, `(flexions, loads, 6)`; flexion as asked for, not through radians."""
+    table = np.asarray(one.motion.to_table())[one.nodes]
+    table[..., 0] = np.array(one.test.flexion_deg)[:, None]
+    return table
+
+
+def _curve_words(
+    curves: Curves, mechanics: Mechanics, second: np.ndarray | None
+) -> list[tuple[str, ...]]:
+    """What is wrong at each flexion, a text per different load, in order of its size."""
+    test, motion, here = curves.test, curves.motion, _femoral_poses(curves)
+    full = test.full or {test.observed: test.size}
+    sizes = {name: np.zeros(len(motion.status)) for name in full}
+    for name, size in full.items():
+        sizes[name][curves.nodes] = size * curves.part
+    found = search_words(motion, sizes)
+    answer = []
+    for i, rows in enumerate(curves.nodes):
+        also = [found[row] for row in rows]
+        if second is not None:
+            known = np.isfinite(second[i]).all(axis=-1)
+            others = [second_balance(*x) if k else ""
+                      for k, *x in zip(known, second[i], here[i], strict=True)]  # fmt: skip
+            also = ["; ".join(filter(None, pair)) for pair in zip(also, others, strict=True)]
+        at_rows = jax.tree.map(lambda x, rows=rows: x[rows], mechanics)
+        answer.append(pose_words(motion.knee, at_rows, also))
+    return answer
+
+
+def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
+    """Each outcome with where it is found, its next step and poses in numbers."""
+    loads = status.shape[1]
+
+    def where(rows: np.ndarray) -> str:
+        flexion, load = np.divmod(rows, loads)
+        return f"{one.test.name} at " + ", ".join(
+            _met(one, i, load[flexion == i]) for i in dict.fromkeys(flexion.tolist())
+        )
+
+    words = [text for texts in wrong for text in texts]
+    lost = np.where(status.ravel() == Status.BALANCED, "", words).tolist()
+    return status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
+
+
+def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
+    """From which load to which a second balance exists, and where it lies."""
+    known = np.asarray(np.isfinite(other).all(axis=-1))
+    for i in np.flatnonzero(known.any(axis=1)):
+        rows = np.flatnonzero(known[i])
+        k = int(rows[np.argmin(np.abs(one.part[rows]))])
+        where = second_balance(other[i, k], _femoral_poses(one)[i, k])
+        yield (
+            f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
+            "an intact knee comes to that is loaded first and cut then; reported is that of the "
+            f"knee that is cut first\n  at {_met(one, int(i), np.array([k]))}: {where}"
+        )
+
+
+def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
+    """One flexion, and the loads from the first to the last of some rows."""
+    test = one.test
+    sizes = test.size * one.part[rows]
+    span = f"{sizes[0]:g}" if len(sizes) == 1 else f"{sizes[0]:g} to {sizes[-1]:g}"
+    return f"{test.flexion_deg[flexion]:g} degrees ({span} {test.unit})"

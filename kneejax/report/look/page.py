@@ -1,0 +1,253 @@
+"""What a command answers, as a person meets it: on the screen, in files and on a page."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import functools
+import gc
+import json
+import math
+import os
+import time
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from kneejax.report.look.style import picture_svg, save_and_inline, write_whole
+from kneejax.report.look.tables import Table, json_safe, number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_TEMPLATES = resources.files("kneejax.report.look") / "templates"
+
+
+class Verdict(enum.Enum):
+    """How far an answer can be trusted; its value is a CSS class of the page's badge."""
+
+    GOOD = "good"
+    DOUBTFUL = "doubtful"
+    FAILED = "failed"
+
+
+class Drawing:
+    """A figure of an answer; its caption is that of the function in `templates/prose.toml`.
+
+    Args:
+        figure: a function that draws it; called once, when the answer is written.
+        given: its arguments, also by name.
+        more: a sentence that the caption ends with.
+    """
+
+    def __init__(self, figure: Callable[..., Figure], *given: Any, more: str = "", **named: Any):
+        self.draw: Callable[[], Figure] = functools.partial(figure, *given, **named)
+        self.caption = f"{_prose().get(figure.__name__, '')} {more}".strip()
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """What stands below the first screen, folded until somebody opens it.
+
+    Attributes:
+        title: of the section, in a few words.
+        text: paragraphs of plain text.
+        tables: of `Answer.tables`, by name, or tables of the page alone.
+        drawings: of `Answer.drawings`, by name.
+        opened: whether it stands open.
+    """
+
+    title: str
+    text: Sequence[str] = ()
+    tables: Sequence[str | Table] = ()
+    drawings: Sequence[str] = ()
+    opened: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """What was found, for people: the first screen, what stands below it, and the files.
+
+    Attributes:
+        title: what was computed, of which knee.
+        asked: one sentence: the question with its knee, loads, angles and data.
+        verdict: of the whole; by default doubtful where there are doubts.
+        badge: its words; those of the verdict where it is empty.
+        sentence: the answer in one or two sentences, beside the badge.
+        tables: name -> table; `NAME.csv` holds all of its columns. Those in `main` stand on the
+            first screen.
+        main: names of the tables that answer the question.
+        drawings: name -> figure, saved as `figures/NAME.png`.
+        picture: name of the figure that shows the answer, the first by default; empty for none.
+        doubts: sentences on what to doubt; none if there is nothing.
+        facts: a few numbers under their names, at the head of the page.
+        sections: in order.
+        text: for the terminal.
+        document: what `result.json` holds; None for no such file.
+        exit_status: of the command, by default 0 of a good answer, otherwise 1.
+
+    Example:
+        >>> from kneejax.report.look.tables import Column
+        >>> laxity = Table([Column("flexion_deg"), Column("range_mm")], [[0.0, 6.1], [30.0, 9.8]])
+        >>> found = Answer("Drawer of a knee", "How far 100 N move it.", tables={"laxity": laxity},
+        ...                main=["laxity"])
+        >>> "<td class=\\"n\\">9.800</td>" in found.page({})
+        True
+    """
+
+    title: str
+    asked: str
+    verdict: Verdict | None = None
+    badge: str = ""
+    sentence: str = ""
+    tables: Mapping[str, Table] = dataclasses.field(default_factory=dict)
+    main: Sequence[str | Table] = ()
+    drawings: Mapping[str, Drawing] = dataclasses.field(default_factory=dict)
+    picture: str | None = None
+    doubts: Sequence[str] = ()
+    facts: Sequence[tuple[str, str]] = ()
+    sections: Sequence[Section] = ()
+    text: str = ""
+    document: Mapping[str, Any] | None = None
+    exit_status: int | None = None
+
+    def __post_init__(self):
+        doubtful = Verdict.DOUBTFUL if self.doubts else Verdict.GOOD
+        verdict, first = self.verdict or doubtful, next(iter(self.drawings), "")
+        status = int(verdict is not Verdict.GOOD)
+        for name, usual in (("verdict", verdict), ("picture", first), ("exit_status", status)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, usual)
+
+    def page(
+        self, pictures: Mapping[str, str], settings: Mapping[str, Any] | None = None,
+        versions: Mapping[str, str] | None = None, seconds: Mapping[str, float] | None = None,
+    ) -> str:
+        """The page of the answer, which needs no other file and no network."""
+        asked_again = [(name, as_setting(value))
+                       for name, value in json_safe(dict(settings or {})).items()]  # fmt: skip
+        lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
+        return rendered("answer.html.j2", answer=self, pictures=pictures, table=self._table,
+                        settings=asked_again, versions=list((versions or {}).items()),
+                        seconds=lasted)  # fmt: skip
+
+    def json(self) -> str:
+        """The text of `result.json`."""
+        return json.dumps(json_safe(dict(self.document or {})), indent=1) + "\n"
+
+    def _table(self, one: str | Table) -> Table:
+        return self.tables[one] if isinstance(one, str) else one
+
+
+def write_page(
+    answer: Answer, folder: str | os.PathLike[str], *, svg: bool = False, figures: bool = True,
+    settings: Mapping[str, Any] | None = None, versions: Mapping[str, str] | None = None,
+    seconds: dict[str, float] | None = None,
+) -> list[Path]:
+    """Write the page of an answer, and its figures; each is drawn once.
+
+    Args:
+        answer: what a command found.
+        folder: where; made if needed. Files of the same names are replaced.
+        svg: whether figures are saved as SVG as well; the page holds them in any case.
+        figures: whether figures are files at all.
+        settings: of the command, at the foot of the page.
+        versions: package -> version, likewise.
+        seconds: part of the work -> how long it took, likewise; `figures` is added, unless there
+            is a `total`.
+
+    Returns:
+        `report.html`, which needs no other file, then `figures/NAME.png`.
+    """
+    folder, paths, pictures = Path(folder), [], {}
+    running, begun = gc.isenabled(), time.perf_counter()
+    # With many objects alive, garbage collection costs as much as the drawing.
+    gc.disable()
+    try:
+        for name, drawing in answer.drawings.items():
+            if figures:
+                drawn = save_and_inline(drawing.draw(), folder / "figures", name, svg=svg)
+                paths += drawn[0]
+                pictures[name] = drawn[1]
+            else:
+                pictures[name] = picture_svg(drawing.draw(), name)
+    finally:
+        if running:
+            gc.enable()
+    if seconds is not None and "total" not in seconds:
+        seconds["figures"] = time.perf_counter() - begun
+    page = answer.page(pictures, settings, versions, seconds)
+    return [write_whole(folder / "report.html", page.encode()), *paths]
+
+
+def as_setting(value: Any) -> str:
+    """A setting for people: JSON but for words, `none` for what is empty."""
+    if isinstance(value, str):
+        return value
+    return "none" if value in (None, [], {}) else json.dumps(value, ensure_ascii=False)
+
+
+def prose(name: str, /, **values: Any) -> str:
+    """What pages say whatever was found: a text of `templates/prose.toml`, its names filled in."""
+    text = _prose()[name]
+    return text.format(**values) if values else text
+
+
+def paragraphs(name: str, /, **values: Any) -> list[str]:
+    """Likewise a text of several paragraphs, one a line; those left empty are dropped."""
+    return [line for line in prose(name, **values).splitlines() if line.strip()]
+
+
+@functools.cache
+def _prose() -> dict[str, str]:
+    return tomllib.loads((_TEMPLATES / "prose.toml").read_text(encoding="utf-8"))
+
+
+def minus(text: str) -> str:
+    """A number, or limits in words, with a minus where a hyphen would be too short."""
+    words = text.split()
+    numbers = [word for word in words if _is_number(word)]
+    if numbers and all(_is_number(w) or w in ("above", "below", "to") for w in words):
+        return text.replace("-", "\u2212")
+    return text
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return not math.isnan(float(word))
+    except ValueError:
+        return False
+
+
+def _width(svg: str) -> str:
+    """CSS that draws an SVG no wider than it was made: its points in the page's letters."""
+    head = svg[: svg.index(">")]
+    if ' width="' not in head:
+        return ""
+    points = head.split(' width="', 1)[1].split("pt", 1)[0]
+    return f"max-width:{float(points) / 9.33:.1f}rem"
+
+
+def rendered(template: str, **values: Any) -> str:
+    """A page made of one of the templates of this folder.
+
+    Args:
+        template: name of the file.
+        values: what its names stand for; plain text is escaped.
+    """
+    return _environment().get_template(template).render(**values)
+
+
+@functools.cache
+def _environment():
+    # Jinja takes 50 ms to import, which not every command needs.
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda one: (_TEMPLATES / one).read_text(encoding="utf-8")),
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters |= {"minus": minus, "width": _width}
+    return environment

@@ -1,0 +1,287 @@
+"""Numbers, words and tables for people: a table's columns are declared once and written everywhere.
+
+A table becomes lines of a terminal, rows of a CSV file, a piece of a page, and records of JSON.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+import textwrap
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import PurePath
+from typing import Any
+
+import numpy as np
+
+from kneejax.parameters import unit_of_quantity
+
+NONE = "-"
+LINE_WIDTH = 98
+
+
+def json_safe(value: Any) -> Any:
+    """Turn arrays, numbers, paths and mappings into what JSON can hold; NaN becomes None.
+
+    Args:
+        value: anything.
+
+    Returns:
+        Dictionaries, lists, strings, numbers, booleans and None.
+    """
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, enum.Enum):
+        return value.name.lower()
+    if isinstance(value, Mapping):
+        return {str(key): json_safe(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_safe(item) for item in value]
+    if isinstance(value, set | frozenset):
+        return sorted((json_safe(item) for item in value), key=str)
+    if isinstance(value, PurePath):
+        return value.as_posix()
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic) or hasattr(value, "__array__"):
+        return json_safe(np.asarray(value).tolist())
+    return str(value)
+
+
+def number(value: float, digits: int = 4) -> str:
+    """Write a number with so many significant digits, without needless exponents.
+
+    NaN and None become a dash; whole digits before the point are never dropped.
+    """
+    if value is None or math.isnan(value):
+        return NONE
+    if math.isinf(value):
+        return "inf" if value > 0 else "-inf"
+    if value == 0:
+        return "0"
+    size = math.floor(math.log10(abs(value)))
+    if size < -4 or size > 7:
+        return f"{value:.{digits - 1}e}"
+    return f"{value:.{max(digits - 1 - size, 0)}f}"
+
+
+def trimmed(value: float, digits: int = 4) -> str:
+    """Write a number like `number`, without trailing zeros: for what a person has set."""
+    text = number(value, digits)
+    return text.rstrip("0").rstrip(".") if "." in text and "e" not in text else text
+
+
+def short(value: float, sign: str = "") -> str:
+    """A number with two or three digits, thousands set apart; with `+` also a positive sign."""
+    if not np.isfinite(value):
+        return "unknown"
+    if abs(value) >= 1e6 or 0 < abs(value) < 1e-4:
+        return f"{value:{sign}.1e}"
+    return f"{value:{sign},.0f}" if abs(value) >= 99.5 else f"{value:{sign}.2g}"
+
+
+def with_error(value: float, standard_error: float) -> tuple[str, str]:
+    """Write an estimate and its standard error, two significant digits, with matching decimals."""
+    known = standard_error is not None and math.isfinite(standard_error) and standard_error > 0
+    if not known or not math.isfinite(value):
+        return number(value), number(standard_error, 2)
+    size = math.floor(math.log10(standard_error))
+    whole = math.floor(math.log10(abs(value))) if value else 0
+    decimals = min(max(1 - size, 3 - whole, 0), max(6 - whole, 0))
+    error = f"{standard_error:.{decimals}f}"
+    return f"{value:.{decimals}f}", error if float(error) else f"{standard_error:.1e}"
+
+
+def change(before: float, after: float) -> str:
+    """By how much something fell or rose, e.g. `99.4 % lower`; empty if that cannot be given."""
+    if not (math.isfinite(before) and math.isfinite(after)) or before <= 0:
+        return ""
+    percent = 100 * (after / before - 1)
+    if abs(percent) < 0.05:
+        return "unchanged"
+    shown = f"{abs(percent):.1f}"
+    if shown == "100.0" and percent < 0:
+        return "more than 99.9 % lower" if after > 0 else "100 % lower"
+    return f"{shown} % {'lower' if percent < 0 else 'higher'}"
+
+
+def listed(words: Sequence[str], most: int = 12) -> str:
+    """Join words with commas; long lists end in a count: `a, b, c and 4 more`."""
+    if len(words) <= most:
+        return ", ".join(words)
+    return f"{', '.join(words[:most])} and {len(words) - most} more"
+
+
+def plain(name: str) -> str:
+    """A parameter's name in words: `ACL.reference_strain` becomes `ACL reference strain`."""
+    return name.replace(".", " ").replace("_", " ")
+
+
+def unit_after(name: str) -> str:
+    """Unit of a parameter with a blank before it, empty for strains."""
+    unit = unit_of_quantity(name.split(".", 1)[-1])
+    return f" {unit}" if unit else ""
+
+
+def aligned(rows: Sequence[Sequence[str]], words: Sequence[int] = (0,)) -> list[str]:
+    """Columns two blanks apart; columns in `words` to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(text.ljust(width) if i in words else text.rjust(width)
+                  for i, (text, width) in enumerate(zip(row, widths, strict=True))).rstrip()
+        for row in rows
+    ]
+
+
+def wrapped(text: str, first: str = "") -> list[str]:
+    """A paragraph in lines that a terminal holds.
+
+    Args:
+        text: the paragraph, in one line.
+        first: what the first line begins with, e.g. `note: `; the others are indented by as much.
+
+    Returns:
+        Lines of at most `LINE_WIDTH` characters; none for an empty text.
+
+    Example:
+        >>> wrapped("Every pose is balanced.", "note: ")
+        ['note: Every pose is balanced.']
+    """
+    return textwrap.wrap(
+        text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Column:
+    """A column of a table.
+
+    Attributes:
+        name: in CSV and JSON, with its unit, e.g. `force_N`.
+        label: heading for people; the name in words where it is empty.
+        show: how people read a cell: a format such as `.2f`, a count of significant digits such as
+            `3`, or a function. Four digits by default; None and NaN are a dash.
+        words: whether cells are words, to the left; numbers stand to the right.
+        shown: whether people see it; what is not shown is in files only.
+    """
+
+    name: str
+    label: str = ""
+    show: Callable[[Any], str] | str = "4"
+    words: bool = False
+    shown: bool = True
+
+    @property
+    def heading(self) -> str:
+        """What stands above the column: of `max_pressure_MPa` it is `max pressure, MPa`."""
+        stem, _, unit = self.name.rpartition("_")
+        if stem and unit in ("N", "mm", "mm2", "MPa", "deg", "Nm", "Nmm", "s", "kg", "m"):
+            return self.label or f"{stem.replace('_', ' ')}, {unit.replace('2', '²')}"
+        return self.label or self.name.replace("_", " ")
+
+    def text(self, value: Any) -> str:
+        """A cell for people."""
+        if callable(self.show):
+            return self.show(value)
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if value is None or isinstance(value, str):
+            return NONE if value is None else value
+        if self.show.isdigit():
+            return number(value, int(self.show))
+        return format(value, self.show) if math.isfinite(value) else NONE
+
+
+def columns_of(
+    names: Sequence[str], shown: Mapping[str, tuple[str, ...]], words: Sequence[str] = ()
+) -> list[Column]:
+    """Columns of a file of which people see some: name -> heading and, if not usual, format."""
+    return [Column(name, *shown.get(name, ()), words=name in words, shown=name in shown)
+            for name in names]  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Table:
+    """Rows under declared columns.
+
+    Attributes:
+        columns: in order.
+        rows: cells in the order of the columns.
+        title: above the table on a page.
+        note: one sentence under the table: what its numbers hold for.
+
+    Example:
+        >>> force = Column("force_N", "Force, N", ".0f")
+        >>> forces = Table((Column("ligament", words=True), force), [["ACL", 12.3], ["PCL", 104.0]])
+        >>> print(forces.terminal())
+        ligament  Force
+                      N
+        ACL          12
+        PCL         104
+        >>> forces.records()[0]
+        {'ligament': 'ACL', 'force_N': 12.3}
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Any]]
+    title: str = ""
+    note: str = ""
+
+    @property
+    def names(self) -> list[str]:
+        """Header of the CSV."""
+        return [column.name for column in self.columns]
+
+    @property
+    def shown(self) -> list[Column]:
+        """Columns that people see."""
+        return [column for column in self.columns if column.shown]
+
+    def cells(self) -> Iterator[list[str]]:
+        """Rows of the shown columns as people read them."""
+        for row in self.rows:
+            if len(row) != len(self.columns):
+                raise ValueError(f"a row of {len(row)} cells under {len(self.columns)} columns")
+            pairs = zip(self.columns, row, strict=True)
+            yield [column.text(value) for column, value in pairs if column.shown]
+
+    def terminal(self) -> str:
+        """Lines for a terminal, columns two blanks apart, units on a line of their own."""
+        words = [i for i, column in enumerate(self.shown) if column.words]
+        heads = [column.heading.rpartition(", ") for column in self.shown]
+        lines = [[name or unit for name, _, unit in heads]]
+        if any(name for name, *_ in heads):
+            lines.append([unit if name else "" for name, _, unit in heads])
+        return "\n".join(aligned([*lines, *self.cells()], words))
+
+    def fitting(self, *spare: str) -> Table:
+        """The table with those of `spare` hidden, in order, without which it fits on a terminal.
+
+        Names of columns that only make sense together stand in one text.
+        """
+        table = self
+        for names in spare:
+            if max(map(len, table.terminal().splitlines())) <= LINE_WIDTH:
+                break
+            columns = [dataclasses.replace(x, shown=x.shown and x.name not in names.split())
+                       for x in table.columns]  # fmt: skip
+            table = dataclasses.replace(table, columns=columns)
+        return table
+
+    def text(self) -> str:
+        """Title, lines and note for a terminal; the title alone without rows."""
+        lines = [self.terminal()] if self.rows else []
+        return "\n".join([*wrapped(self.title), *lines, *wrapped(self.note)])
+
+    def records(self) -> list[dict[str, Any]]:
+        """One dictionary a row for JSON; NaN and infinity are None."""
+        return [dict(zip(self.names, json_safe(list(row)), strict=True)) for row in self.rows]
+
+
+def text_of(*tables: Table) -> str:
+    """Tables with their titles and notes for a terminal, a blank line apart."""
+    return "\n\n".join(one.text() for one in tables)

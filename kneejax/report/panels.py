@@ -1,0 +1,233 @@
+"""Panels of figures: grids in inches, curves over flexion or time, ligaments, matrices, limits."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.mechanics import Knee
+from kneejax.report.look.colours import BLACK, PARTS, VERMILLION, part_styles
+from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, verbatim, without_frame
+from kneejax.report.pose_tables import bundle_forces
+from kneejax.statics import Status
+
+if TYPE_CHECKING:
+    from matplotlib.collections import QuadMesh
+    from matplotlib.colors import Colormap
+    from numpy.typing import ArrayLike
+
+#: More measured poses than these are drawn smaller.
+DENSE = 40
+#: What an axis of flexion says; one of steps has no such ticks.
+FLEXION = "Flexion, deg"
+#: Ligaments whose force never reaches this part of the largest are left out of a drawing.
+_SMALL = 0.03
+#: Outcomes that are marked at the bottom edge: legend entry and marker.
+_MARKS = (
+    ("not balanced", tuple(s for s in Status if not s.converged), "x"),
+    ("dislocated", (Status.DISLOCATED,), "D"), ("unstable", (Status.UNSTABLE,), "+"),
+    ("a fibre's way is wrong", (Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE), "v"),
+    ("a fibre overstretched", (Status.OVERSTRETCHED,), "^"),
+    ("outside fitted surfaces", (Status.OUTSIDE_REGION,), "|"),
+)
+
+
+def grid(
+    rows: int, columns: int, height: float, *, width: float = WIDTH, title: str = "",
+    left: float = 0.6, right: float = 0.1, top: float = 0.3, bottom: float = 0.5,
+    apart: tuple[float, float] = (0.6, 0.45), constrained: bool = False, **how: Any,
+) -> tuple[Figure, np.ndarray]:  # fmt: skip
+    """A figure with its panels, `(rows, columns)`; all sizes are inches.
+
+    `apart` lies between columns and between rows, `title` above everything; where the layout is
+    `constrained`, Matplotlib finds these itself. `how` goes to its `subplots`.
+    """
+    from matplotlib.figure import Figure
+
+    if constrained:
+        figure = Figure(figsize=(width, height), layout="constrained")
+        return figure, figure.subplots(rows, columns, squeeze=False, **how)
+    figure = Figure(figsize=(width, height))
+    wide = (width - left - right - (columns - 1) * apart[0]) / columns
+    tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
+    figure.subplots_adjust(left=left / width, right=1 - right / width, top=1 - top / height,
+                           bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall)
+    if title:
+        figure.suptitle(verbatim(title), x=left / width, ha="left", fontsize=9.5)
+    return figure, figure.subplots(rows, columns, squeeze=False, **how)
+
+
+def panel_grid(
+    rows: int, columns: int, height: float, title: str, *, shared: bool = False
+) -> tuple[Figure, np.ndarray]:
+    """Panels in reading order with room for a legend above each, `shared` with one lowest axis."""
+    left, wide, tall = (0.63, 0.77, 0.48) if columns == 2 else (0.53, 0.57, 0.45)
+    figure, panels = grid(rows, columns, height, title=title, left=left, top=0.68, bottom=0.46,
+                          apart=(wide, tall if shared else 0.8), sharex=shared)  # fmt: skip
+    return figure, panels.ravel()
+
+
+def coordinate_panels(
+    flexion: np.ndarray, height: float = 6.3, **how: Any
+) -> tuple[Figure, dict[str, Axes], Axes]:
+    """Panels of the five coordinates over flexion, and one without axes for the legend.
+
+    Translations stand on the left, rotations on the right; `how` goes to `grid`.
+    """
+    how = {"left": 0.6, "bottom": 0.47, "top": 0.25, "apart": (0.57, 0.42), **how}
+    figure, panels = grid(3, 2, height, sharex=True, **how)
+    panels[2, 1].set_axis_off()
+    shown = dict(zip(SHOWN, (*panels[:, 0], *panels[:2, 1]), strict=True))
+    for axes in shown.values():
+        last = axes in (panels[2, 0], panels[1, 1])
+        flexion_axis(axes, flexion, last)
+        axes.tick_params(labelbottom=last)
+    return figure, shown, panels[2, 1]
+
+
+def curve_style(flexion: np.ndarray, dashes: Any) -> dict[str, Any]:
+    """A line where flexion runs one way, small markers where it does not."""
+    steps = np.diff(flexion)
+    if len(flexion) > 1 and ((steps >= 0).all() or (steps <= 0).all()):
+        return {"linestyle": dashes}
+    return {"linestyle": "none", "marker": "o", "markersize": 1.8, "markeredgewidth": 0}
+
+
+def measured_curve(flexion: np.ndarray) -> dict[str, Any]:
+    """How measured poses are drawn: black points without a line, smaller where they are many."""
+    size = 3.0 if len(flexion) <= DENSE else 1.6
+    return {"linestyle": "none", "marker": "o", "markersize": size, "markeredgewidth": 0,
+            "color": BLACK}  # fmt: skip
+
+
+def flexion_axis(
+    axes: Axes, flexion: np.ndarray, labelled: bool = True, *, label: str = FLEXION
+) -> None:
+    """Make the horizontal axis one of flexion: limits, ticks at clinical angles, label.
+
+    Where flexion is constant, `flexion` holds steps and `label` says so.
+    """
+    from matplotlib.ticker import MultipleLocator
+
+    low, high = np.nanmin(flexion), np.nanmax(flexion)
+    pad = 0.02 * (high - low) or 1.0
+    axes.set_xlim(low - pad, high + pad)
+    if label == FLEXION and 60 <= high - low <= 200:
+        axes.xaxis.set_major_locator(MultipleLocator(30 if high - low > 90 else 15))
+    if labelled:
+        axes.set_xlabel(label)
+
+
+def mark_edge(axes: Axes, x: np.ndarray, marker: str, color: str, height: float = 0.03):
+    """Markers at the bottom edge of a panel."""
+    return axes.plot(x, np.full(len(x), height), marker, color=color, markersize=4.5,
+                     markeredgewidth=1.2, transform=axes.get_xaxis_transform(), clip_on=False,
+                     zorder=5)[0]  # fmt: skip
+
+
+def mark_status(
+    axes: Axes, x: np.ndarray, status: np.ndarray, color: str = VERMILLION, height: float = 0.03
+) -> dict[str, Any]:
+    """Mark doubtful rows at the bottom edge; legend entry -> handle."""
+    where = {entry: (np.isin(status, outcomes), marker) for entry, outcomes, marker in _MARKS}
+    return {entry: mark_edge(axes, x[rows], marker, color, height)
+            for entry, (rows, marker) in where.items() if rows.any()}  # fmt: skip
+
+
+def draw_ligaments(
+    axes: Axes, x: np.ndarray, knee: Knee, tension: ArrayLike, *,
+    among: Sequence[str] | None = None, most: int = 8, rows: Sequence[Any] = (slice(None),),
+    columns: int = 4,
+) -> None:  # fmt: skip
+    """Draw the ligaments that carry most, the fibres of a group together."""
+    forces = bundle_forces(knee, tension, among)
+    size = {name: float(np.nanmax(np.abs(f), initial=0.0)) for name, f in forces.items()}
+    largest, styles = max(size.values(), default=0.0), part_styles(forces)
+    shown = sorted((x for x in forces if size[x] > _SMALL * largest), key=lambda x: -size[x])
+    for name in shown[:most]:
+        for k, of_line in enumerate(rows):
+            label = verbatim(name) if k == 0 else None
+            axes.plot(x[of_line], forces[name][of_line], label=label, **styles[name])
+    axes.set_ylabel("Ligament force, N")
+    legend_above(axes, columns)
+
+
+def draw_named(
+    axes: Axes, x: ArrayLike, curves: Mapping[str, Any], label: str, *,
+    colors: Iterable[str] = PARTS, columns: int = 4, size: float = 7.5, **style: Any,
+) -> None:  # fmt: skip
+    """Draw a line for each name, in turn in `colors`, with a legend above the panel.
+
+    `label` is that of the vertical axis, `columns` and `size` (of letters) those of the legend.
+    """
+    for (name, values), color in zip(curves.items(), itertools.cycle(colors), strict=False):
+        own = {"color": color, "label": verbatim(name), **style}
+        axes.plot(np.asarray(x), np.asarray(values), **own)
+    axes.set_ylabel(label)
+    legend_above(axes, columns, size)
+
+
+def legend_above(axes: Axes, columns: int = 4, size: float = 7.5) -> None:
+    """Put the legend above a panel, if it has one."""
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=size, ncol=columns, loc="lower left", bbox_to_anchor=(-0.03, 0.99),
+                    borderaxespad=0.1, columnspacing=0.8, handlelength=1.2, handletextpad=0.4)
+
+
+def part_legend(
+    axes: Axes, drawn: Mapping[str, Any], corner: tuple[float, float], **layout: Any
+) -> None:
+    """Names and what they stand for, the upper left corner in the axes' coordinates."""
+    if drawn:
+        layout = {"fontsize": 7.5, "borderaxespad": 0, **layout}
+        axes.legend([*drawn.values()], [*drawn], loc="upper left", bbox_to_anchor=corner, **layout)
+
+
+def draw_matrix(
+    axes: Axes, values: ArrayLike, shades: Colormap, span: tuple[float, float],
+    word: Callable[[float], str], dark: Callable[[float], bool], rows: Sequence[str],
+    columns: Sequence[str], *, numbers: bool = True, size: float = 7.5,
+) -> QuadMesh:  # fmt: skip
+    """Draw the cells of a matrix, with numbers in them where they are readable."""
+    matrix = np.asarray(values, float)
+    cells = axes.pcolormesh(np.ma.masked_invalid(matrix), cmap=shades, vmin=span[0], vmax=span[1],
+                            edgecolors="white", linewidth=1)  # fmt: skip
+    letters = 6.8 if max(matrix.shape) < 12 else 5.2
+    for (i, j), value in np.ndenumerate(matrix):
+        if numbers and np.isfinite(value):
+            axes.text(
+                j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center", va="center",
+                fontsize=letters, color="white" if dark(value) else "black",
+            )  # fmt: skip
+    axes.set_xlim(0, matrix.shape[1])
+    axes.set_ylim(matrix.shape[0], 0)
+    axes.set_xticks(np.arange(matrix.shape[1]) + 0.5, list(columns), fontsize=size)
+    axes.set_yticks(np.arange(matrix.shape[0]) + 0.5, list(rows), fontsize=size)
+    without_frame(axes)
+    return cells
+
+
+def colour_bar(figure: Figure, place: Axes, scale: Any, label: str):
+    """A flat bar of colours that fills `place`."""
+    bar = figure.colorbar(scale, cax=place, orientation="horizontal")
+    bar.set_label(label)
+    bar.outline.set_linewidth(0.5)  # pyright: ignore[reportCallIssue, reportAttributeAccessIssue]
+    return bar
+
+
+def plain_numbers(axis: Any) -> None:
+    """Write numbers as they are along an axis, however it is scaled: no powers of ten."""
+    from matplotlib.ticker import FuncFormatter
+
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+
+
+def hatched(axes: Axes, corner: tuple[float, float], wide: float, high: float, hatch: str) -> Any:
+    """A hatched rectangle where there is nothing to draw."""
+    from matplotlib.patches import Rectangle
+
+    style = {"hatch": hatch, "fc": "#F4F4F4", "ec": "#A0A0A0", "lw": 0}
+    return axes.add_patch(Rectangle(corner, wide, high, **style))

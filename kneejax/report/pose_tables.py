@@ -1,0 +1,161 @@
+"""Poses, what a load moved, and forces as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from kneejax.experiments import Mechanics
+from kneejax.geometry import (
+    COLUMNS,
+    CONVENTION_WORDS,
+    FEMORAL,
+    FREE_COORDINATES,
+    convert_table,
+    coordinate,
+)
+from kneejax.mechanics import Knee
+from kneejax.report.look.page import Verdict
+from kneejax.report.look.tables import Column, Table
+from kneejax.statics import Status
+
+_HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
+#: Parts whose largest force is less than this part of the largest of all are not listed.
+_SMALL = 0.01
+
+
+def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
+    """Columns of poses, or of their changes, with the headings that people read."""
+    heads = [f"{head}, {column.rsplit('_', 1)[1]}"
+             for head, column in zip(_HEADS, COLUMNS, strict=True)]  # fmt: skip
+    return [Column(name, head, ".1f" if k == 0 else ".2f")
+            for k, (name, head) in enumerate(zip(names, heads, strict=True))]  # fmt: skip
+
+
+def pose_table(
+    table: ArrayLike, status: ArrayLike, convention: str = FEMORAL, *,
+    more: Mapping[str, Sequence[Any]] | None = None,
+) -> Table:
+    """Poses in a convention, as `poses.csv` holds them and as people read them.
+
+    Example:
+        >>> print(pose_table([[30.0, 1.0, 4.0, 2.0, -28.0, 0.5]], [0]).terminal())
+        flexion  adduction  int.rot.  anterior  superior  lateral  status
+            deg        deg       deg        mm        mm       mm
+           30.0       1.00      4.00      2.00    -28.00     0.50  balanced
+    """
+    more = dict(more or {})
+    before = {name: more.pop(name) for name in ("converged", "stable") if name in more}
+    words = [Status(int(x)).word for x in np.asarray(status)]
+    if convention != FEMORAL:
+        more["convention"] = [convention] * len(words)
+    columns = [*pose_columns(), *(Column(name, shown=False) for name in before),
+               Column("status", words=True), *(Column(name, shown=False) for name in more)]
+    shown = convert_table(np.asarray(table, float).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+    rows = list(zip(*shown.T, *before.values(), words, *more.values(), strict=True))
+    return Table(columns, rows, f"Poses, {convention}: {CONVENTION_WORDS[convention]}")
+
+
+def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
+    """How far a load moved the tibia, `displacement.csv`."""
+    names = [COLUMNS[0], *(f"{x}_change_{coordinate(x).unit}" for x in FREE_COORDINATES)]
+    title = (
+        "What the load moved, along its own axes: translations of the tibia's origin along the "
+        "floating axis (anterior), the tibia's long axis (superior) and the femur's transverse "
+        "axis (lateral)"
+    )
+    rows = np.column_stack([np.asarray(flexion), np.asarray(moved)]).tolist()
+    return Table(pose_columns(names), rows, title)
+
+
+def contact_forces(mechanics: Mechanics) -> np.ndarray:
+    """Sizes of the contact forces, N, `(poses, contacts)`."""
+    return np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+
+
+def part_table(
+    keys: Mapping[str, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[str, Any],
+    last: Mapping[str, Sequence[Any]] | None = None,
+) -> Table:
+    """Numbers of the parts of a knee, a row for each part at each pose."""
+    heads, arrays = [], []
+    for name, values in numbers.items():
+        many = isinstance(name, tuple)
+        heads += name if many else [name]
+        arrays += list(np.moveaxis(np.asarray(values), -1, 0)) if many else [np.asarray(values)]
+    last, count = last or {}, len(next(iter(keys.values())))
+    rows = [
+        [*(key[i] for key in keys.values()), name, *(array[i, j] for array in arrays),
+         *(end[i] for end in last.values())]
+        for i in range(count)
+        for j, name in enumerate(names)
+    ]  # fmt: skip
+    columns = [*keys, part, *heads, *last]
+    return Table([Column(x, words=x in (part, "way", "status")) for x in columns], rows)
+
+
+def force_table(
+    knee: Knee, mechanics: Mechanics, keys: Mapping[str, Sequence[Any]], **more: np.ndarray
+) -> Table:
+    """Forces of ligaments, then of contacts, at each pose: `forces.csv`."""
+    names = [*knee.ligaments.names, *knee.contact_names]
+    forces = np.concatenate([np.asarray(mechanics.tension), contact_forces(mechanics)], axis=1)
+    return part_table(keys, "part", names, {"force_N": forces, **more})
+
+
+def bundles(knee: Knee, among: Sequence[str] | None = None) -> dict[str, list[str]]:
+    """Ligaments, the fibres of the largest groups together: name -> fibres."""
+    left = list(knee.ligaments.names if among is None else among)
+    answer: dict[str, list[str]] = {}
+    # The largest groups first: a bundle that is part of a ligament is drawn with it.
+    for group, members in sorted(knee.groups, key=lambda group: -len(group[1])):
+        if all(name in left for name in members):
+            answer[group] = list(members)
+            left = [name for name in left if name not in members]
+    return answer | {name: [name] for name in left}
+
+
+def bundle_forces(
+    knee: Knee, tension: ArrayLike, among: Sequence[str] | None = None
+) -> dict[str, np.ndarray]:
+    """Forces of `bundles`: name -> N, `(poses,)`."""
+    tension, names = np.asarray(tension), knee.ligaments.names
+    return {name: tension[:, [names.index(fibre) for fibre in fibres]].sum(axis=1)
+            for name, fibres in bundles(knee, among).items()}  # fmt: skip
+
+
+def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) -> Table:
+    """The largest force of each ligament, fibres together, and of each contact."""
+    contact, pressure = contact_forces(mechanics), np.asarray(mechanics.max_pressure)
+    parts = [(name, x, None) for name, x in bundle_forces(knee, mechanics.tension).items()]
+    parts.sort(key=lambda one: -_largest(one[1])[0])
+    highest = _largest(parts[0][1])[0] if parts else 0.0
+    parts = [one for one in parts if _largest(one[1])[0] > _SMALL * highest]
+    parts += [(x, contact[:, k], pressure[:, k]) for k, x in enumerate(knee.contact_names)]
+    rows = []
+    for name, force, peak in parts:
+        size, row = _largest(force)
+        most = None if peak is None else _largest(peak)[0]
+        rows.append([name, size, float(np.asarray(places)[row]), most])
+    columns = [Column("part", words=True), Column("force_N", "at most, N", ".0f"),
+               Column("place", place, "{:g}".format),
+               Column("max_pressure_MPa", "peak pressure, MPa", ".2f")]  # fmt: skip
+    return Table(columns, rows, "Largest forces", "Fibres of a ligament are added.")
+
+
+def _largest(values: np.ndarray) -> tuple[float, int]:
+    if not np.isfinite(values).any():
+        return np.nan, 0
+    row = int(np.nanargmax(values))
+    return float(values[row]), row
+
+
+def verdict_of(status: ArrayLike) -> Verdict:
+    """Good where every pose is balanced, failed where none has a balance at all."""
+    status = np.asarray(status)
+    if (status == Status.BALANCED).all():
+        return Verdict.GOOD
+    return Verdict.DOUBTFUL if any(Status(int(x)).converged for x in status) else Verdict.FAILED

@@ -1,0 +1,304 @@
+"""Draws from the posterior."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
+from kneejax.report.look.page import Drawing, prose
+from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
+from kneejax.report.look.tables import Column, Table, columns_of, number, wrapped
+from kneejax.report.panels import flexion_axis, grid
+
+if TYPE_CHECKING:
+    from kneejax.inference import Posterior
+
+_COLUMNS = 4
+_BINS = 40
+#: Draws and parameters of a pair plot.
+_POINTS, _MOST_PAIRED = 1500, 10
+#: Of a normal density in two dimensions, 95 % lie within so many standard deviations.
+_ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
+
+
+@styled
+def marginals_figure(found: Posterior) -> Figure:
+    """Draw the posterior of each parameter beside its prior and the normal approximation."""
+
+    rows = -(-len(found.names) // _COLUMNS)
+    titles = [_title(found, index) for index in range(len(found.names))]
+    two_lines = 0.13 * any("\n" in title for title in titles)
+    figure, panels = grid(rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5,
+                          left=0.21, right=0.14, top=0.25 + two_lines, bottom=0.65,
+                          apart=(0.28, 0.55 + two_lines))  # fmt: skip
+    handles: dict[str, Any] = {}
+    for index, axes in enumerate(panels.flat):
+        if index < len(found.names):
+            handles |= _marginal(axes, found, index)
+        else:
+            axes.set_axis_off()
+    figure.legend(handles.values(), handles, loc="lower center", ncols=len(handles),
+                  handlelength=1.8, bbox_to_anchor=(0.5, 0.0), columnspacing=1.4)  # fmt: skip
+    return figure
+
+
+def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
+    from matplotlib.ticker import MaxNLocator
+
+    prior = found.priors[index]
+    axes.set_title(_title(found, index), fontsize=8)
+    draws = found.draws[..., index].ravel()
+    centre = found.laplace_mean[index]
+    deviation = float(np.sqrt(found.laplace_covariance[index, index]))
+    low, high = _range(found, index)
+    x = np.linspace(low, high, 400)
+    edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
+    heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
+    handles: dict[str, Any] = {"posterior": axes.patches[0]}
+    top = float(np.max(heights))
+    if np.isfinite(deviation):
+        bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+        (handles["normal approximation"],) = axes.plot(x, bell, "--", color=GREY, linewidth=1.0)
+        top = max(top, float(bell.max()))
+    (handles["prior"],) = axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1)
+    if found.names[index] in found.truth:
+        handles["truth"] = axes.axvline(found.truth[found.names[index]], color=GREEN, linewidth=1.2)
+    for bound, side in ((prior.lower, low), (prior.upper, high)):
+        if low < bound < high:
+            handles["outside the bounds"] = axes.axvspan(
+                bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
+            )
+    axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
+             yticks=[])  # fmt: skip
+    axes.spines["left"].set_visible(False)
+    axes.tick_params(labelsize=7)
+    axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
+    axes.xaxis.set_major_formatter(_short)
+    return handles
+
+
+def _title(found: Posterior, index: int) -> str:
+    """Name and unit, broken where a panel is too narrow for them."""
+    unit = found.units[index]
+    return textwrap.fill(readable(found.names[index]) + (f", {unit}" if unit else ""), 24)
+
+
+def _short(value: float, _) -> str:
+    """A number without trailing zeros."""
+    return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
+
+
+def _range(found: Posterior, index: int) -> tuple[float, float]:
+    """What a panel shows of a parameter: all draws but one in a thousand, and the truth."""
+    low, high = np.quantile(found.draws[..., index], (0.001, 0.999))
+    truth = found.truth.get(found.names[index], low)
+    low, high = min(low, truth), max(high, truth)
+    pad = 0.08 * (high - low)
+    return float(low - pad), float(high + pad)
+
+
+@styled
+def pairs_figure(found: Posterior) -> Figure:
+    """Draw the posterior of each pair of parameters."""
+    from matplotlib.ticker import MaxNLocator
+
+    strongest = np.abs(found.correlation) - np.eye(len(found.names))
+    chosen = np.argsort(-strongest.max(axis=0), kind="stable")[:_MOST_PAIRED]
+    chosen, count = sorted(chosen.tolist()), len(chosen)
+    figure, panels = grid(count, count, 6.58, left=0.8, right=0.07, bottom=0.69, apart=(0.09, 0.08))
+    handles: dict[str, Any] = {}
+    for (i, j), axes in np.ndenumerate(panels):
+        row, column = chosen[i], chosen[j]
+        axes.grid(False)
+        axes.tick_params(labelsize=6, length=2, pad=1.5)
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(2, min_n_ticks=2, steps=[1, 2, 5, 10]))
+            axis.set_major_formatter(_short)
+        if i > j:
+            handles |= _pair(axes, found, column, row, 0.6 + 8.0 / count)
+        elif i == j:
+            axes.hist(found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31),
+                      color=BLUE, alpha=0.3, linewidth=0)  # fmt: skip
+            axes.set(xlim=_range(found, row), yticks=[])
+            axes.spines["left"].set_visible(False)
+        else:
+            value = found.correlation[row, column]
+            axes.set(xticks=[], yticks=[])
+            axes.spines[:].set_visible(False)
+            axes.text(
+                0.5, 0.5, f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
+                ha="center", va="center", transform=axes.transAxes,
+                fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY,
+            )  # fmt: skip
+        axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
+        if i == count - 1:
+            axes.tick_params(axis="x", rotation=50, labelsize=5.5)
+            for text in axes.get_xticklabels():
+                text.set(ha="right", rotation_mode="anchor")
+            axes.set_xlabel(_narrow(found, column), fontsize=6.5, labelpad=2)
+        if j == 0 and i > 0:
+            axes.set_ylabel(_narrow(found, row), fontsize=6.5, labelpad=2)
+    figure.align_labels()
+    if handles:
+        figure.legend(handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
+                      handlelength=1.6, bbox_to_anchor=(0.1, 1.0), columnspacing=1.4,
+                      borderaxespad=0.2)  # fmt: skip
+    return figure
+
+
+def _narrow(found: Posterior, row: int) -> str:
+    return readable(found.names[row]).replace(" ", "\n", 1).replace("reference ", "ref. ")
+
+
+def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> dict[str, Any]:
+    from matplotlib.lines import Line2D
+
+    flat = found.draws.reshape(-1, len(found.names))
+    thin = flat[:: max(len(flat) // _POINTS, 1)]
+    axes.plot(thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
+              alpha=0.35, rasterized=True)  # fmt: skip
+    # One that can be seen in the legend.
+    handles: dict[str, Any] = {"draws": Line2D([], [], color=BLUE, marker=".", linestyle="none")}
+    pair = np.ix_([column, row], [column, row])
+    covariance = found.laplace_covariance[pair]
+    if np.isfinite(covariance).all():
+        angle = np.linspace(0.0, 2.0 * np.pi, 100)
+        circle = np.linalg.cholesky(covariance) @ [np.cos(angle), np.sin(angle)]
+        centre = found.laplace_mean[[column, row]][:, None]
+        (handles["normal approximation, 95 %"],) = axes.plot(
+            *(centre + _ELLIPSE_95 * circle), color=BLACK, linewidth=0.8
+        )
+    if found.divergences:
+        lost = found.draws[found.divergent]
+        (handles["divergent"],) = axes.plot(lost[:, column], lost[:, row], "x", color=VERMILLION,
+                                            markersize=3)  # fmt: skip
+    for which, line in ((column, axes.axvline), (row, axes.axhline)):
+        if found.names[which] in found.truth:
+            handles["truth"] = line(found.truth[found.names[which]], color=GREEN, linewidth=0.8)
+    axes.set(xlim=_range(found, column), ylim=_range(found, row))
+    return handles
+
+
+@styled
+def predictive_figure(found: Posterior) -> Figure:
+    """Draw the motion that the posterior predicts over the measured one."""
+
+    figure, panels = grid(5, 2, 8.2, left=0.53, bottom=0.7, apart=(0.5, 0.45), sharex=True)
+    order = np.argsort(found.measured[:, 0], kind="stable")
+    flexion = found.measured[order, 0]
+    handles: dict[str, Any] = {}
+    for (left, right), name in zip(panels, SHOWN, strict=True):
+        index = FREE_COORDINATES.index(name)
+        measured = found.measured[order, 1 + index]
+        bands, wide = (quantiles[index, order]
+                       for quantiles in (found.motion_quantiles, found.predictive_quantiles))
+        median = bands[:, bands.shape[1] // 2]
+        coordinate = COORDINATES[name]
+        left.set_title(coordinate.axis_label)
+        right.set_title(f"Difference from the median, {coordinate.unit}")
+        for axes, base in ((left, 0.0), (right, median)):
+            for label, ends, alpha in (("new measurement, 95 %", wide, 0.18),
+                                       ("motion, 95 %", bands, 0.55)):  # fmt: skip
+                low, high = ends[:, 0] - base, ends[:, -1] - base
+                shade = {"color": BLUE, "alpha": alpha, "linewidth": 0}
+                handles[label] = axes.fill_between(flexion, low, high, **shade)
+            (handles["median"],) = axes.plot(flexion, median - base, color=BLUE, linewidth=1.0)
+            (handles["measured"],) = axes.plot(
+                flexion, measured - base, "o", color=BLACK, markersize=2.6, markeredgewidth=0
+            )
+    for axes in panels[-1]:
+        flexion_axis(axes, flexion)
+    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=len(handles),
+                  handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.6)  # fmt: skip
+    return figure
+
+
+def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
+    """All figures of a posterior, with captions."""
+    drawings = {"posterior": Drawing(marginals_figure, found),
+                "predictive": Drawing(predictive_figure, found)}  # fmt: skip
+    if len(found.names) > 1:
+        drawings["posterior_pairs"] = Drawing(pairs_figure, found)
+    return drawings
+
+
+#: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
+_R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
+# Of all trajectories; fewer than that only count (`Posterior.divergences`).
+_FEW = 1e-3
+# A posterior as wide as this part of its prior says little beyond it.
+_LITTLE = 0.9
+#: Columns of a table of a posterior.
+POSTERIOR_COLUMNS = ("name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975",
+                     "laplace_mean", "laplace_sd", "prior_mean", "prior_sd", "lower", "upper",
+                     "r_hat", "effective_sample_size", "tail_effective_sample_size")  # fmt: skip
+
+
+def posterior_table(found: Posterior) -> Table:
+    """What the draws say of each parameter."""
+    low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
+    laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
+    values = (found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
+              laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
+              [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
+              found.effective_sample_size, found.tail_effective_sample_size)  # fmt: skip
+    seen = {"name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
+            "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",),
+            "laplace_sd": ("Laplace sd", "2"), "r_hat": ("R-hat", ".3f"),
+            "effective_sample_size": ("eff.", ".0f")}  # fmt: skip
+    columns = columns_of(POSTERIOR_COLUMNS, seen, ("name", "unit"))
+    plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
+    return Table(columns, list(zip(*plain, strict=True)))
+
+
+def draws_table(found: Posterior) -> Table:
+    """Every draw of every chain, the table of posterior.csv."""
+    columns = [Column(name) for name in ("chain", "draw", *found.names)]
+    rows = [[chain, number, *draw] for chain, draws in enumerate(found.draws)
+            for number, draw in enumerate(draws)]  # fmt: skip
+    return Table(columns, rows)
+
+
+def sampling_words(found: Posterior) -> str:
+    """How the posterior was sampled."""
+    chains, draws, _ = found.draws.shape
+    return (
+        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
+        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
+        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
+        f"({number(found.seconds['compile'], 3)} s until the first draws)"
+    )
+
+
+def posterior_summary(found: Posterior) -> str:
+    """Say on a terminal what a posterior is."""
+    lines = [*wrapped(sampling_words(found)), posterior_table(found).terminal()]
+    for sentence in posterior_doubts(found):
+        lines += wrapped(sentence, "warning: ")
+    return "\n".join(lines)
+
+
+def posterior_doubts(result: Posterior) -> list[str]:
+    """Sentences on what a reader must know before the numbers are used."""
+    said, count, names = [], result.divergent.size, result.names
+    if result.unbalanced:
+        said.append(prose("posterior.unbalanced", lost=result.unbalanced, count=count))
+    diverged = result.divergences - result.unbalanced
+    if diverged > _FEW * count:
+        said.append(prose("posterior.diverged", lost=diverged, count=count))
+    if apart := [n for n, r in zip(names, result.r_hat, strict=True) if not r <= _R_HAT]:
+        said.append(prose("posterior.chains", names=", ".join(apart), r_hat=_R_HAT))
+    least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
+    enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
+    if few := [n for n, e in zip(names, least, strict=True) if not e >= enough]:
+        said.append(prose("posterior.few", names=", ".join(few), enough=f"{enough:.0f}"))
+    spread = np.array([prior.spread for prior in result.priors])
+    if idle := [n for n, s in zip(names, result.sd > _LITTLE * spread, strict=True) if s]:
+        said.append(prose("posterior.prior", names=", ".join(idle)))
+    if (data := result.measured[:, 1:].size) < len(names):
+        said.append(prose("posterior.data", data=data, count=len(names)))
+    return said

@@ -1,0 +1,336 @@
+"""Rendered scenes with words around them: one pose from several sides, several poses, a film."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from kneejax.report.look.colours import BLACK, GREY
+from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim, without_frame
+from kneejax.report.scene import rendering
+from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
+from kneejax.report.scene.scene import Fibre, Scene
+
+#: Views of `scene_figure`, and of `motion_figure` and the film.
+STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
+_MOST_LABELS = 24
+#: Colours of a film that each scale takes.
+_STEPS = 44
+_LABEL_SIZE = 7.0
+#: Inches that a letter of a label takes.
+_LETTER = 0.065
+#: Length of the axes in the corner, as a part of half a picture.
+_TRIAD = 0.2
+#: Inches: the page, room for the names beside a view, head, foot, words at the left, gaps.
+_PAGE_WIDTH, _LABELS, _HEAD, _FOOT, _SIDE, _GAP = 1.25 * WIDTH, 0.48, 0.3, 0.75, 0.5, 0.08
+#: Between what explains two colours, inches.
+_KEY = 1.1
+
+
+@styled
+def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
+    """A knee at a pose from several sides, with its ligaments named.
+
+    Args:
+        scene: from `scenes`.
+        views: names in `VIEWS`.
+
+    Returns:
+        The figure; fibres are coloured by strain (thin and grey where slack), plateaux by pressure.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+        CannotRender: PyVista finds nothing to draw with.
+        ValueError: a view has no such name.
+    """
+    from matplotlib.figure import Figure
+
+    _check(views)
+    limits = rendering.strain_limit([scene]), rendering.pressure_limit([scene])
+    cameras = [rendering.camera(view, [scene]) for view in views]
+    page = _PAGE_WIDTH
+    room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
+    scale = (page - 2 * room * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
+    tallest = max(2 * c.half_mm[1] for c in cameras) * scale
+    figure = Figure(figsize=(page, tallest + _HEAD + 0.2 + _FOOT))
+    left = 0.0
+    for name, view in zip(views, cameras, strict=True):
+        width, height = (2 * half * scale for half in view.half_mm)
+        left += room
+        bottom = _FOOT + 0.5 * (tallest - height)
+        axes = _panel(figure, left, bottom, width, height)
+        left += width + room
+        _show(axes, rendering.render(scene, view, *limits), view)
+        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
+                  transform=axes.transAxes, ha="center", va="bottom", fontsize=9)  # fmt: skip
+        _name_groups(axes, scene, view)
+        _triad(axes, scene, view)
+    _ruler(figure.axes[0], cameras[0])
+    _bars(figure, *limits)
+    _head(figure, f"{scene.title} at {degrees(scene.flexion_deg)} flexion", scene)
+    return figure
+
+
+@styled
+def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: int = 5) -> Figure:
+    """A motion as small pictures: a row for each view, a column for each pose.
+
+    The tibia stands still; the femur moves.
+
+    Args:
+        every: scenes of one knee, from `scenes`.
+        views: names in `VIEWS`.
+        most: columns at most; of more poses, evenly spaced ones are shown.
+
+    Returns:
+        The figure, with one scale of strain and one of pressure.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+        CannotRender: PyVista finds nothing to draw with.
+        ValueError: there are no scenes, or a view has no such name.
+    """
+    from matplotlib.figure import Figure
+
+    _check(views)
+    if not every:
+        raise ValueError("no scenes to draw")
+    shown = [every[row] for row in spread(len(every), most)]
+    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    cameras = [rendering.camera(view, shown) for view in views]
+    widest = max(2 * c.half_mm[0] for c in cameras)
+    scale = min((_PAGE_WIDTH - _SIDE) / len(shown) - _GAP, 2.2) / widest
+    column = widest * scale + _GAP
+    heights = [2 * c.half_mm[1] * scale + _GAP for c in cameras]
+    page = max(_SIDE + column * len(shown), 4.5)
+    figure = Figure(figsize=(page, sum(heights) + _HEAD + 0.2 + _FOOT))
+    bottom = _FOOT + sum(heights)
+    for row, (name, view) in enumerate(zip(views, cameras, strict=True)):
+        bottom -= heights[row]
+        width = 2 * view.half_mm[0] * scale
+        for number, scene in enumerate(shown):
+            left = _SIDE + column * number + 0.5 * (column - width)
+            axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
+            _show(axes, rendering.render(scene, view, *limits, height=600), view)
+            if row == 0:
+                axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
+            if number == 0:
+                middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
+                words = _sentence(name).replace(", ", ",\n")
+                figure.text(0.08 / page, middle, words, rotation=90, va="center", ha="left")
+                _triad(axes, scene, view)
+    _ruler(figure.axes[-1], cameras[-1])
+    _bars(figure, *limits)
+    _head(figure, f"{shown[0].title}: flexion, the tibia held still", shown[0])
+    return figure
+
+
+@styled
+def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: int = 31) -> bytes:
+    """A motion as an animated GIF, there and back.
+
+    Args:
+        every: scenes of one knee, from `scenes`.
+        view: name in `VIEWS`.
+        most: pictures at most; of more poses, evenly spaced ones are shown.
+
+    Returns:
+        The file's bytes.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+        CannotRender: PyVista finds nothing to draw with.
+        ValueError: there are no scenes, or the view has no such name.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from PIL import Image
+
+    _check([view])
+    if not every:
+        raise ValueError("no scenes to draw")
+    shown = [every[row] for row in spread(len(every), most)]
+    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    seen = rendering.camera(view, shown)
+    width = 3.8
+    height = width * seen.half_mm[1] / seen.half_mm[0]
+    figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=160)
+    axes = _panel(figure, 0.0, _FOOT, width, height)
+    _bars(figure, *limits)
+    pictures = []
+    for scene in shown:
+        axes.clear()
+        _show(axes, rendering.render(scene, seen, *limits, height=760), seen)
+        _triad(axes, scene, seen, inset=1.6)
+        axes.set_title(f" {verbatim(scene.title)}: {degrees(scene.flexion_deg)} flexion")
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
+    palette = _one_palette(pictures)
+    frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
+    frames += frames[-2:0:-1]
+    stream = io.BytesIO()
+    frames[0].save(stream, format="GIF", save_all=True, append_images=frames[1:], duration=90,
+                   loop=0)  # fmt: skip
+    return stream.getvalue()
+
+
+def _one_palette(pictures: list[Any]) -> Any:
+    """256 colours for all pictures: white, both scales in fine steps, and what some have most of.
+
+    A palette of one picture alone gives the others bands.
+    """
+    from matplotlib import colormaps
+    from PIL import Image
+
+    scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
+    steps = [scale(np.linspace(0.0, 1.0, _STEPS))[:, :3] for scale in scales]
+    fixed = np.round(255.0 * np.concatenate([np.ones((1, 3)), *steps])).astype(int).ravel()
+    some = [pictures[row] for row in spread(len(pictures), 4)]
+    width, height = some[0].size
+    strip = Image.new("RGB", (width * len(some), height))
+    for place, picture in enumerate(some):
+        strip.paste(picture, (place * width, 0))
+    own = strip.quantize(256 - len(fixed) // 3, kmeans=2, dither=Image.Dither.NONE).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
+    return palette
+
+
+def _check(views: Sequence[str]) -> None:
+    for view in views:
+        if view not in rendering.VIEWS:
+            raise ValueError(f"a view {view!r}; expected one of {', '.join(rendering.VIEWS)}")
+
+
+def _sentence(name: str) -> str:
+    return name[0].upper() + name[1:]
+
+
+def _show(axes: Axes, image: np.ndarray, view: rendering.Camera) -> None:
+    w, h = view.half_mm
+    axes.imshow(image, extent=(-w, w, -h, h), interpolation="lanczos", aspect="equal")
+    axes.set(xticks=[], yticks=[])
+    without_frame(axes)
+
+
+def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
+    """Names in both margins, each with a thin line to the middle of its fibres."""
+    groups = scene.groups
+    if len(groups) > _MOST_LABELS:
+        return
+    target = {name: view.seen(_central(fibres)) for name, fibres in groups.items()}
+    w, h = view.half_mm
+    order = sorted(target, key=lambda name: target[name][0])
+    half = len(order) // 2
+    half += len(order) % 2 and sum(target[name][0] < 0 for name in order) > half
+    for side, names in ((-1.0, order[:half]), (1.0, order[half:])):
+        # In the lower left corner stand the axes.
+        low = -h + 2.9 * _TRIAD * min(w, h) if side < 0 else -h
+        places = _apart([float(target[name][1]) for name in names], low, h, 2 * h / 22.0)
+        for name, y in zip(names, places, strict=True):
+            line = {"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1, "shrinkB": 0}
+            axes.annotate(
+                verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y), va="center",
+                ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE, annotation_clip=False,
+                arrowprops=line,
+            )  # fmt: skip
+
+
+def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[float]:
+    """Heights near the wanted ones, at least a gap from each other and between two heights.
+
+    Example:
+        >>> [round(y, 2) for y in _apart([0.0, 0.1, 5.0], -6.0, 6.0, 1.0)]
+        [-0.45, 0.55, 5.0]
+    """
+    order = np.argsort(wanted, kind="stable")
+    free = np.asarray(wanted, float)[order] - gap * np.arange(len(wanted))
+    # Isotonic regression: the least change that keeps them in order and apart.
+    blocks: list[list[float]] = []
+    for value in free:
+        blocks.append([value])
+        while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
+            last = blocks.pop()
+            blocks[-1] += last
+    found = np.array([np.mean(block) for block in blocks for _ in block])
+    top = high - gap * max(len(wanted) - 1, 0)
+    found = np.clip(found, low, max(top, low)) + gap * np.arange(len(wanted))
+    answer = np.empty(len(wanted))
+    answer[order] = found
+    return answer.tolist()
+
+
+def _middle(line: np.ndarray) -> np.ndarray:
+    """Point halfway along a polyline."""
+    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.array([np.interp(0.5 * way[-1], way, line[:, k]) for k in range(3)])
+
+
+def _central(fibres: Sequence[Fibre]) -> np.ndarray:
+    """Middle of the fibre that is nearest to the middle of all."""
+    middles = np.array([_middle(fibre.points_mm) for fibre in fibres])
+    away = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
+    return middles[np.argmin(np.round(away, 6))]
+
+
+def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0) -> None:
+    """The anatomical axes in the lower left corner, drawn in by a multiple of their length."""
+    w, h = view.half_mm
+    size = _TRIAD * min(w, h)
+    start = np.array([-w + inset * size, -h + 0.9 * size])
+    for word in ("anterior", "superior", "lateral"):
+        flat = np.array([scene.directions[word] @ view.right, scene.directions[word] @ view.up])
+        if np.linalg.norm(flat) < 0.3:
+            continue
+        arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
+        axes.annotate("", tuple(start + size * flat), tuple(start), arrowprops=arrow,
+                      annotation_clip=False)  # fmt: skip
+        beside = start + size * flat + 0.35 * size * flat / np.linalg.norm(flat)
+        ha = "center" if abs(flat[0]) < 0.5 else ("left" if flat[0] > 0 else "right")
+        axes.text(beside[0], beside[1], word[:3], ha=ha, va="center", fontsize=6.0)
+
+
+def _ruler(axes: Axes, view: rendering.Camera) -> None:
+    w, h = view.half_mm
+    axes.plot([w - 21.0, w - 1.0], [-h + 1.0] * 2, color=BLACK, lw=1.4, solid_capstyle="butt")
+    axes.text(w - 11.0, -h + 2.0, "20 mm", ha="center", va="bottom", fontsize=6.5)
+
+
+def _bars(figure: Figure, strain: float, pressure: float) -> None:
+    """One scale of strain and one of pressure, side by side at the foot."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    page = figure.get_figwidth()
+    width = min(0.5 * page - 0.5, 2.6)
+    for middle, scale, colours, label in (
+        (0.27, Normalize(0.0, 100 * strain), rendering.strain_colours(),
+         "Strain, %   (thin, grey: slack)"),
+        (0.75, Normalize(0.0, pressure), PRESSURE_COLOURS, "Contact pressure, MPa"),
+    ):
+        axes = _panel(figure, middle * page - 0.5 * width, 0.5, width, 0.1)
+        bar = figure.colorbar(ScalarMappable(scale, colours), cax=axes, orientation="horizontal")
+        bar.set_label(label)
+        bar.outline.set_visible(False)
+
+
+def _panel(figure: Figure, left: float, bottom: float, width: float, height: float) -> Axes:
+    """Axes at a place in inches."""
+    w, h = figure.get_size_inches()
+    return figure.add_axes((left / w, bottom / h, width / w, height / h))
+
+
+def _head(figure: Figure, text: str, scene: Scene) -> None:
+    page, height = figure.get_size_inches()
+    figure.text(0.1 / page, 1 - 0.08 / height, verbatim(text), fontsize=9, va="top")
+    keys = [("wrap obstacles", rendering.OBSTACLE)] if scene.obstacles else []
+    keys += [("quadriceps", rendering.MUSCLE)] if any(x.is_muscle for x in scene.fibres) else []
+    for k, (words, colour) in enumerate(keys):
+        right = 1 - (0.1 + _KEY * k) / page
+        place = {"ha": "right", "va": "top", "fontsize": 8, "color": colour}
+        figure.text(right, 1 - 0.08 / height, f"\u25a0 {words}", **place)

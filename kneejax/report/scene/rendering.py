@@ -1,0 +1,306 @@
+"""Scenes rendered."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from kneejax.report.scene.pressure import PRESSURE_COLOURS
+from kneejax.report.scene.scene import BoneMesh, Fibre, Plateau, Scene
+from kneejax.report.scene.surfaces import grid_triangles
+
+#: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
+SLACK = "#A9ADB2"
+_REDS, _PALEST = "coolwarm", 0.58
+CONDYLE, GROUND, BONE, OBSTACLE = "#EADFCB", "#DDD6C8", "#E9E4D8", "#6FA8A0"
+MUSCLE = "#8E6A9E"
+BONE_OPACITY = {"femur": 0.25, "tibia": 0.4, "patella": 0.3}
+
+
+def strain_limit(every: Sequence[Scene]) -> float:
+    """Strain at the end of the colours: the largest pull in full percent, at least 2 %."""
+    fibres = (fibre for scene in every for fibre in scene.fibres if not fibre.is_muscle)
+    most = max((fibre.strain for fibre in fibres), default=0.0)
+    return max(0.02, float(np.ceil(most * 100.0)) / 100.0)
+
+
+def pressure_limit(every: Sequence[Scene]) -> float:
+    """Pressure at the end of the colours, MPa: the largest one; 1 without contact."""
+    peaks = [np.nanmax(p.pressure_MPa, initial=0.0) for scene in every for p in scene.plateaus]
+    peak = float(max(peaks, default=0.0))
+    return peak if peak > 0 else 1.0
+
+
+def strain_colours():
+    """The scale of colours of strained fibres, from no strain to the largest."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps[_REDS](np.linspace(_PALEST, 1.0, 256)))
+
+
+def fibre_colour(fibre: Fibre, limit: float) -> str:
+    """Colour of a fibre: a muscle's, or that of its strain (`strain_colour`)."""
+    return MUSCLE if fibre.is_muscle else strain_colour(fibre.strain, limit)
+
+
+def strain_colour(strain: float, limit: float) -> str:
+    """Colour of a fibre, as `#rrggbb`; grey where it is slack.
+
+    Example:
+        >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
+        ('#b40426', '#a9adb2')
+    """
+    from matplotlib.colors import to_hex
+
+    if not strain > 0:
+        return to_hex(SLACK)
+    return to_hex(strain_colours()(min(strain / limit, 1.0)))
+
+
+def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
+    """Colour of each point of a plateau, `(m, n, 3)`, 0 to 1; the ground's where not pressed."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_rgb
+
+    pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit)
+    colours = colormaps[PRESSURE_COLOURS](np.clip(pressure / limit, 0.0, 1.0))[..., :3]
+    # A quick fade at the rim instead of the teeth of the grid.
+    share = np.clip(pressure / (0.04 * limit), 0.0, 1.0)[..., None]
+    return share * colours + (1.0 - share) * np.array(to_rgb(GROUND))
+
+
+#: View -> where the camera stands: anterior, superior and lateral share.
+VIEWS = {"anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "medial": (0.0, 0.0, -1.0),
+         "lateral": (0.0, 0.0, 1.0), "anteromedial, from above": (0.75, 0.62, -0.55),
+         "anterolateral, from above": (0.75, 0.62, 0.55)}  # fmt: skip
+#: With this many fibres or fewer each is drawn thick.
+FEW_FIBRES = 12
+_MARGIN_MM = 4.0
+#: Bones reach at most so far beyond fibres and cartilage, to the sides, mm.
+_BONE_MM = 16.0
+_END = "#555555"
+
+
+class MissingPackage(ImportError):
+    """A package that the 3-D view needs is not installed.
+
+    Attributes:
+        package: its name.
+    """
+
+    def __init__(self, package: str, why: str):
+        self.package = package
+        super().__init__(f"the 3-D view needs {package} ({why}): pip install 'kneejax[view]'")
+
+
+class CannotRender(RuntimeError):
+    """The machine offers nothing to draw with off-screen; the message says what would do."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Camera:
+    """A parallel view.
+
+    Attributes:
+        name: of the view.
+        towards: unit vector from the knee to the camera.
+        right: unit vector that is to the right in the picture.
+        up: likewise upwards.
+        center_mm: point in the middle of the picture.
+        half_mm: half width and half height of the picture.
+    """
+
+    name: str
+    towards: np.ndarray
+    right: np.ndarray
+    up: np.ndarray
+    center_mm: np.ndarray
+    half_mm: tuple[float, float]
+
+    def seen(self, points_mm: np.ndarray) -> np.ndarray:
+        """Where points are in the picture, mm right and up from its middle, `(..., 2)`."""
+        away = np.asarray(points_mm) - self.center_mm
+        return np.stack([away @ self.right, away @ self.up], axis=-1)
+
+
+def camera(view: str, every: Sequence[Scene]) -> Camera:
+    """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
+    anterior, superior, lateral = VIEWS[view]
+    towards = np.array([anterior, superior, lateral * every[0].lateral])
+    towards /= np.linalg.norm(towards)
+    right = np.cross([0.0, 1.0, 0.0], towards)
+    right /= np.linalg.norm(right)
+    up = np.cross(towards, right)
+    points = np.concatenate([scene.points_mm for scene in every])
+    flat = np.stack([points @ right, points @ up], axis=-1)
+    low, high = flat.min(axis=0) - _MARGIN_MM, flat.max(axis=0) + _MARGIN_MM
+    # Bones at that height, as far as they do not make all the rest small: shafts are cut.
+    for bone in (bone for scene in every for bone in scene.bones):
+        beside = bone.points_mm @ right
+        beside = beside[np.abs(bone.points_mm @ up - 0.5 * (low + high)[1]) < 0.5 * (high - low)[1]]
+        if len(beside):
+            wide = beside.min() - _MARGIN_MM, beside.max() + _MARGIN_MM
+            low[0] = min(low[0], max(wide[0], flat[:, 0].min() - _BONE_MM))
+            high[0] = max(high[0], min(wide[1], flat[:, 0].max() + _BONE_MM))
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    center = middle[0] * right + middle[1] * up + np.mean(points @ towards) * towards
+    return Camera(view, towards, right, up, center, (float(half[0]), float(half[1])))
+
+
+def render(
+    scene: Scene, view: Camera, strain_limit: float, pressure_limit: float, height: int = 900
+) -> np.ndarray:
+    """Draw a scene without words.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+        CannotRender: PyVista finds nothing to draw with.
+    """
+    pv = pyvista()
+    width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
+    with _quiet():
+        try:
+            plotter = pv.Plotter(off_screen=True, window_size=(2 * width, 2 * height),
+                                 lighting=None)  # fmt: skip
+            _fill(pv, plotter, scene, strain_limit, pressure_limit)
+            _aim(pv, plotter, view)
+            image = plotter.screenshot(return_img=True)
+            plotter.close()
+        except RuntimeError as error:
+            raise CannotRender(f"PyVista could not draw off-screen ({error}); {_NEEDS}") from None
+    if image is None:
+        raise CannotRender(f"PyVista drew nothing off-screen; {_NEEDS}")
+    # Twice as fine and averaged: with software drawing VTK's own smoothing leaves patterns on
+    # translucent sheets, and its sorting of their layers loses them.
+    fine = np.asarray(image)[..., :3].reshape(height, 2, width, 2, 3)
+    return np.round(fine.mean(axis=(1, 3))).astype(np.uint8)
+
+
+_NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt install libegl1)"
+
+
+def pyvista() -> Any:
+    """The module, imported where it is used: it takes half a second and is optional.
+
+    Raises:
+        MissingPackage: it is not installed.
+    """
+    return _imported("pyvista", "PyVista")
+
+
+def plotly() -> Any:
+    """The module of Plotly's graph objects; as `pyvista`."""
+    return _imported("plotly.graph_objects", "Plotly")
+
+
+def need_view_packages() -> None:
+    """Import what pictures and pages in space need, before anything is computed.
+
+    Raises:
+        MissingPackage: PyVista or Plotly is not installed.
+    """
+    pyvista()
+    plotly()
+
+
+def _imported(module: str, name: str) -> Any:
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise MissingPackage(name, str(error)) from None
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
+    vtkLogger = _imported("vtkmodules.vtkCommonCore", "VTK").vtkLogger
+    before = vtkLogger.GetCurrentVerbosityCutoff()
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
+    try:
+        yield
+    finally:
+        vtkLogger.SetStderrVerbosity(before)
+
+
+def simplified(bone: BoneMesh, most: int = 16_000) -> BoneMesh:
+    """A bone with fewer triangles, for pages and pictures.
+
+    Args:
+        bone: any mesh.
+        most: triangles, about; a mesh of fewer stays as it is.
+
+    Raises:
+        MissingPackage: PyVista is not installed.
+    """
+    if len(bone.faces) <= most:
+        return bone
+    mesh = pyvista().PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
+    mesh = mesh.decimate(1.0 - most / len(bone.faces))
+    return dataclasses.replace(bone, points_mm=np.asarray(mesh.points, float),
+                               faces=mesh.regular_faces)  # fmt: skip
+
+
+def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
+    plotter.set_background("white")
+    plain = {"smooth_shading": True, "specular": 0.15, "specular_power": 20,
+             "show_scalar_bar": False}  # fmt: skip
+    for bone in scene.bones:
+        mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
+        plotter.add_mesh(mesh, color=BONE, opacity=BONE_OPACITY[bone.bone], **plain)
+    sheets = [(sheet, CONDYLE, 0.5) for sheet in scene.condyles]
+    sheets += [(sheet, OBSTACLE, 0.13) for sheet in scene.obstacles]
+    for sheet, colour, opacity in sheets:
+        faces = grid_triangles(*sheet.points_mm.shape[:2])
+        mesh = pv.PolyData.from_regular_faces(sheet.points_mm.reshape(-1, 3), faces)
+        plotter.add_mesh(mesh, color=colour, opacity=opacity, **plain)
+    for plateau in scene.plateaus:
+        mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
+        mesh.point_data["colour"] = pressure_colours(plateau, pressure_limit).reshape(-1, 3)
+        plotter.add_mesh(mesh, scalars="colour", rgb=True, **plain)
+    if scene.fibres:
+        mesh = _fibres(pv, scene, strain_limit)
+        plotter.add_mesh(mesh, scalars="colour", rgb=True, **plain)
+
+
+def _fibres(pv, scene: Scene, limit: float):
+    """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
+    from matplotlib.colors import to_rgb
+
+    radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
+    parts = []
+    for fibre in scene.fibres:
+        thick = 0.4 * radius if fibre.slack else radius
+        tube = pv.lines_from_points(fibre.points_mm).tube(radius=thick, n_sides=12)
+        shapes = [(tube, fibre_colour(fibre, limit))]
+        if not fibre.slack:
+            balls = (fibre.points_mm[0], fibre.points_mm[-1])
+            fine = {"theta_resolution": 12, "phi_resolution": 12}
+            shapes += [(pv.Sphere(radius=1.4 * radius, center=end, **fine), _END) for end in balls]
+        for shape, colour in shapes:
+            shape.clear_data()
+            shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
+            parts.append(shape)
+    return pv.merge(parts, merge_points=False)
+
+
+def _aim(pv, plotter, view: Camera) -> None:
+    plotter.enable_parallel_projection()
+    plotter.camera.focal_point = tuple(view.center_mm)
+    plotter.camera.position = tuple(view.center_mm + 500.0 * view.towards)
+    plotter.camera.up = tuple(view.up)
+    plotter.camera.parallel_scale = view.half_mm[1]
+    plotter.camera.clipping_range = (1.0, 1500.0)
+    # Light from all sides: the colours mean something, and shall be seen whatever way they face.
+    sides = ((0.8, view.towards), (0.55, view.up), (0.4, -view.up), (0.45, -view.right),
+             (0.35, view.right))  # fmt: skip
+    for share, place in sides:
+        plotter.add_light(pv.Light(
+            position=tuple(view.center_mm + 500.0 * place), focal_point=tuple(view.center_mm),
+            light_type="scene light", intensity=share,
+        ))  # fmt: skip

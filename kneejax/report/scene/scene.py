@@ -1,0 +1,277 @@
+"""A knee in space as plain arrays: what the pictures and the page draw."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.mechanics import Knee
+from kneejax.report.scene.lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
+from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures, state_of
+from kneejax.report.scene.surfaces import grid_triangles, surface_grid
+
+#: Bones whose meshes may be shown.
+BONES = (FEMUR, TIBIA, PATELLA)
+#: A muscle is shown as far as this beyond what else is, mm: its origin may be at the hip.
+_MUSCLE_MM = 15.0
+#: Likewise a ligament that is longer than any of the knee itself, mm: a band from the pelvis.
+_LONGEST_MM = 200.0
+#: Points along them.
+_ALONG = 80
+
+
+@dataclasses.dataclass(frozen=True)
+class BoneMesh:
+    """A bone for the picture, as scanned: a left bone stays a left bone.
+
+    Attributes:
+        bone: one of `BONES`, whose frame it is in.
+        points_mm: corners, `(n, 3)`.
+        faces: rows of three corners, `(m, 3)`.
+    """
+
+    bone: str
+    points_mm: np.ndarray
+    faces: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    """A grid of points on a surface: `(m, n, 3)`, mm, in the tibia's frame."""
+
+    name: str
+    points_mm: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Plateau:
+    """A tibial surface, or the patella's, with the pressure on it, `(m, n)`.
+
+    `center_mm` is the centre of pressure, `(3,)`. `faces` are the triangles of its points (row by
+    row) that are cartilage; points just outside its border have been moved there.
+    """
+
+    name: str
+    bone: str
+    points_mm: np.ndarray
+    faces: np.ndarray
+    pressure_MPa: np.ndarray
+    center_mm: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class Fibre:
+    """The course of a fibre, `(k, 3)`, mm, and how it is pulled.
+
+    Attributes:
+        name: of the fibre.
+        group: first group that has it; its own name if none has.
+        points_mm: in the tibia's frame, from the first of its two bones to the second.
+        strain: length over slack length, minus one; NaN of a muscle.
+        tension_N: force.
+    """
+
+    name: str
+    group: str
+    points_mm: np.ndarray
+    strain: float
+    tension_N: float
+
+    @property
+    def slack(self) -> bool:
+        """Whether the fibre is not pulled."""
+        return self.strain <= 0
+
+    @property
+    def is_muscle(self) -> bool:
+        """Whether it is a muscle, which has no strain of its own."""
+        return bool(np.isnan(self.strain))
+
+
+@dataclasses.dataclass(frozen=True)
+class Scene:
+    """A knee at a pose, all in the tibia's frame: X anterior, Y superior, Z to the person's right.
+
+    Attributes:
+        title: the knee's name and side.
+        flexion_deg: of the pose.
+        lateral: sign of the lateral direction along Z: 1 on a right knee, -1 on a left one.
+        condyles: the femoral surfaces.
+        plateaus: the tibial surfaces, and the patella's, with their pressure.
+        fibres: all ligament fibres, then bands and heads of the quadriceps near the knee.
+        obstacles: what ligaments wrap around.
+        bones: meshes, placed.
+    """
+
+    title: str
+    flexion_deg: float
+    lateral: float
+    condyles: tuple[Sheet, ...]
+    plateaus: tuple[Plateau, ...]
+    fibres: tuple[Fibre, ...]
+    obstacles: tuple[Sheet, ...]
+    bones: tuple[BoneMesh, ...]
+
+    @property
+    def groups(self) -> dict[str, list[Fibre]]:
+        """Group -> its fibres, in the knee's order."""
+        answer: dict[str, list[Fibre]] = {}
+        for fibre in self.fibres:
+            answer.setdefault(fibre.group, []).append(fibre)
+        return answer
+
+    @property
+    def points_mm(self) -> np.ndarray:
+        """All points but those of bones, which may run out of a picture, `(n, 3)`."""
+        parts = [*self.condyles, *self.plateaus, *self.fibres, *self.obstacles]
+        return np.concatenate([part.points_mm.reshape(-1, 3) for part in parts])
+
+    @property
+    def directions(self) -> dict[str, np.ndarray]:
+        """Anatomical word -> unit vector."""
+        lateral = np.array([0.0, 0.0, self.lateral])
+        words = {"anterior": np.array([1.0, 0.0, 0.0]), "superior": np.array([0.0, 1.0, 0.0]),
+                 "lateral": lateral}  # fmt: skip
+        opposite = {"anterior": "posterior", "superior": "inferior", "lateral": "medial"}
+        return words | {opposite[word]: -axis for word, axis in words.items()}
+
+
+def scenes(
+    knee: Knee, poses: Pose | State, bones: Sequence[BoneMesh] = (),
+    points: tuple[int, int] = (48, 48),
+) -> tuple[Scene, ...]:
+    """Place everything that a picture of a knee shows, in the tibia's frame.
+
+    A left knee, which is stored as its mirrored right twin, is mirrored back.
+
+    Args:
+        knee: any knee.
+        poses: of the tibia, fields of shape `(poses,)`, or one pose; a `State` where other bones
+            move too.
+        bones: meshes to show with it, in the frames of the knee's own side.
+        points: on each articular surface, along its two parameters.
+
+    Returns:
+        One scene a pose.
+
+    Raises:
+        ValueError: a mesh belongs to a bone that the knee does not have.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> (scene,) = scenes(knee, kj.Pose.from_table([[30.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+        >>> [fibre.name for fibre in scene.fibres], [plateau.name for plateau in scene.plateaus]
+        (['ACL', 'PCL', 'MCL', 'LCL'], ['medial', 'lateral'])
+    """
+    for mesh in bones:
+        if mesh.bone not in (FEMUR, *knee.bodies):
+            known = f"expected one of {FEMUR!r}, {', '.join(map(repr, knee.bodies))}"
+            raise ValueError(f"a mesh belongs to {mesh.bone!r}; {known}")
+    state = state_of(poses)
+    places, sign = Places.of(state), lateral_sign(knee)
+    mirror = np.array([1.0, 1.0, sign])
+    condyles = [Sheet(name, surface_grid(contact.femoral, points))
+                for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
+    pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
+    drawn = [_to_the_rim(field) for field in pressures]
+    courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)
+    grids = obstacles(knee, courses, places)
+
+    def at(i: int) -> Scene:
+        def seen(points_mm: np.ndarray, bone: str) -> np.ndarray:
+            """From a bone of the stored twin to the tibia as it is drawn."""
+            return places.moved(points_mm, bone, TIBIA, i) * mirror
+
+        def pressed(field: PlateauPressure, shown) -> Plateau:
+            plateau = _at_pose(field, i, shown)
+            if field.bone == TIBIA:
+                return plateau
+            # Its points are mirrored already.
+            own = (plateau.points_mm * mirror, plateau.center_mm * mirror)
+            there, center = (seen(x, field.bone) for x in own)
+            return dataclasses.replace(plateau, points_mm=there, center_mm=center)
+
+        def line(course: Line) -> Fibre:
+            points_mm = seen(course.points_mm[:, :, i], course.bone)
+            numbers = float(course.strain[i]), float(course.tension_N[i])
+            return Fibre(course.name, course.group, points_mm, *numbers)
+
+        fibres = [line(course) for course in courses]
+        far = [x for x in fibres if _along(x)[-1] > _LONGEST_MM]
+        scene = Scene(
+            title=f"{knee.name}, {knee.side} knee",
+            flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
+            lateral=sign,
+            condyles=tuple(Sheet(sheet.name, seen(sheet.points_mm, FEMUR)) for sheet in condyles),
+            plateaus=tuple(map(pressed, pressures, drawn)),
+            fibres=tuple(x for x in fibres if all(x is not y for y in far)),
+            obstacles=tuple(Sheet("", seen(grid, bone)) for grid, bone in grids),
+            bones=tuple(
+                dataclasses.replace(
+                    mesh, points_mm=seen(np.asarray(mesh.points_mm, float) * mirror, mesh.bone)
+                )
+                for mesh in bones
+            ),
+        )
+        near = _near([*far, *map(line, muscles)], scene.points_mm) if far or muscles else ()
+        return dataclasses.replace(scene, fibres=(*scene.fibres, *near))
+
+    return tuple(at(i) for i in range(state.shape[0]))
+
+
+def _along(fibre: Fibre) -> np.ndarray:
+    """Way along a fibre to each of its points, mm."""
+    steps = np.linalg.norm(np.diff(fibre.points_mm, axis=0), axis=1)
+    return np.append(0.0, steps.cumsum())
+
+
+def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
+    """The parts of muscles and bands that are near everything else."""
+    middle = points_mm.mean(axis=0)
+    reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
+    answer = []
+    for muscle in muscles:
+        line = muscle.points_mm
+        way = _along(muscle)
+        places = np.linspace(0.0, way[-1], _ALONG)
+        fine = np.stack([np.interp(places, way, x) for x in line.T], axis=1)
+        kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]
+        if len(kept) > 1:
+            answer.append(dataclasses.replace(muscle, points_mm=kept))
+    return tuple(answer)
+
+
+def _to_the_rim(field: PlateauPressure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points and triangles up to the cartilage's border, and each point's pressed neighbour.
+
+    Points of the grid just outside are moved to the border, which would else have teeth.
+    """
+    covered = field.covered.ravel()
+    faces = grid_triangles(*field.covered.shape)
+    faces = faces[covered[faces].any(axis=1)]
+    points, own = field.points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
+    outside = np.unique(faces[~covered[faces]])
+    if len(outside):
+        start = field.rim_mm
+        along = np.roll(start, -1, axis=0) - start
+        away = points[outside, None] - start
+        square = np.maximum(np.sum(along**2, axis=1), 1e-12)
+        share = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
+        nearest = start + share[..., None] * along
+        best = np.argmin(np.sum((points[outside, None] - nearest) ** 2, axis=2), axis=1)
+        points[outside] = nearest[np.arange(len(outside)), best]
+        inside = np.flatnonzero(covered)
+        apart = points[outside, None] - points[inside]
+        own[outside] = inside[np.argmin(np.sum(apart**2, axis=2), axis=1)]
+    return points.reshape(field.points_mm.shape), faces, own
+
+
+def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:
+    points, faces, own = drawn
+    pressure = field.pressure_MPa[row]
+    pressure = pressure.ravel()[own].reshape(pressure.shape)
+    return Plateau(field.name, field.bone, points, faces, pressure, field.center_mm[row])

@@ -1,0 +1,299 @@
+"""What each parameter of a study does to the motion, as an answer: who matters first."""
+
+from __future__ import annotations
+
+import importlib.metadata
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.inference import versions
+from kneejax.report import sensitivity_figures as figures
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import SHOWN
+from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed, wrapped
+from kneejax.statics import Status, converged
+
+if TYPE_CHECKING:
+    from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
+    from kneejax.studies import Sensitivities
+
+#: Narrow names of the coordinates, in the order of `SHOWN`.
+_HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
+#: Scale -> one step of it in words.
+_STEP = {"prior": "one standard deviation of its prior", "percent": "one per cent of its value"}
+_MOST_ROWS = 24
+
+
+def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answer:
+    """What each parameter of a study does to the motion."""
+    study, local, sweeps, indices = found.study, found.local, found.sweeps, found.indices
+    doubts = sensitivity_doubts(local, sweeps, indices)
+    offsets = tuple(study.frame_offset)
+    measured = _in_the_model_frame(found.measured, sweeps, offsets)
+    ranked, swept = ranked_table(local), swept_table(sweeps)
+    tables = {"sweeps": _sweep_values(sweeps), "local_sensitivity": _derivatives(local)}
+    main, method, over_flexion = [ranked], found.question.indices, ["local_curves"]
+    drawings = {
+        f"sweep_{one.name.replace('.', '_')}": Drawing(
+            figures.sweep_figure, sweeps, one.name, measured, bool(offsets),
+            more=f"Motion over {one.name}.",
+        )
+        for one in sweeps.sweeps
+    }
+    every_sweep = list(drawings)
+    drawings["local_curves"] = Drawing(figures.local_curves_figure, local)
+    drawings["local_heatmap"] = Drawing(figures.local_heatmap_figure, local)
+    if indices is not None:
+        tables["global_indices"] = _every_index(indices)
+        main.append(index_table(indices))
+        drawings[f"{method}_fit"] = Drawing(figures.fit_indices_figure, indices)
+        drawings[f"{method}_poses"] = Drawing(figures.pose_indices_figure, indices)
+        over_flexion = ["local_heatmap", "local_curves", f"{method}_poses"]
+    lost = not converged(np.maximum(local.status, sweeps.status)).any()
+    title = f"{study.title} (knee {study.knee.name})"
+    lines = [title]
+    for table in (ranked.fitting("step"), *main[1:], swept):
+        lines += ["", table.text()]
+    for sentence in doubts:
+        lines += wrapped(sentence, "warning: ")
+    return Answer(
+        title=title,
+        asked=f"How does the motion change with each of {len(local.names)} parameters, at "
+        f"{len(local.flexion_deg)} angles from {local.flexion_deg.min():g} to "
+        f"{local.flexion_deg.max():g} degrees of flexion?",
+        verdict=Verdict.FAILED if lost else Verdict.DOUBTFUL if doubts else Verdict.GOOD,
+        sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
+        drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
+        sections=[Section("Over flexion", drawings=over_flexion),
+                  Section("One parameter at a time", [prose("swept")], [swept], every_sweep)],
+        text="\n".join(lines), document=_document(found, options, doubts),
+    )
+
+
+def sensitivity_doubts(
+    local: LocalSensitivity, sweeps: Sweeps, found: MotionIndices | None = None
+) -> list[str]:
+    """What casts doubt on the results, a sentence each; empty if nothing does.
+
+    Dislocation at the extremes of a sweep is a result. Dislocation at the nominal values, or in
+    much of the ranges of global indices, is a doubt.
+    """
+    doubts = []
+    # Derivatives and sweeps share their poses; either may have lost one.
+    status = np.maximum(local.status, sweeps.status)
+    for outcome in tuple(Status)[1:]:
+        angles = [f"{angle:g}" for angle in local.flexion_deg[status == outcome]]
+        if angles:
+            doubts.append(f"the knee itself at {listed(angles)} degrees: {outcome.sentence}")
+    if found is not None and found.left_out_deg:
+        angles = [f"{angle:g}" for angle in found.left_out_deg]
+        doubts.append(f"global indices without the poses at {listed(angles)} degrees")
+    if found is not None and found.indices.doubtful:
+        doubts.append(f"global indices: {found.indices.treatment}")
+    return doubts
+
+
+def _shares(local: LocalSensitivity) -> np.ndarray:
+    """Effect of each parameter on each coordinate against the largest of all, `(5, p)`."""
+    size = np.abs(local.largest()[0])
+    return size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)
+
+
+def _ranked(local: LocalSensitivity) -> np.ndarray:
+    """Parameters by their mean share over the coordinates, the largest first."""
+    return np.argsort(-_shares(local).mean(axis=0), kind="stable")
+
+
+def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
+    """Who moves the knee most, and who decides the fit."""
+    slopes, rows = local.largest()
+    said = []
+    for i in _ranked(local)[:2]:
+        share = _shares(local)[:, i]
+        # Of coordinates on which it has the largest effect of all, the one that changes most.
+        c = int(np.where(share > 0.99 * share.max(), np.abs(slopes[:, i]), 0.0).argmax())
+        coordinate = COORDINATES[FREE_COORDINATES[c]]
+        said.append(
+            f"{local.names[i]} ({coordinate.label.lower()} {slopes[c, i]:+.2f} {coordinate.unit} "
+            f"at {local.flexion_deg[rows[c, i]]:g} degrees of flexion)"
+        )
+    sentence = f"The knee moves most with {', then with '.join(said)}, for {_STEP[local.scale]}."
+    if found is not None:
+        share = next(iter(found.indices.measures.values()))[found.row("")]
+        if np.isfinite(share).any():
+            name = found.indices.names[int(np.nanargmax(share))]
+            sentence += f" {name} decides the fit to the measured motion most."
+    return sentence
+
+
+def ranked_table(local: LocalSensitivity) -> Table:
+    """Parameters by their effect: of one step on each coordinate, with the flexion where it is."""
+    slopes, rows = local.largest()
+    most, cells = np.abs(slopes).argmax(axis=1), []
+    for i in _ranked(local)[:_MOST_ROWS]:
+        row = [local.names[i], f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip()]
+        for c in (figures.FREE_COLUMN[name] for name in SHOWN):
+            at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
+            row.append(at + ("*" if most[c] == i else " "))
+        cells.append(row)
+    pairs = zip(SHOWN, _HEADS, strict=True)
+    heads = [Column(name, f"{head}, {COORDINATES[name].unit}") for name, head in pairs]
+    hidden = len(local.names) - len(cells)
+    return Table(
+        [Column("parameter", words=True), Column("step"), *heads],
+        cells,
+        "Effect of each parameter, the largest first",
+        "Largest change of each coordinate when the parameter grows by a step, "
+        f"{_STEP[local.scale]}, and the flexion where it occurs; * the largest of a column."
+        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""),
+    )
+
+
+def swept_table(sweeps: Sweeps) -> Table:
+    """Parameters over whose sweep some poses are not sound: how far it is, and how many poses."""
+    at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
+    rows = [
+        [one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),
+         int(np.isin(one.status, figures.OF_FIBRES).sum()),
+         int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
+         int((one.status == Status.UNSTABLE).sum()), int((~converged(one.status)).sum())]
+        for one in at_fault[:_MOST_ROWS]
+    ]
+    poses = sum(one.status.size for one in sweeps.sweeps)
+    count = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}, {poses} poses"
+    hidden = len(at_fault) - len(rows)
+    heads = ("outside", "fibres", "unphysiol.", "unstable", "no balance")
+    return Table(
+        [Column("parameter", words=True), Column("sound_over", words=True),
+         *(Column(head, show=lambda count: str(count or NONE)) for head in heads)],
+        rows,
+        f"Sweeps: {count}" + ("; poses at fault:" if rows else ", all of them sound"),
+        f"{hidden} more in sweeps.csv." if hidden else "",
+    )
+
+
+def _sound_range(one: Sweep) -> str:
+    """Values about the knee's own at which every pose is sound."""
+    sound = np.all(one.sound, axis=1)
+    at = int(np.argmin(np.abs(one.values - one.own)))
+    if not sound[at]:
+        return "none"
+    bad = np.flatnonzero(~sound)
+    first = bad[bad < at].max(initial=-1) + 1
+    last = bad[bad > at].min(initial=len(sound)) - 1
+    return f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
+
+
+def index_table(found: MotionIndices) -> Table:
+    """Global indices of the objective, the largest first, with their confidence intervals."""
+    indices, row = found.indices, found.row("")
+    main, other = list(indices.measures)[:2]
+    half = indices.half_widths[main]
+    of_errors = [(one.coordinate, np.nan_to_num(indices.measures[main][k]))
+                 for k, one in enumerate(found.outputs)
+                 if one.coordinate and one.flexion_deg is None]  # fmt: skip
+    rows = []
+    order = np.argsort(-np.nan_to_num(indices.measures[main][row]), kind="stable")
+    for i in order[:_MOST_ROWS]:
+        best = [name for name, values in of_errors if values.any() and values.argmax() == i]
+        names = [head for head, name in zip(_HEADS, SHOWN, strict=True) if name in best]
+        limits = f"{number(indices.lower[i], 3)} to {number(indices.upper[i], 3)}"
+        shown = [indices.measures[main][row, i], half[row, i], indices.measures[other][row, i]]
+        decides = "all errors" if len(names) == len(SHOWN) else ", ".join(names)
+        rows.append([indices.names[i], limits, *shown, decides])
+    return Table(
+        [Column("parameter", words=True), Column("range", words=True), Column(main, show="3"),
+         Column("half_width", show="2"), Column(other, show="3"),
+         Column("largest_for", words=True)],
+        rows,
+        f"{indices.method.capitalize()} indices of the objective ({indices.runs} motions, "
+        f"{100 * indices.confidence:g} % intervals by half width), and the coordinates whose error "
+        "each parameter decides most",
+        f"{indices.treatment}." if indices.treatment else "",
+    )  # fmt: skip
+
+
+def _sweep_values(sweeps: Sweeps) -> Table:
+    header = ["parameter", "value", "flexion_deg", *COLUMNS[1:], "status", "unphysiological"]
+    return Table(
+        [Column(name) for name in header],
+        [
+            [one.name, value, angle, *one.table[i, j], Status(one.status[i, j]).word,
+             one.unphysiological[i, j]]
+            for one in sweeps.sweeps
+            for i, value in enumerate(one.values)
+            for j, angle in enumerate(sweeps.flexion_deg)
+        ],
+    )  # fmt: skip
+
+
+def _derivatives(local: LocalSensitivity) -> Table:
+    header = ["parameter", "value", "unit", "step", "flexion_deg"]
+    header += [f"{column}_per_{per}" for per in ("unit", "step") for column in COLUMNS[1:]]
+    return Table(
+        [Column(name) for name in (*header, "status")],
+        [
+            [name, local.values[i], local.units[i], local.widths[i], angle,
+             *local.derivative[j, :, i], *local.scaled[j, :, i], Status(local.status[j]).word]
+            for i, name in enumerate(local.names)
+            for j, angle in enumerate(local.flexion_deg)
+        ],
+    )  # fmt: skip
+
+
+def _every_index(found: MotionIndices) -> Table:
+    indices = found.indices
+    columns = {**indices.measures}
+    columns |= {f"{name}_half_width": half for name, half in indices.half_widths.items()}
+    header = ["method", "output", "coordinate", "flexion_deg", "unit", "parameter", "lower"]
+    return Table(
+        [Column(name) for name in (*header, "upper", *columns)],
+        [
+            [indices.method, one.name, one.coordinate, one.flexion_deg, one.unit, name,
+             indices.lower[i], indices.upper[i], *(values[k, i] for values in columns.values())]
+            for k, one in enumerate(found.outputs)
+            for i, name in enumerate(indices.names)
+        ],
+    )  # fmt: skip
+
+
+def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str]) -> dict:
+    """What result.json holds."""
+    local, sweeps, indices = found.local, found.sweeps, found.indices
+    document = {
+        "title": found.study.title, "knee": found.study.knee.name, "study": found.study.settings(),
+        "truth": found.study.truth, "options": {**options, "samples": found.question.samples},
+        "own_motion": [Status(s).word for s in sweeps.status],
+        "steps": dict(zip(local.names, local.widths, strict=True)),
+        "sweeps": {
+            one.name: {"own": one.own, "unit": one.unit, "from": one.values[0],
+                       "to": one.values[-1], "values": len(one.values),
+                       "poses": {s.word: int((one.status == s).sum()) for s in Status},
+                       "unphysiological": int(one.unphysiological.sum())}
+            for one in sweeps.sweeps
+        },
+    }  # fmt: skip
+    packages = versions()
+    if indices is not None:
+        one = indices.indices
+        names = ("method", "confidence", "runs", "failed", "blocks", "left_out", "treatment")
+        document["global"] = {name: getattr(one, name) for name in names} | {
+            "flexion_deg_left_out": indices.left_out_deg,
+        }
+        packages |= {"SALib": importlib.metadata.version("SALib")}
+    return document | {"doubts": doubts, "seconds": found.seconds, "versions": packages}
+
+
+def _in_the_model_frame(measured: np.ndarray, sweeps: Sweeps, offsets: tuple[str, ...]):
+    """The measurement, moved by the constants that the study leaves free onto the knee's motion."""
+    measured = np.array(measured)
+    row = np.searchsorted(sweeps.flexion_deg, measured[:, 0])
+    for name in offsets:
+        k = FREE_COORDINATES.index(name)
+        apart = sweeps.table[row, k] - measured[:, k + 1]
+        if np.isfinite(apart).any():
+            measured[:, k + 1] += np.nanmean(apart)
+    return measured
