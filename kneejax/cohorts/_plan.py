@@ -20,7 +20,7 @@ from kneejax.cohorts._reading import Cohort, CohortProblems, Member
 from kneejax.inference import versions
 from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
 from kneejax.parameters import MEANING, UnsuitableData
-from kneejax.studies import Study
+from kneejax.studies import Study, plain_test
 
 #: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
 BLOCK = 8
@@ -194,7 +194,7 @@ def _structure(study: Study) -> bytes:
     words.append(study.limits)
     for test in study.tests:
         alike = {"observed": np.isfinite(test.observed).tolist(), "readings": bool(test.readings)}
-        words.append(_plain(test) | alike)
+        words.append(plain_test(test) | alike)
     pose = jax.tree.leaves(study.knee.reference_pose)
     flexion = np.asarray(study.flexion_deg, float)
     return _digest(json.dumps(words).encode(), *map(_bytes, (flexion, *pose)))
@@ -208,23 +208,12 @@ def _fingerprint(members: Sequence[Member]) -> str:
         settings = study.settings()
         words = [member.name, study.title, str(tree)]
         words += [{k: x for k, x in settings.items() if k not in _ELSEWHERE}, study.truth]
-        words += [[_plain(test) for test in study.tests], settings["synthetic"]]
+        words += [[plain_test(test) for test in study.tests], settings["synthetic"]]
         # Of structures drawn as several fibres, answers say what their stiffness means.
         words += [MEANING] if study.knee.groups else []
         poses = b"" if study.measured is None else _bytes(study.measured)
         parts += [json.dumps(words).encode(), poses, *map(_bytes, leaves)]
     return _digest(*parts).hex()
-
-
-def _plain(test: Any) -> dict[str, Any]:
-    """A test as lists and words."""
-    return json.loads(json.dumps(vars(test) | {}, default=_listed))
-
-
-def _listed(value: Any) -> Any:
-    if dataclasses.is_dataclass(value):
-        return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-    return np.asarray(value).tolist() if hasattr(value, "__array__") else dict(value)
 
 
 def _bytes(array: Any) -> bytes:

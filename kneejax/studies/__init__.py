@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import sensitivity as sensitivity
     from kneejax.studies._maps import about_maps as about_maps
     from kneejax.studies._maps import fingerprint as fingerprint
+    from kneejax.studies._maps import plain_test as plain_test
     from kneejax.studies._maps import sensitivity_map as sensitivity_map
     from kneejax.studies._options import Identify as Identify
     from kneejax.studies._options import Map as Map

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import json
@@ -11,8 +12,8 @@ from typing import Any
 import jax
 import numpy as np
 
+from kneejax.experiments import MeasuredTest
 from kneejax.files import InputProblem
-from kneejax.files.reading import plain
 from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versions
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.parameters import MEANING
@@ -138,9 +139,20 @@ def fingerprint(study: Study, options: Map) -> bytes:
     numbers = b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
     said = study.settings()
     settings = [said[name] for name in _OF_MISFIT]
-    settings += [plain(vars(test)) for test in study.tests]
+    settings += [plain_test(test) for test in study.tests]
     poses = b"" if study.measured is None else study.measured.tobytes()
     words = [about_maps(study, options), *settings, str(structure), versions()["kneejax"]]
     # Of structures drawn as several fibres, maps say what their stiffness means.
     words += [MEANING] if study.knee.groups else []
     return numbers + poses + json.dumps(words).encode()
+
+
+def plain_test(test: MeasuredTest) -> dict[str, Any]:
+    """A test as lists and words: what a fingerprint knows of it."""
+
+    def listed(value: Any) -> Any:
+        if dataclasses.is_dataclass(value):
+            return {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
+        return np.asarray(value).tolist() if hasattr(value, "__array__") else dict(value)
+
+    return json.loads(json.dumps(vars(test) | {}, default=listed))

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from kneejax.cohorts._plan import _plain
 from kneejax.dynamics import gravity_of
 from kneejax.experiments import leg_of_person
 from kneejax.files import InputProblem
+from kneejax.studies import Map, fingerprint, plain_test
 from tests.studies.test_lab_tests import study, table
 
 TIMES = np.arange(12) / 12 * 2.0
@@ -63,7 +63,7 @@ def test_a_cohort_knows_knees_in_motion_apart(tmp_path):
         study(tmp_path, [CINE | {"in_time": CINE["in_time"] | {"body_kg": kg}}]).tests[0]
         for kg in (60.0, 80.0)
     )
-    assert json.dumps(_plain(one)) != json.dumps(_plain(other))
+    assert json.dumps(plain_test(one)) != json.dumps(plain_test(other))
 
 
 @pytest.mark.parametrize(
@@ -93,3 +93,11 @@ def test_a_motion_needs_times_that_rise_and_loads_and_coordinates_alone(tmp_path
     cine(tmp_path, (*HEADER[:3], "ACL.tension_N"))
     with pytest.raises(InputProblem, match=r"frames: ACL.tension_N too: expected loads"):
         study(tmp_path, [CINE | {"sd_N": 1.0}])
+
+
+def test_the_fingerprint_of_a_map_knows_what_moves(tmp_path):
+    cine(tmp_path)
+    slow = CINE | {"in_time": CINE["in_time"] | {"body_kg": 90.0}}
+    question = Map(pair=[("ACL.stiffness", "PCL.stiffness")])
+    one, other = (fingerprint(study(tmp_path, [test]), question) for test in (CINE, slow))
+    assert one != other

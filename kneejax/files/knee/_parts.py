@@ -115,16 +115,11 @@ def turned(x: Any, _: Any) -> list[float]:
     return [negative(x[0]), negative(x[1]), x[2]]
 
 
+_texts = reading.mapping_of(lambda value, _: text(value), "a text for each field")
+
+
 def _source(value: Any) -> Any:
-    """One text for the part, or a text for each of its fields."""
-    if not isinstance(value, dict):
-        return text(value)
-    mistakes, found = Mistakes(), {}
-    for name, one in value.items():
-        with mistakes.gathered(name):
-            found[name] = text(one)
-    mistakes.check()
-    return found
+    return _texts(value) if isinstance(value, dict) else text(value)
 
 
 Vector = tuple[float, float, float]

@@ -73,20 +73,13 @@ def _outline(value: Any) -> list[tuple[float, ...]]:
     return corners
 
 
-def _counts(value: Any) -> tuple[int, ...]:
-    mistakes, found = Mistakes(), []
-    for place, one in enumerate(reading.items(value, "numbers of points", 2)):
-        with mistakes.gathered(f"[{place}]"):
-            found.append(reading.whole(one, 2, _MOST_POINTS))
-    mistakes.check()
-    return tuple(found)
-
-
 Origin = Annotated[Point, Gives("frame.origin")]
 Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(parts.turned)]
 Rotation = Annotated[Turn | None, Gives("frame.rotation")]
 Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
 Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
+Count = Annotated[int, reads(reading.whole, 2, _MOST_POINTS)]
+_TWO = reading.entries("numbers of points", count=2)
 Size = Annotated[float, within("size_mm")]
 SemiAxes = Annotated[parts.Vector, reading.numbers_within(3, "size_mm")]
 
@@ -255,7 +248,7 @@ class ContactPart(Sourced):
 
     makes = Contact
     form: Annotated[str, one_of(FORMS), WORD]
-    points: Annotated[tuple[int, int], reads(_counts), WORD] = (24, 24)
+    points: Annotated[tuple[Count, ...], _TWO, WORD] = (24, 24)
     law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
     youngs_modulus_MPa: Number
     poisson_ratio: Number

@@ -64,16 +64,14 @@ class Part(BaseModel):
 
 
 def checked(
-    model: type[_P], value: Any, file: str = "", at: str = "", folder: Path | None = None,
-    *, nulls: bool = False,
-) -> _P:  # fmt: skip
-    """Read a part of a file.
+    model: type[_P], value: Any, file: str = "", folder: Path | None = None, *, nulls: bool = False
+) -> _P:
+    """Read a file.
 
     Args:
         model: what it is.
         value: what stands there.
         file: where, for errors.
-        at: the place in the file; the whole file by default.
         folder: to which paths in it are relative.
         nulls: whether a field may be null, as in a file that the package wrote.
 
@@ -86,7 +84,7 @@ def checked(
         context = {"folder": folder or Path(), "file": not nulls}
         return model.model_validate(value, context=context)
     except ValidationError as error:
-        mistakes.keep(error, at)
+        mistakes.keep(error)
     raise together(mistakes)
 
 

@@ -74,9 +74,9 @@ def _estimate(value: Any, name: str) -> Estimate:
     """What was found of a parameter, or of a constant between frames."""
     found, mistakes = Estimate.model_validate(value), Mistakes()
     with mistakes.gathered("value"):
-        reading.number(found.value, range_of_parameter(name))
-    mistakes.check()
-    return found
+        number = reading.number(found.value, range_of_parameter(name))
+        return found.model_copy(update={"value": number})
+    raise reading.together(mistakes)
 
 
 def _coordinate(name: str) -> str:

@@ -134,15 +134,15 @@ class Table(NamedTuple):
             if empty and cell.lower() in ("", "nan"):
                 values.append(np.nan)
                 continue
-            expected = ""
             if x is None or not math.isfinite(x):
                 expected = "a number" if x is None else "a finite number"
             elif allowed and not allowed.holds(factor * x):
                 expected = allowed.expected(factor * x)
-            if expected:
-                self.mistakes.append(InputProblem(self.file, place, cell, expected))
-                break
-            values.append(factor * (x or 0.0))
+            else:
+                values.append(factor * x)
+                continue
+            self.mistakes.append(InputProblem(self.file, place, cell, expected))
+            break
         return np.array(values)
 
     def columns(self, names: Mapping[str, str]) -> np.ndarray:
