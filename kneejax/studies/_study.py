@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import os
+import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,6 +26,10 @@ if TYPE_CHECKING:
     from kneejax.mechanics import Knee, Load
     from kneejax.parameters import Selection
     from kneejax.statics import Status
+
+
+#: Free numbers beyond which a study is doubted.
+_MANY = 40
 
 
 class Study(StudyFields):
@@ -198,8 +203,11 @@ class Study(StudyFields):
                 that differ in nothing else share their programs.
 
         Raises:
-            UnsuitableData: the knee that should make the data does not balance, or data that tell
-                nothing of what is free.
+            UnsuitableData: the knee that should make the data does not balance, more is free than was
+                read, or data that tell nothing of what is free.
+
+        Warns:
+            DoubtfulValue: more than 40 numbers are free.
         """
         from kneejax.inference.calibration import CalibrationProblem
         from kneejax.parameters import select
@@ -207,9 +215,11 @@ class Study(StudyFields):
         knee = self.knee_at_start
         if nameless:
             knee = dataclasses.replace(knee, name="knee", side="right")
+        selection = select(knee, self.parameters)
+        _check_free(self, selection)
         return CalibrationProblem.of(
             knee,
-            select(knee, self.parameters),
+            selection,
             self.poses(),
             bounds=self.bounds,
             noise=self.scatter,
@@ -238,6 +248,31 @@ class Study(StudyFields):
             "noise_mm": mm, "noise_deg": deg, "knee": self.knee_name,
             "path": os.path.abspath(self.file) if os.path.isfile(self.file) else self.file,
         }  # fmt: skip
+
+
+def _check_free(study: Study, selection: Selection) -> None:
+    """Not more numbers are free than were read, but for those with a prior; many are doubted."""
+    from kneejax.parameters import DoubtfulValue, UnsuitableData, stated
+
+    counted = study.scatter.counted
+    read = len(study.flexion_deg) * int(counted.sum())
+    for test in study.tests:
+        every = [test.observed[:, counted], *test.readings.values()]
+        read += sum(int(np.isfinite(one).sum()) for one in every)
+    believed = sum(one is not None for one in stated(selection, study.prior, "prior"))
+    free = len(selection) + len(study.frame_offset)
+    groups = [f"{name} ({len(fibres)} fibres)" for name, fibres in study.knee.groups]
+    instead = f"; free structures rather than fibres: {', '.join(groups)}" if groups else ""
+    if free - believed > read:
+        raise UnsuitableData(
+            f"parameters: {free} free numbers for {read} readings: expected as many readings at "
+            f"least, or a prior{instead}"
+        )
+    if free > _MANY:
+        warnings.warn(
+            f"parameters: {free} free numbers: data seldom tell more than {_MANY} apart, and each "
+            f"takes its time{instead}", DoubtfulValue, 3,
+        )  # fmt: skip
 
 
 def _check_tests(study: Study, mistakes: Mistakes) -> None:

@@ -65,3 +65,22 @@ def test_a_name_is_no_knee_and_bounds_hold_the_start(knee):
         study(knee, bounds={"ACL.stiffness": (300.0, 4000.0)})
     moved = study(knee, bounds={"ACL.stiffness": (300.0, 4000.0)}, start={"ACL.stiffness": 3500.0})
     assert moved.limits["ACL.stiffness"] == (300.0, 4000.0)
+
+
+def test_more_free_numbers_than_readings_are_refused_before_any_work(knee):
+    poses = np.zeros((2, 6))
+    names = ["*.stiffness", "*.reference_strain", "ACL.femoral_attachment"]
+    study = kj.Study(title="too many", knee=knee, measured=poses, parameters=names)
+    with pytest.raises(kj.parameters.UnsuitableData, match="11 free numbers for 10 readings"):
+        study.problem()
+    believed = study.replace(prior={"ACL.femoral_attachment": 2.0}, noise_mm=0.5, noise_deg=0.5)
+    assert len(believed.problem().start) == 11
+
+
+def test_so_many_fibres_are_doubted_with_the_structures_to_free_instead():
+    whole = kj.load_knee("lenhart2015")
+    study = kj.Study(
+        title="every fibre", knee=whole, measured=np.zeros((12, 6)), parameters=["*.stiffness"]
+    )
+    with pytest.warns(kj.parameters.DoubtfulValue, match=r"55 free.*ACL \(12 fibres\)"):
+        study.problem()
