@@ -125,7 +125,17 @@ class Answer:
         self, pictures: Mapping[str, str], settings: Mapping[str, Any] | None = None,
         versions: Mapping[str, str] | None = None, seconds: Mapping[str, float] | None = None,
     ) -> str:
-        """The page of the answer, which needs no other file and no network."""
+        """The page of the answer, which needs no other file and no network.
+
+        Args:
+            pictures: name -> SVG element of each drawing that the page shows.
+            settings: of the command: at the foot of the page, folded.
+            versions: package -> version, likewise.
+            seconds: part of the work -> how long it took, likewise.
+
+        Returns:
+            An HTML document.
+        """
         asked_again = [(name, as_setting(value))
                        for name, value in json_safe(dict(settings or {})).items()]  # fmt: skip
         lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
