@@ -69,15 +69,17 @@ def check_tensions(model: Model, table: Storage) -> None:
 
 
 def check_movement(bones: OsimKneeJoint, table: Storage) -> None:
-    """Refuse translations of a knee that are larger than a knee: in mm."""
+    """Refuse translations of a knee that differ more from the model's defaults than a knee's do:
+    in mm."""
     angles, columns = turning(bones.joints), {last_word(name): name for name in table.columns}
-    for name in {c.name for c in coordinates_of(bones.joints)} - angles:
-        if name in columns:
-            values = table.columns[columns[name]]
-            largest = float(values[np.abs(values).argmax()])
-            if abs(largest) > _MOST_M:
-                expected = f"a translation of the knee, at most {_MOST_M:g} m; mm are suspected"
-                raise InputProblem(table.file, columns[name], f"{largest:g}", expected)
+    for c in coordinates_of(bones.joints):
+        if c.name in columns and c.name not in angles:
+            values = table.columns[columns[c.name]]
+            farthest = float(values[np.abs(values - c.default).argmax()])
+            if abs(farthest - c.default) > _MOST_M:
+                expected = (f"a translation of the knee within {_MOST_M:g} m of {c.default:g}, the "
+                            "model's default; mm are suspected")
+                raise InputProblem(table.file, columns[c.name], f"{farthest:g}", expected)
 
 
 def check_reaction(table: Storage, parts: np.ndarray, columns: Mapping[str, str]) -> None:
