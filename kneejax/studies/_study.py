@@ -203,8 +203,8 @@ class Study(StudyFields):
                 that differ in nothing else share their programs.
 
         Raises:
-            UnsuitableData: the knee that should make the data does not balance, more is free than was
-                read, or data that tell nothing of what is free.
+            UnsuitableData: the knee that should make the data does not balance, more is free than
+                was read, or data that tell nothing of what is free.
 
         Warns:
             DoubtfulValue: more than 40 numbers are free.
