@@ -28,7 +28,7 @@ from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import Observations, balances_of, fit_lanes
 from kneejax.inference.fit import Noise, observations
 from kneejax.inference.fit._observed import add_offsets, best_offsets, with_offsets
-from kneejax.inference.intervals._intervals import IntervalKind, sureties
+from kneejax.inference.intervals._estimate import IntervalKind, estimate
 from kneejax.inference.intervals._profiles import named
 from kneejax.parameters import stated
 from kneejax.statics import LoadCases
@@ -215,7 +215,7 @@ def _some(knee, chosen, design: Design, cases, target, begin, bounds):
     answers = add_offsets(fits.slopes, shifts, offsets, data.posed)
     wide = np.full(len(offsets), 10.0)
     units = {c: n.rsplit("_", 1)[1] for c, n in zip(FREE_COORDINATES, COLUMNS[1:], strict=True)}
-    sure = sureties(
+    sure = estimate(
         with_offsets(balances_of(knee, chosen, data), offsets, data.posed),
         dataclasses.replace(data, offsets=()),
         answers,

@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from kneejax.dynamics import Given, MovingKnee, Trajectory, given_of, move_within, searched
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
 from kneejax.inference.fit import ManyFits, Noise, Observations, fit_lanes, on_bounds, passed
-from kneejax.inference.intervals import Uncertainty, likeliest, uncertainty
+from kneejax.inference.intervals import Uncertainty, maximum_likelihood, uncertainty
 from kneejax.mechanics import RANGES, Range, add_lane_axis
 from kneejax.numerics import WrongValue
 from kneejax.statics import LoadCases, Slopes, converged
@@ -188,7 +188,7 @@ def fit_transient(
     assert found is not None and fit is not None and motion is not None
     seen = data.seen.any(axis=0)
     noise = Noise.of(weights=np.where(seen, np.nan, 0.0))
-    best, weighed = likeliest(motion, data, fit.slopes, noise, lower[0], upper[0])
+    best, weighed = maximum_likelihood(motion, data, fit.slopes, noise, lower[0], upper[0])
     best = dataclasses.replace(best, evaluations=evaluations + best.evaluations)
     return _fitted(moving, names, found, weighed, best, lower[0], upper[0])
 

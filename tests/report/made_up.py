@@ -13,7 +13,7 @@ from kneejax.inference.calibration._result import (
     Motion,
     Starts,
 )
-from kneejax.inference.intervals._intervals import IntervalKind
+from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.statics._status import Status
 
 LIGAMENTS = ("ACL", "PCL", "MCL", "LCL")

@@ -23,7 +23,7 @@ from kneejax.inference.fit import (
     slack_at,
     without_offsets,
 )
-from kneejax.inference.intervals import Interval, IntervalKind, Surety, named, sureties
+from kneejax.inference.intervals import Interval, IntervalKind, MaximumLikelihood, estimate, named
 from kneejax.mechanics import Knee
 from kneejax.statics import Slopes
 
@@ -31,13 +31,13 @@ from kneejax.statics import Slopes
 _APART = 3.84
 
 
-def sureties_of(
+def estimates_of(
     knees: SeveralKnees,
     trails: Sequence[Trail],
     noise: Noise,
     lower: np.ndarray,
     upper: np.ndarray,
-) -> list[Surety]:
+) -> list[MaximumLikelihood]:
     """The best fits near the answers of several knees, and how sure they are; constants between
     frames are values like others.
 
@@ -50,7 +50,7 @@ def sureties_of(
     """
     first = knees.problems[0]
     names = named(first.selection) + offset_units(first.offsets)
-    return sureties(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
+    return estimate(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
 
 
 def fit_of(
@@ -60,7 +60,7 @@ def fit_of(
     start: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    surety: Surety | None,
+    likely: MaximumLikelihood | None,
 ) -> Fit:
     """The answer of one procedure.
 
@@ -71,7 +71,7 @@ def fit_of(
         start: parameters and offsets where it began.
         lower: bounds.
         upper: bounds.
-        surety: how sure it is; None for a procedure that is there to compare.
+        likely: how sure it is; None for a procedure that is there to compare.
     """
     found, size = trail.known, len(problem.selection)
     slack = _slack_ligaments(problem, found)
@@ -80,16 +80,16 @@ def fit_of(
     estimates = []
     for i, (name, unit) in enumerate(names):
         interval = None
-        if surety is not None:
-            best = float(surety.best.values[0, i])
-            interval = surety.intervals[i].beside(float(trail.x[i]), best)
+        if likely is not None:
+            best = float(likely.best.values[0, i])
+            interval = likely.intervals[i].beside(float(trail.x[i]), best)
         loose = slack.get(problem.selection.ligament(i), 0.0) if i < size else 0.0
         numbers = (trail.x[i], start[i], lower[i], upper[i])
         estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, loose))
     failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
-    if surety is not None:
-        correlation = surety.correlation[:size, :size]
+    if likely is not None:
+        correlation = likely.correlation[:size, :size]
     return Fit(
         procedure,
         tuple(estimates[:size]),

@@ -181,7 +181,7 @@ class Calibration:
         contacts: names in the order of `Motion.contact_forces`.
         truth: parameter -> value that made synthetic data; empty for measured data.
         noise: coordinate -> standard deviation of the measurement (degrees, mm).
-        noise_estimated: whether that was estimated from what the likeliest fit leaves.
+        noise_estimated: whether that was estimated from what the best fit leaves.
         misfits: coordinates in which the answer is a poor fit, and why.
         weights: of squared errors, `(5,)`, per degree^2 and per mm^2.
         left_out: load cases that count for nothing, since the start has no balance there.

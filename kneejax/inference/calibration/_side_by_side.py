@@ -9,20 +9,20 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.inference.calibration._answers import (
+    estimates_of,
     fit_of,
     motion_of,
     objective_of,
     partial_objectives_of,
     rmse_of,
     starts_of,
-    sureties_of,
 )
 from kneejax.inference.calibration._calibrate import CalibrationProblem
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
 from kneejax.inference.calibration._search import Trail, run_side_by_side, together
 from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
-from kneejax.inference.intervals import Surety
+from kneejax.inference.intervals import MaximumLikelihood
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -262,7 +262,7 @@ def _fits(
     members: Sequence[CalibrationProblem],
     first: Sequence[Slopes],
     progress: Progress,
-) -> tuple[SeveralKnees, list[list[Fit]], list[Surety]]:
+) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:
     """The knees with the noise that is known in the end; the answers of each procedure from given
     balances; and how sure that of the first is, a knee each."""
     one = members[0]
@@ -287,19 +287,17 @@ def _fits(
         lap("search")
         if not number:
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
-            sure = sureties_of(knees, trails, one.noise, lower, upper)
+            sure = estimates_of(knees, trails, one.noise, lower, upper)
             if procedure == "III":
-                noise = [surety.noise for surety in sure]
+                noise = [likely.noise for likely in sure]
                 knees = knees.weighing(_weighing(knees.problems, noise, one))
                 where = zip(knees.problems, first, trails, sure, strict=True)
                 trails = [_at_the_bottom(*each, one.noise) for each in where]
             lap("limits")
         for row, trail in enumerate(trails):
             own, problem = members[row], knees.problems[row]
-            fit = fit_of(
-                problem, procedure, trail, own.start, own.lower, own.upper,
-                None if number else sure[row],
-            )  # fmt: skip
+            likely = None if number else sure[row]
+            fit = fit_of(problem, procedure, trail, own.start, own.lower, own.upper, likely)
             if reached:
                 ends, objectives = reached[row]
                 known = np.isfinite(objectives)
@@ -320,18 +318,18 @@ def _weighing(problems: Sequence[Problem], noise, one: CalibrationProblem) -> li
 
 
 def _at_the_bottom(
-    problem: Problem, first: Slopes, trail: Trail, surety: Surety, noise: Noise
+    problem: Problem, first: Slopes, trail: Trail, likely: MaximumLikelihood, noise: Noise
 ) -> Trail:
     """The trail on to the best fit, around which the limits are."""
     if noise.estimated and not noise.given:
         trail = trail.weighed(problem)
     if not trail.converged:
         return trail
-    there = _walked(problem, first.knee[0], surety.best.values[0])
+    there = _walked(problem, first.knee[0], likely.best.values[0])
     lost = problem.used & ~there.converged[0]
     if lost.any() or objective_of(problem, there) > trail.objective:
         return trail
-    return trail.moved(problem, there, "III") if surety.converged else trail
+    return trail.moved(problem, there, "III") if likely.converged else trail
 
 
 def _from_several(problem: Problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
@@ -365,7 +363,11 @@ def _walked_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 
 def _answer(
-    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit], surety: Surety
+    one: CalibrationProblem,
+    problem: Problem,
+    first: Slopes,
+    fits: list[Fit],
+    likely: MaximumLikelihood,
 ) -> Calibration:
     """What is reported of one knee; seconds are those of all, and follow."""
     start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
@@ -387,8 +389,8 @@ def _answer(
         ligaments=problem.knee.ligaments.names,
         contacts=problem.knee.contact_names,
         truth=dict(one.truth),
-        noise=dict(zip(FREE_COORDINATES, map(float, surety.noise), strict=True)),
-        noise_estimated=surety.noise_estimated,
+        noise=dict(zip(FREE_COORDINATES, map(float, likely.noise), strict=True)),
+        noise_estimated=likely.noise_estimated,
         misfits=poor,
         weights=problem.weights,
         left_out=int((~problem.used).sum()),

@@ -19,12 +19,12 @@ from kneejax.inference.fit import (
 from kneejax.inference.identification._information import Information, fit_information
 from kneejax.inference.intervals import (
     Interval,
+    MaximumLikelihood,
     Pace,
     Profile,
-    Surety,
-    likeliest,
+    estimate,
+    maximum_likelihood,
     named,
-    sureties,
 )
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData
@@ -116,10 +116,10 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
         check_enough(fitted.counted_numbers, size + len(offsets))
     box, names = (lower, upper), named(selection)
     if with_profiles:
-        (sure,) = sureties(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
+        (sure,) = estimate(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
     else:
-        fits, weighed = likeliest(balance, data, begin, noise, *box, far=True)
-        sure = Surety.of_fit(fits, weighed, noise)
+        fits, weighed = maximum_likelihood(balance, data, begin, noise, *box, far=True)
+        sure = MaximumLikelihood.of_fit(fits, weighed, noise)
     fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
     residual, _ = data.residual(fit)
     values = fit.values[0]

@@ -1,12 +1,12 @@
 """How sure a fit is: chi squared, profiles, intervals."""
 
-from kneejax.inference.intervals._intervals import Interval as Interval
-from kneejax.inference.intervals._intervals import IntervalKind as IntervalKind
-from kneejax.inference.intervals._intervals import Surety as Surety
-from kneejax.inference.intervals._intervals import likeliest as likeliest
-from kneejax.inference.intervals._intervals import rise_at_limits as rise_at_limits
-from kneejax.inference.intervals._intervals import same_ends as same_ends
-from kneejax.inference.intervals._intervals import sureties as sureties
+from kneejax.inference.intervals._estimate import Interval as Interval
+from kneejax.inference.intervals._estimate import IntervalKind as IntervalKind
+from kneejax.inference.intervals._estimate import MaximumLikelihood as MaximumLikelihood
+from kneejax.inference.intervals._estimate import estimate as estimate
+from kneejax.inference.intervals._estimate import maximum_likelihood as maximum_likelihood
+from kneejax.inference.intervals._estimate import rise_at_limits as rise_at_limits
+from kneejax.inference.intervals._estimate import same_ends as same_ends
 from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile
 from kneejax.inference.intervals._profiles import Uncertainty as Uncertainty

@@ -9,7 +9,7 @@ import kneejax as kj
 from kneejax.files import bundled_path
 from kneejax.inference import identify, synthetic_motion, uncertainty
 from kneejax.inference.calibration._quality import Fault, misfits
-from kneejax.inference.intervals._intervals import IntervalKind
+from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.parameters import UnknownParameter, select
 from kneejax.report.calibration_verdict import calibration_notes
 

@@ -8,7 +8,7 @@ from kneejax.inference import Observations, balances_of, fit_lanes
 from kneejax.inference.fit import TABLE_UNITS, Noise
 from kneejax.inference.fit._many_fits import ManyFits
 from kneejax.inference.fit._observed import add_offsets, with_offsets, without_offsets
-from kneejax.inference.intervals._intervals import Interval, IntervalKind, sureties
+from kneejax.inference.intervals._estimate import Interval, IntervalKind, estimate
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named
 from kneejax.statics import LoadCases, Slopes, Status, balance_with_slopes
@@ -84,7 +84,7 @@ def test_limits_with_a_prior_are_those_of_the_closed_form_and_name_what_is_the_p
     best = np.linalg.solve(precision, slope.T @ [24.0, 24.0] + mean / sd**2)
     half = np.sqrt(3.8415 * np.diag(np.linalg.inv(precision)))
     box = np.array([-20.0, -50.0]), np.array([20.0, 50.0])
-    (sure,) = sureties(linear, data, linear(best[None]), Noise.of(noise, noise), *box, XY)
+    (sure,) = estimate(linear, data, linear(best[None]), Noise.of(noise, noise), *box, XY)
     ends = np.array([[one.low, one.high] for one in sure.intervals])
     np.testing.assert_allclose(ends, np.stack([best - half, best + half], 1), atol=2e-2 * half[1])
     np.testing.assert_allclose(ends[0], [best[0] - half[0], best[0] + half[0]], rtol=2e-3)
@@ -191,7 +191,7 @@ def test_printed_intervals_of_a_bent_valley_hold_the_truth(knee, exact):
     fits = fit_lanes(balance, data, exact.take(np.zeros(draws, int)), *tiles)
     balance = with_offsets(balances_of(knee, chosen, data), (), np.ones(12, bool))
     noise = Noise.of(0.2, 0.2)
-    found = sureties(balance, data, fits.slopes, noise, LOWER, UPPER, named(chosen))
+    found = estimate(balance, data, fits.slopes, noise, LOWER, UPPER, named(chosen))
     held, printed = [], 0
     for sure in found:
         for value, true, one in zip(sure.best.values[0], TRUTH, sure.intervals, strict=True):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.inference.fit import TABLE_UNITS, Noise, Observations
-from kneejax.inference.intervals import IntervalKind, sureties
+from kneejax.inference.intervals import IntervalKind, estimate
 from kneejax.statics import LoadCases, Slopes, Status
 
 NAMES = [("offset", "mm"), ("height", "mm"), ("rate", "")]
@@ -62,7 +62,7 @@ def test_no_estimate_lies_outside_its_limits_and_no_limits_are_wider_than_a_prio
     told = 0
     for seed in range(first, first + 50):
         balance, data, noise, begin = random_study(seed)
-        (sure,) = sureties(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
+        (sure,) = estimate(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
         sd = np.full(3, np.inf) if data.prior is None else data.prior[1]
         for value, one, own in zip(sure.best.values[0], sure.intervals, sd, strict=True):
             assert not (value < one.low or value > one.high), seed
@@ -74,7 +74,7 @@ def test_no_estimate_lies_outside_its_limits_and_no_limits_are_wider_than_a_prio
 
 def test_a_search_that_ends_beside_the_best_fit_has_no_limits_or_no_standard_error():
     balance, data, noise, begin = random_study(0)
-    (sure,) = sureties(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
+    (sure,) = estimate(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
     one, best = sure.intervals[1], float(sure.best.values[0, 1])
     assert one.beside(best, best) == one
     outside = one.beside(one.high + 1.0, best)
@@ -92,7 +92,7 @@ def test_noise_that_is_not_stated_is_what_the_fit_leaves_of_each_unit():
     target = exact.q * TABLE_UNITS + scatter * random.standard_normal(exact.q.shape)
     for noise in (Noise.of(), Noise.of(noise_mm=0.5)):
         data = Observations(LoadCases.at(flexion), target, noise.first)
-        (sure,) = sureties(balance, data, exact, noise, LOWER, UPPER, NAMES)
+        (sure,) = estimate(balance, data, exact, noise, LOWER, UPPER, NAMES)
         np.testing.assert_allclose(sure.noise, scatter, rtol=0.06)
         assert sure.noise_estimated
 
@@ -102,7 +102,7 @@ def test_given_weights_fix_the_ratios_of_the_noise_and_the_fit_its_size():
     assert noise.given and noise.unknown.tolist() == [True] * 4 + [False]
     balance, data, _, begin = random_study(5)
     data = dataclasses.replace(data, noise=noise.first)
-    (sure,) = sureties(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
+    (sure,) = estimate(balance, data, begin, noise, LOWER, UPPER, NAMES, far=True)
     assert sure.noise[2] / sure.noise[0] == pytest.approx(np.sqrt(8.0))
     assert np.isinf(sure.noise[4])
     # One over the stated variances is what is stated.

@@ -13,7 +13,7 @@ import pytest
 from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
-from kneejax.inference.intervals._intervals import IntervalKind
+from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.report.calibration import calibration_summary
 from kneejax.report.calibration_parameters import PARAMETER_COLUMNS, parameters_table
 from kneejax.report.calibration_verdict import calibration_notes, verdict, warnings

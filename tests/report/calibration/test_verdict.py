@@ -11,7 +11,7 @@ import pytest
 from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
-from kneejax.inference.intervals._intervals import IntervalKind
+from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.report.calibration import calibration_summary
 from kneejax.report.calibration_verdict import outcome, verdict, warnings
 from tests.report import made_up

@@ -1,6 +1,6 @@
-"""The one estimator: the likeliest values, and error bars that hold.
+"""The one estimator: the best values, and error bars that hold.
 
-Squared errors weigh by the noise that is stated or that the likeliest fit leaves, priors are
+Squared errors weigh by the noise that is stated or that the best fit leaves, priors are
 further residuals, and limits are those of the profile of the same sum. They follow the bend of the
 valley and know of bounds, which a standard error does not: it is told where it leads to the same.
 """
@@ -99,7 +99,7 @@ class Interval:
         profile: the valley is straight, no bound cuts it, and the estimate lies in its middle.
 
         Args:
-            profile: of it, at the likeliest fit.
+            profile: of it, at the best fit.
             value: the estimate.
             error: its standard error; NaN if it has none.
             lower: bound.
@@ -142,15 +142,15 @@ class Interval:
 
 
 def _within_prior(
-    low: float, high: float, likeliest: float, prior: float
+    low: float, high: float, best: float, prior: float
 ) -> tuple[float, float, bool]:
     """Limits no farther apart than a prior's, whose half width is given, and whether they are
     nearly its own."""
-    sides = np.array([likeliest - low, high - likeliest])
+    sides = np.array([best - low, high - best])
     # A limit beyond a bound is missing: the other side tells how wide the posterior is.
     half = float(np.nanmean(sides))
     sides *= min(1.0, prior / half)
-    return float(likeliest - sides[0]), float(likeliest + sides[1]), half > _PRIOR_ALONE * prior
+    return float(best - sides[0]), float(best + sides[1]), half > _PRIOR_ALONE * prior
 
 
 def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
@@ -163,7 +163,7 @@ def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class Surety:
+class MaximumLikelihood:
     """The best fit to some data, and how sure it is.
 
     Attributes:
@@ -185,7 +185,7 @@ class Surety:
     profiles: tuple[Profile, ...] = ()
 
     @classmethod
-    def of_fit(cls, fits: ManyFits, weighed: Observations, noise: Noise) -> Surety:
+    def of_fit(cls, fits: ManyFits, weighed: Observations, noise: Noise) -> MaximumLikelihood:
         """A single fit of which no limits were asked."""
         size = fits.values.shape[1]
         nothing, own = np.full((size, size), np.nan), weighed.noise[0]
@@ -207,7 +207,7 @@ def rise_at_limits(spare: int | None) -> float:
     return float(special.fdtri(1, spare, CONFIDENCE))
 
 
-def likeliest(
+def maximum_likelihood(
     balance: Balance,
     data: Observations,
     near: Slopes,
@@ -242,7 +242,7 @@ def likeliest(
     return fits, data
 
 
-def sureties(
+def estimate(
     balance: Balance,
     data: Observations,
     near: Slopes,
@@ -253,7 +253,7 @@ def sureties(
     pace: Pace = Pace.LIMITS,
     *,
     far: bool = False,
-) -> list[Surety]:
+) -> list[MaximumLikelihood]:
     """The best fits to data, with their limits: those of the profile likelihood.
 
     Args:
@@ -278,7 +278,7 @@ def sureties(
     if noise.estimated:
         # What earlier fits leave tells more than the first weights.
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
-    fits, weighed = likeliest(balance, data, near, noise, lower, upper, far=far)
+    fits, weighed = maximum_likelihood(balance, data, near, noise, lower, upper, far=far)
     threshold = rise_at_limits(spare if noise.estimated else None)
     here, found = follow_to_the_lowest(
         balance, weighed, fits, lower, upper, threshold, names, pace
@@ -297,7 +297,7 @@ def sureties(
             every = profiles, values, linear.standard_error, lower, upper, prior
             intervals = tuple(map(Interval.of, *every))
         judged.append(
-            Surety(
+            MaximumLikelihood(
                 here.take([row]), intervals, linear.correlation, weighed.noise[row],
                 noise.estimated, bool(fits.converged[row]), profiles,
             )
@@ -305,9 +305,9 @@ def sureties(
     return judged
 
 
-def _nothing_known(best: Slopes, reason: str) -> Surety:
+def _nothing_known(best: Slopes, reason: str) -> MaximumLikelihood:
     size = best.values.shape[1]
     nothing = Interval(IntervalKind.NOT_COMPUTED, np.nan, np.nan, reason=reason)
-    return Surety(
+    return MaximumLikelihood(
         best, (nothing,) * size, np.full((size, size), np.nan), np.full(5, np.nan), True, True
     )
