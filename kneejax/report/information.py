@@ -98,10 +98,10 @@ def information_table(found: Information) -> Table:
     ]  # fmt: skip
     columns = [
         Column("name", "parameter", words=True), Column("value"),
-        Column("standard_error", "standard, error",
+        Column("standard_error", "std. error",
                lambda error: "unlimited" if np.isinf(error) else number(error, 2)),
-        Column("unit", words=True), Column("scale", "prior, SD", lambda scale: trimmed(scale, 3)),
-        Column("times_better", "better, times", lambda x: number(x, 2) if x else NONE),
+        Column("unit", words=True), Column("scale", "prior SD", lambda scale: trimmed(scale, 3)),
+        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE),
         *(Column(name, shown=False) for name in ("determined", "at_bound", "reason")),
         Column("remark", " ", words=True),
     ]  # fmt: skip
