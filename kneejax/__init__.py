@@ -7,89 +7,25 @@ nobody did.
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
+from kneejax._lazy import lazy_imports
 
 __version__ = "0.1.0"
 
-#: Public name -> the room that it comes from, and every room itself. Editors and type checkers
-#: read the same names from the imports below.
-_MODULES = {
-    "LoadCurve": "kneejax.dynamics",
-    "MovingKnee": "kneejax.dynamics",
-    "Trajectory": "kneejax.dynamics",
-    "move": "kneejax.dynamics",
-    "Curves": "kneejax.experiments",
-    "LabTest": "kneejax.experiments",
-    "Laxity": "kneejax.experiments",
-    "MeasuredTest": "kneejax.experiments",
-    "Mechanics": "kneejax.experiments",
-    "Motion": "kneejax.experiments",
-    "Shank": "kneejax.experiments",
-    "branches": "kneejax.experiments",
-    "evaluate": "kneejax.experiments",
-    "isometric_extension": "kneejax.experiments",
-    "lab_tests": "kneejax.experiments",
-    "laxity": "kneejax.experiments",
-    "leg_raise": "kneejax.experiments",
-    "load_curves": "kneejax.experiments",
-    "load_cycle": "kneejax.experiments",
-    "passive_flexion": "kneejax.experiments",
-    "patellar_tracking": "kneejax.experiments",
-    "InputProblem": "kneejax.files",
-    "load_knee": "kneejax.files",
-    "load_knee_file": "kneejax.files",
-    "read_joint": "kneejax.files",
-    "read_poses": "kneejax.files",
-    "Pose": "kneejax.geometry",
-    "State": "kneejax.geometry",
-    "Calibration": "kneejax.inference",
-    "Stage": "kneejax.inference",
-    "cut": "kneejax.parameters",
-    "design_tests": "kneejax.inference",
-    "local_sensitivity": "kneejax.inference",
-    "select": "kneejax.parameters",
-    "sweep": "kneejax.inference",
-    "with_values": "kneejax.parameters",
-    "Joint": "kneejax.joints",
-    "fit_joints": "kneejax.joints",
-    "generalised_axis": "kneejax.joints",
-    "hinge": "kneejax.joints",
-    "moving_axis": "kneejax.joints",
-    "Knee": "kneejax.mechanics",
-    "Load": "kneejax.mechanics",
-    "Mass": "kneejax.mechanics",
-    "load_of": "kneejax.mechanics",
-    "write_report": "kneejax.report",
-    "Status": "kneejax.statics",
-    "configure": "kneejax.numerics",
-    "use_shared_fusion": "kneejax.numerics",
-    "Identify": "kneejax.studies",
-    "Map": "kneejax.studies",
-    "Sensitivity": "kneejax.studies",
-    "Study": "kneejax.studies",
-    "Synthetic": "kneejax.studies",
-    "calibrate": "kneejax.studies",
-    "identify": "kneejax.studies",
-    "read_study": "kneejax.studies",
-    "sensitivity": "kneejax.studies",
-    "sensitivity_map": "kneejax.studies",
-    "cohorts": "kneejax.cohorts",
-    "dynamics": "kneejax.dynamics",
-    "experiments": "kneejax.experiments",
-    "files": "kneejax.files",
-    "geometry": "kneejax.geometry",
-    "inference": "kneejax.inference",
-    "joints": "kneejax.joints",
-    "mechanics": "kneejax.mechanics",
-    "numerics": "kneejax.numerics",
-    "papers": "kneejax.papers",
-    "parameters": "kneejax.parameters",
-    "report": "kneejax.report",
-    "statics": "kneejax.statics",
-    "studies": "kneejax.studies",
-}
-
 if TYPE_CHECKING:
+    from kneejax import cohorts as cohorts
+    from kneejax import dynamics as dynamics
+    from kneejax import experiments as experiments
+    from kneejax import files as files
+    from kneejax import geometry as geometry
+    from kneejax import inference as inference
+    from kneejax import joints as joints
+    from kneejax import mechanics as mechanics
+    from kneejax import numerics as numerics
+    from kneejax import papers as papers
+    from kneejax import parameters as parameters
+    from kneejax import report as report
+    from kneejax import statics as statics
+    from kneejax import studies as studies
     from kneejax.dynamics import LoadCurve as LoadCurve
     from kneejax.dynamics import MovingKnee as MovingKnee
     from kneejax.dynamics import Trajectory as Trajectory
@@ -150,5 +86,4 @@ if TYPE_CHECKING:
     from kneejax.studies import sensitivity as sensitivity
     from kneejax.studies import sensitivity_map as sensitivity_map
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

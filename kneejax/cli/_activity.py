@@ -10,7 +10,6 @@ import numpy as np
 from kneejax._whole_files import writing_place
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.experiments import Activity, Round, activity, cycle_of, weights
 from kneejax.files import (
     InputProblem,
@@ -30,7 +29,7 @@ from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
 from kneejax.planning import AclPlan, intact_knee, operated_knees
 from kneejax.report import activity_answer
-from kneejax.studies import read_plan
+from kneejax.studies import read_plan, stages_on_terminal
 
 
 def movement_of(arguments: options.Activity) -> WholeBody | None:

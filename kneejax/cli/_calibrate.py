@@ -10,11 +10,11 @@ import time
 from kneejax import studies
 from kneejax.cli._command import is_given
 from kneejax.cli._deliver import FILES, say, write_results
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Calibrate
 from kneejax.cohorts import is_cohort
 from kneejax.files import InputProblem, check_new
 from kneejax.numerics import adding_up
+from kneejax.studies import stages_on_terminal
 
 
 def run(arguments: Calibrate) -> int:

@@ -19,7 +19,6 @@ from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._main import BAD_INPUT
 from kneejax.cli._out import check_room
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
 from kneejax.cohorts import (
@@ -62,7 +61,7 @@ from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Calibration
 from kneejax.numerics import MissingPackage, check_installed
 from kneejax.parameters import UnsuitableData
-from kneejax.studies import Study, bootstrapped, run_side_by_side
+from kneejax.studies import Study, bootstrapped, run_side_by_side, stages_on_terminal
 
 
 @dataclasses.dataclass(frozen=True)

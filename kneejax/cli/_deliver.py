@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from kneejax._whole_files import written_place
 from kneejax.cli._command import Drawn
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
 from kneejax.geometry import PATELLA
 from kneejax.statics import Status
+from kneejax.studies import stages_on_terminal
 
 if TYPE_CHECKING:
     from kneejax.inference import Calibration

@@ -8,7 +8,6 @@ from typing import Any
 
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import ExportOsim, ImportOsim, ImportStl
 from kneejax.files import (
     InputProblem,
@@ -31,6 +30,7 @@ from kneejax.files import (
 from kneejax.files.opensim import import_sections
 from kneejax.report import mesh_import_answer, osim_import_answer
 from kneejax.report.look import Table
+from kneejax.studies import stages_on_terminal
 
 
 def import_model(arguments: ImportOsim) -> int:

@@ -10,7 +10,6 @@ import numpy as np
 
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import asked_knee, knee_words, read_loads, refused
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.experiments import (
@@ -27,6 +26,7 @@ from kneejax.inference.transients import FittedTransient, Recorded, fit_transien
 from kneejax.mechanics import Knee
 from kneejax.numerics import WrongValue
 from kneejax.report import raised_leg_answer, transient_answer
+from kneejax.studies import stages_on_terminal
 
 _FLEXION = {"settle": 20.0, "drop": 60.0, "lachman": 20.0}
 _OTHER_FLEXION = 30.0

@@ -12,7 +12,6 @@ import numpy as np
 
 from kneejax import report
 from kneejax.cli._deliver import deliver
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import Describe, Evaluate, View
 from kneejax.experiments import evaluate
 from kneejax.files import (
@@ -30,6 +29,7 @@ from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.report import evaluation_answer, knee_text
 from kneejax.statics import Status
+from kneejax.studies import stages_on_terminal
 
 _OF_CONTACTS = ("youngs_modulus", "poisson_ratio", "layer_thickness")
 

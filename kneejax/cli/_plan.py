@@ -10,7 +10,6 @@ import numpy as np
 
 from kneejax import planning, studies
 from kneejax.cli._deliver import deliver
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import PlanAcl
 from kneejax.files import (
     InputProblem,
@@ -22,6 +21,7 @@ from kneejax.files import (
 )
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
+from kneejax.studies import stages_on_terminal
 
 _MAP_PACKAGES = ("xarray", "h5netcdf", "h5py")
 _COMMENT = """A computation on a model: {}

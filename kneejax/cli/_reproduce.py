@@ -16,8 +16,8 @@ def run(arguments: Reproduce) -> int:
     given = {name: getattr(arguments, name) for name in ("knee", "patella")}
     options = {name: value for name, value in given.items() if value}
     # A wrong option is answered before anything that computes is imported.
-    from kneejax.cli._progress import stages_on_terminal
     from kneejax.papers.claims import summary, write
+    from kneejax.studies import stages_on_terminal
 
     paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")
     found = paper.reproduce(stages_on_terminal, **options)

@@ -7,7 +7,6 @@ import numpy as np
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, refused, whole_knee
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.options import EXTENSOR, Simulate
 from kneejax.experiments import (
     DrivenExtensor,
@@ -34,6 +33,7 @@ from kneejax.mechanics import LIMITS, NAMED_LOADS, Knee, Range, load_of
 from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
 from kneejax.report import extensor_answer, flexion_answer, laboratory_answer
+from kneejax.studies import stages_on_terminal
 
 #: Sizes of a test. Farther than a limit a knee is dislocated.
 _SIZES = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg")

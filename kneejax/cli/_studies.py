@@ -10,7 +10,6 @@ from kneejax import studies
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import said_of_options
-from kneejax.cli._progress import balances_on_terminal, stages_on_terminal
 from kneejax.files import (
     Checkpoints,
     InputProblem,
@@ -27,6 +26,7 @@ from kneejax.files.results import CLAIM
 from kneejax.inference import Candidate, versions
 from kneejax.mechanics import Knee, load_words
 from kneejax.numerics import check_installed
+from kneejax.studies import balances_on_terminal, stages_on_terminal
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 
@@ -93,8 +93,8 @@ def what_data_tell(arguments: options.Identify) -> int:
         ]  # fmt: skip
         question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
-    with said_of_options(studies.Identify), stages_on_terminal("what the data tell"):
-        found = studies.identify(study, question)
+    with said_of_options(studies.Identify), stages_on_terminal("fit and limits") as show:
+        found = studies.identify(study, question, progress=show)
     from kneejax.report import identification_answer
 
     asked = {"command": arguments.command, "out": arguments.out, **arguments.options()}

@@ -2,66 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    "Followed": "kneejax.planning._followed",
-    "Protocol": "kneejax.planning._followed",
-    "follow": "kneejax.planning._followed",
-    "DIRECTIONS": "kneejax.planning._footprints",
-    "FARTHEST_MM": "kneejax.planning._footprints",
-    "Footprint": "kneejax.planning._footprints",
-    "SEMI_AXES_MM": "kneejax.planning._footprints",
-    "footprint_of": "kneejax.planning._footprints",
-    "octagon": "kneejax.planning._footprints",
-    "Front": "kneejax.planning._front",
-    "criteria_of": "kneejax.planning._front",
-    "pareto_front": "kneejax.planning._front",
-    "undominated": "kneejax.planning._front",
-    "POPULATION": "kneejax.planning._front",
-    "GENERATIONS": "kneejax.planning._front",
-    "GRAFTS": "kneejax.planning._reconstruction",
-    "GraftType": "kneejax.planning._reconstruction",
-    "Intervals": "kneejax.planning._limits",
-    "intervals": "kneejax.planning._limits",
-    "on_knee": "kneejax.planning._limits",
-    "TunnelMap": "kneejax.planning._maps",
-    "over_tension": "kneejax.planning._maps",
-    "tunnel_map": "kneejax.planning._maps",
-    "PLANNED": "kneejax.planning._plan",
-    "intact_knee": "kneejax.planning._plan",
-    "knee_of_outcome": "kneejax.planning._plan",
-    "operated_knees": "kneejax.planning._plan",
-    "MOST_EVALUATIONS": "kneejax.planning._optimum",
-    "Optimum": "kneejax.planning._optimum",
-    "STARTS": "kneejax.planning._optimum",
-    "best_of": "kneejax.planning._limits",
-    "missed": "kneejax.planning._limits",
-    "optimise": "kneejax.planning._optimum",
-    "AclPlan": "kneejax.planning._plan",
-    "FREE": "kneejax.planning._plan",
-    "graft_types": "kneejax.planning._plan",
-    "Fixed": "kneejax.planning._pretension",
-    "fix": "kneejax.planning._pretension",
-    "fixed_knee": "kneejax.planning._pretension",
-    "slack_length": "kneejax.planning._pretension",
-    "Operated": "kneejax.planning._reconstruction",
-    "Reconstruction": "kneejax.planning._reconstruction",
-    "reconstruction_of": "kneejax.planning._reconstruction",
-    "PlanResult": "kneejax.planning._run",
-    "run_plan": "kneejax.planning._run",
-    "CHOICES": "kneejax.planning._surgery",
-    "Limits": "kneejax.planning._surgery",
-    "Near": "kneejax.planning._surgery",
-    "Outcome": "kneejax.planning._surgery",
-    "Surgery": "kneejax.planning._surgery",
-    "Tolerance": "kneejax.planning._maps",
-    "tolerances": "kneejax.planning._maps",
-    "WINDOW": "kneejax.planning._footprints",
-    "warped": "kneejax.planning._footprints",
-    "warped_distances": "kneejax.planning._footprints",
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.planning._followed import Followed as Followed
@@ -120,5 +61,4 @@ if TYPE_CHECKING:
     from kneejax.planning._surgery import Outcome as Outcome
     from kneejax.planning._surgery import Surgery as Surgery
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

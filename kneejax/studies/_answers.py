@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,6 @@ from kneejax.inference.bayesian import check_counts, parameter_priors
 from kneejax.inference.bootstrap import bootstrap, bootstrap_by_blocks
 from kneejax.inference.calibration import CalibrationProblem
 from kneejax.inference.design import check_tests
-from kneejax.inference.fit import Progress
 from kneejax.inference.identification import check_enough
 from kneejax.inference.sensitivity import (
     USUAL_COUNT,
@@ -31,6 +30,7 @@ from kneejax.parameters import UnknownParameter, UnsuitableData, stated
 from kneejax.studies._fields import UNITS
 from kneejax.studies._maps import check_map
 from kneejax.studies._options import Identify, Map, Sensitivity
+from kneejax.studies._progress import Asked, progress_of
 from kneejax.studies._study import Study
 
 
@@ -78,12 +78,13 @@ class Sensitivities:
     seconds: dict[str, float]
 
 
-def calibrate(study: Study, *, progress: Progress | None = None) -> Calibration:
+def calibrate(study: Study, *, progress: Asked = None) -> Calibration:
     """Identify a knee's parameters from measured motion and tests, and say how sure they are.
 
     Args:
         study: as `read_study` reads it, or made in Python.
-        progress: called now and then, from any thread, with what is computed.
+        progress: called now and then, from any thread, with what is computed; by default a line
+            shows it on a terminal or in a notebook, False shows nothing.
 
     Raises:
         UnsuitableData: no pose balances, or the data tell nothing of what is free.
@@ -96,10 +97,10 @@ def calibrate(study: Study, *, progress: Progress | None = None) -> Calibration:
         >>> round(kj.calibrate(study)["ACL.stiffness"].value)
         4500
     """
-    with stopwatch() as watch:
+    with progress_of(progress, "calibration") as show, stopwatch() as watch:
         problem = _a_study(study).problem()
         lap("data")
-        result = inference.calibrate(problem, progress=progress)
+        result = inference.calibrate(problem, progress=show)
     return dataclasses.replace(result, seconds=adding_up(watch.parts))
 
 
@@ -153,12 +154,15 @@ def bootstrapped(
     return bootstrap(problem, values, noise, draws, study.seed)
 
 
-def identify(study: Study, options: Identify | None = None, **fields: Any) -> Identified:
+def identify(
+    study: Study, options: Identify | None = None, *, progress: Asked = None, **fields: Any
+) -> Identified:
     """Say what the data of a study determine, and which tests to make next.
 
     Args:
         study: that is asked.
         options: what is asked; or its fields by name, as `next_tests=2`.
+        progress: as of `calibrate`.
         **fields: of `Identify`.
 
     Raises:
@@ -170,30 +174,21 @@ def identify(study: Study, options: Identify | None = None, **fields: Any) -> Id
     begun = time.perf_counter()
     noise_mm, noise_deg = _noise(study, options)
     asked = study.replace(noise_mm=noise_mm, noise_deg=noise_deg)
-    found = inference.identify(asked.problem())
-    sampled = None
-    if options.posterior:
-        sampled = inference.posterior(
-            found.problem,
-            found.vector,
-            float(found.noise[2]),
-            float(found.noise[0]),
-            priors=options.prior,
-            bounds=study.limits,
-            chains=options.chains,
-            draws=options.draws,
-            seed=options.seed,
-            truth=study.truth,
-        )
-    design = inference.design_tests(
-        found.selection,
-        study.knee_at_start,
-        found.information,
-        found.noise,
-        options.candidates,
-        count=options.next_tests,
-        criterion=options.criterion,
-    )
+    with progress_of(progress, "fit and limits") as show:
+        found, sampled = inference.identify(asked.problem()), None
+        if options.posterior:
+            drawn = None if show is None else functools.partial(show, "posterior")
+            sampled = inference.posterior(
+                found.problem, found.vector, float(found.noise[2]), float(found.noise[0]),
+                priors=options.prior, bounds=study.limits, chains=options.chains,
+                draws=options.draws, seed=options.seed, truth=study.truth, progress=drawn,
+            )  # fmt: skip
+        if show is not None:
+            show("tests to make next", 0, 0)
+        design = inference.design_tests(
+            found.selection, study.knee_at_start, found.information, found.noise,
+            options.candidates, count=options.next_tests, criterion=options.criterion,
+        )  # fmt: skip
     return Identified(study, options, found, sampled, design, time.perf_counter() - begun)
 
 
@@ -201,7 +196,7 @@ def sensitivity(
     study: Study,
     options: Sensitivity | None = None,
     *,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Asked = None,
     **fields: Any,
 ) -> Sensitivities:
     """Say what each parameter of a study does to the motion: slopes, sweeps, global indices.
@@ -209,7 +204,7 @@ def sensitivity(
     Args:
         study: that is asked.
         options: what is asked; or its fields by name, as `scale="percent"`.
-        progress: called now and then with `sweeps` or `indices`, balances done and asked for.
+        progress: as of `calibrate`; `sweeps` and `indices` are counted in balances.
         **fields: of `Sensitivity`.
 
     Raises:
@@ -222,38 +217,28 @@ def sensitivity(
     measured = study.poses()
     knee, parameters = study.knee_at_start, study.parameters
     flexion, seconds, begun = np.unique(measured[:, 0]), {}, time.perf_counter()
-    local = inference.local_sensitivity(
-        knee, parameters, flexion, scale=options.scale, given=options.prior
-    )
-    seconds["local"] = time.perf_counter() - begun
-    begun = time.perf_counter()
-    sweeps = inference.sweep(
-        knee,
-        _swept(study, options),
-        flexion,
-        progress=progress and functools.partial(progress, "sweeps"),
-        failures=study.counted_failures,
-    )
-    seconds["sweeps"] = time.perf_counter() - begun
     indices = None
-    if options.indices is not None:
-        options, begun = options.replace(samples=_samples(options)), time.perf_counter()
-        indices = inference.motion_indices(
-            knee,
-            parameters,
-            measured,
-            weights=study.first_weights,
-            offsets=study.frame_offset,
-            bounds=study.limits,
-            ranges=options.range,
-            priors=options.prior,
-            method=options.indices,
-            samples=options.samples,
-            seed=options.seed,
-            progress=progress and functools.partial(progress, "indices"),
-            failures=study.counted_failures,
+    with progress_of(progress, "slopes") as show:
+        local = inference.local_sensitivity(
+            knee, parameters, flexion, scale=options.scale, given=options.prior
         )
-        seconds["global"] = time.perf_counter() - begun
+        seconds["local"] = time.perf_counter() - begun
+        begun = time.perf_counter()
+        sweeps = inference.sweep(
+            knee, _swept(study, options), flexion, failures=study.counted_failures,
+            progress=show and functools.partial(show, "sweeps"),
+        )  # fmt: skip
+        seconds["sweeps"] = time.perf_counter() - begun
+        if options.indices is not None:
+            options, begun = options.replace(samples=_samples(options)), time.perf_counter()
+            indices = inference.motion_indices(
+                knee, parameters, measured, weights=study.first_weights,
+                offsets=study.frame_offset, bounds=study.limits, ranges=options.range,
+                priors=options.prior, method=options.indices, samples=options.samples,
+                seed=options.seed, failures=study.counted_failures,
+                progress=show and functools.partial(show, "indices"),
+            )  # fmt: skip
+            seconds["global"] = time.perf_counter() - begun
     return Sensitivities(study, options, measured, local, sweeps, indices, seconds)
 
 

@@ -6,7 +6,6 @@ import dataclasses
 import functools
 import itertools
 import json
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -18,6 +17,7 @@ from kneejax.inference import BlockStore, ParameterMap, sensitivity_maps, versio
 from kneejax.inference.sensitivity import map_ranges
 from kneejax.parameters import MEANING
 from kneejax.studies._options import Map
+from kneejax.studies._progress import Asked, progress_of
 from kneejax.studies._study import Study
 
 #: Settings of a study on which its misfit depends, besides knee, poses and tests.
@@ -30,7 +30,7 @@ def sensitivity_map(
     study: Study,
     options: Map | None = None,
     *,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Asked = None,
     store: BlockStore | None = None,
     **fields: Any,
 ) -> tuple[ParameterMap, ...]:
@@ -39,7 +39,7 @@ def sensitivity_map(
     Args:
         study: that is asked.
         options: which pairs, on which grid; or its fields by name, as `pair=[(x, y)]`.
-        progress: called now and then with `map`, balances done and asked for.
+        progress: as of `calibrate`; a map is counted in balances.
         store: keeps finished blocks; what it has is not computed again.
         **fields: of `Map`.
 
@@ -57,21 +57,14 @@ def sensitivity_map(
     if any(test.readings for test in study.tests):
         # As in a calibration: what was read of parts counts in its own standard deviation.
         noise = noise.as_stated()
-    return sensitivity_maps(
-        study.knee_at_start,
-        study.poses(),
-        _pairs(study, options),
-        grid=options.grid,
-        bounds=study.bounds | options.range,
-        weights=noise.first**-2.0,
-        offsets=study.frame_offset,
-        loads=study.acting,
-        tests=study.tests,
-        known=np.where(noise.counted, noise.stated, np.nan),
-        store=store,
-        progress=progress and functools.partial(progress, "map"),
-        failures=study.counted_failures,
-    )
+    with progress_of(progress, "map") as show:
+        return sensitivity_maps(
+            study.knee_at_start, study.poses(), _pairs(study, options), grid=options.grid,
+            bounds=study.bounds | options.range, weights=noise.first**-2.0,
+            offsets=study.frame_offset, loads=study.acting, tests=study.tests,
+            known=np.where(noise.counted, noise.stated, np.nan), store=store,
+            progress=show and functools.partial(show, "map"), failures=study.counted_failures,
+        )  # fmt: skip
 
 
 def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:

@@ -12,7 +12,6 @@ import numpy as np
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
-from kneejax.cli._progress import stages_on_terminal
 from kneejax.cli.joint._axes import (
     FemurAxes,
     FindAxes,
@@ -44,6 +43,7 @@ from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_
 from kneejax.mechanics import Knee
 from kneejax.report import joint_fit_answer, status_doubts
 from kneejax.statics import Status
+from kneejax.studies import stages_on_terminal
 
 #: Splines that leave more than this of a pose, degrees or mm, are doubtful.
 _DOUBTFUL = 1e-6

@@ -2,18 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    name: f"{__name__}._{module}"
-    for module, names in {
-        "points": ["MESH_ENDINGS", "MESH_UNITS", "MeshPoints", "bone_surface", "read_mesh_points"],
-        "surfaces": ["SheetFit"],
-        "import": ["THICKNESSES", "MeshImport", "MeshOptions", "import_meshes"],
-    }.items()
-    for name in names
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.meshes._import import THICKNESSES as THICKNESSES
@@ -27,5 +16,4 @@ if TYPE_CHECKING:
     from kneejax.files.meshes._points import read_mesh_points as read_mesh_points
     from kneejax.files.meshes._surfaces import SheetFit as SheetFit
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

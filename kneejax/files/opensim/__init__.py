@@ -2,25 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from kneejax._lazy import lazy_names
-
-#: Public name -> its module, imported when one of its names is first asked for.
-_MODULES = {
-    name: f"{__name__}._{module}"
-    for module, names in {
-        "model": ["SMALLEST_MODEL"],
-        "functions": ["simm_splines"],
-        "frames": ["FRAMES", "Registration", "registered"],
-        "import": ["OsimImport", "import_osim"],
-        "report": ["format_import_report", "import_sections"],
-        "contact": ["OsimGeometry", "add_osim_contacts"],
-        "export": ["OsimExport", "export_osim"],
-        "coupled": ["CoupledMotion", "couple_model", "coupled_motion", "transform_axes"],
-        "record": ["read_activity"],
-        "whole_body": ["WholeBody", "WholeBodyForces", "ask_opensim", "whole_body"],
-    }.items()
-    for name in names
-}
+from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.opensim._contact import OsimGeometry as OsimGeometry
@@ -46,5 +28,4 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._whole_body import ask_opensim as ask_opensim
     from kneejax.files.opensim._whole_body import whole_body as whole_body
 else:
-    __all__ = [*_MODULES]
-    __getattr__, __dir__ = lazy_names(__name__, _MODULES)
+    lazy_imports(globals())

@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import pytest
 from tqdm import tqdm
 
-from kneejax.cli import _progress
 from kneejax.numerics import compiled, compiling
+from kneejax.studies import _progress
 
 
 class Terminal(io.StringIO):
@@ -70,3 +70,27 @@ def test_nothing_is_said_in_a_pipe(monkeypatch, quick):
         show("a stage", 1, 2)
         time.sleep(0.1)
     assert pipe.getvalue() == ""
+
+
+def test_a_call_from_python_shows_its_line_unless_it_is_told_not_to(terminal):
+    with _progress.progress_of(None, "calibration") as show:
+        assert show is not None
+        show("95 % limits of 8 numbers", 0, 0)
+        time.sleep(0.2)
+    assert "95 % limits of 8 numbers: computing" in terminal.getvalue()
+    terminal.truncate(0)
+    told = []
+    with _progress.progress_of(False, "calibration") as silent:
+        assert silent is None
+    with _progress.progress_of(lambda *what: told.append(what), "calibration") as own:
+        own("a step", 1, 2)
+    assert told == [("a step", 1, 2)] and terminal.getvalue() == ""
+
+
+def test_a_notebook_gets_the_line_that_a_pipe_does_not(monkeypatch, quick):
+    cell = io.StringIO()
+    monkeypatch.setattr(_progress, "tqdm", functools.partial(tqdm, file=cell))
+    monkeypatch.setattr(_progress, "_in_notebook", lambda: True)
+    with _progress.stages_on_terminal("calibration"):
+        time.sleep(0.2)
+    assert "calibration: computing" in cell.getvalue()

@@ -1,17 +1,24 @@
-"""What a person waits for: a line on a terminal, nothing in a pipe."""
+"""What a person waits for: a line on a terminal or in a notebook, nothing in a pipe."""
 
 from __future__ import annotations
 
 import contextlib
 import functools
+import sys
 import threading
 from collections.abc import Callable, Iterator
+from typing import Literal
 
 from tqdm import tqdm
 
 from kneejax.numerics import compiling
 from kneejax.statics import Progress
 
+#: Called with what is computed, how much of it is done and asked for; 0 and 0 where that cannot be
+#: counted.
+Stages = Callable[[str, int, int], None]
+#: Of a call from Python: what is to be called, None for a line of its own, False for nothing.
+Asked = Stages | Literal[False] | None
 #: After so long a person wonders, s.
 _PATIENCE_S = 0.5
 _EVERY_S = 0.5
@@ -19,7 +26,7 @@ _WITHOUT_COUNT = "{desc}, {elapsed}"
 
 
 @contextlib.contextmanager
-def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], None]]:
+def stages_on_terminal(what: str = "") -> Iterator[Stages]:
     """Show what is computed and how many balances are done, as long as the block lasts.
 
     Until a stage is named, and in commands that name none, the line shows how long it has taken,
@@ -34,7 +41,8 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
     """
     lock, over, shown = threading.Lock(), threading.Event(), ""
     # disable=None: nothing where standard error is no terminal.
-    options = {"unit": " balances", "unit_scale": True, "disable": None, "leave": False}
+    disable = False if _in_notebook() else None
+    options = {"unit": " balances", "unit_scale": True, "disable": disable, "leave": False}
     with tqdm(bar_format=_WITHOUT_COUNT, delay=_PATIENCE_S, **options) as bar:
 
         def show(stage: str, done: int, total: int) -> None:
@@ -65,6 +73,27 @@ def stages_on_terminal(what: str = "") -> Iterator[Callable[[str, int, int], Non
             yield show
         finally:
             over.set()
+
+
+def _in_notebook() -> bool:
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
+
+
+@contextlib.contextmanager
+def progress_of(progress: Asked, what: str) -> Iterator[Stages | None]:
+    """What a call from Python tells while it computes.
+
+    Args:
+        progress: what is to be called; None for a line where there is a terminal or a notebook,
+            False for nothing.
+        what: is computed.
+    """
+    if progress is None:
+        with stages_on_terminal(what) as show:
+            yield show
+    else:
+        yield progress or None
 
 
 def waiting_for(what: str, compiles: bool) -> str:
