@@ -16,7 +16,6 @@ from kneejax.parameters._selection import cut as cut
 from kneejax.parameters._selection import fibre_rows as fibre_rows
 from kneejax.parameters._selection import nearest_of as nearest_of
 from kneejax.parameters._selection import select as select
-from kneejax.parameters._selection import unit_of_quantity as unit_of_quantity
 from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue

@@ -86,7 +86,7 @@ class Selection:
 
     def unit(self, index: int) -> str:
         """Unit of a parameter, empty for a plain number."""
-        return unit_of_quantity(self.quantity(index))
+        return quantity_of(self.quantity(index)).unit
 
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
@@ -133,16 +133,6 @@ class Selection:
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
         return rows, self.quantity(index)
-
-
-def unit_of_quantity(quantity: str) -> str:
-    """The unit of a quantity of any part, empty for a plain number.
-
-    Example:
-        >>> unit_of_quantity("stiffness"), unit_of_quantity("tibial_surface.superior")
-        ('N', 'mm')
-    """
-    return quantity_of(quantity).unit
 
 
 def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:

@@ -8,7 +8,7 @@ import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.parameters import unit_of_quantity
+from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
 from kneejax.report.look.page import prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
@@ -136,7 +136,7 @@ def standard_errors_figure(design: Design) -> Figure:
 
 
 def _unit(name: str) -> str:
-    return unit_of_quantity(name.split(".", 1)[-1])
+    return quantity_of(name).unit
 
 
 def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.parameters import unit_of_quantity
+from kneejax.quantities import quantity_of
 from kneejax.report.look.page import prose
 from kneejax.report.look.tables import (
     NONE,
@@ -90,7 +90,7 @@ def information_table(found: Information) -> Table:
     reasons = reason_words(found)
     rows = [
         [name, float(found.values[i]), float(found.standard_error[i]),
-         unit_of_quantity(name.split(".", 1)[-1]), float(found.scale[i]),
+         quantity_of(name).unit, float(found.scale[i]),
          float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
          bool(found.at_bound[i]), reasons[i],
          remark(bool(found.determined[i]), bool(found.at_bound[i]))]

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.parameters import unit_of_quantity
+from kneejax.quantities import quantity_of
 
 NONE = "-"
 LINE_WIDTH = 98
@@ -122,7 +122,7 @@ def plain(name: str) -> str:
 
 def unit_after(name: str) -> str:
     """Unit of a parameter with a blank before it, empty for strains."""
-    unit = unit_of_quantity(name.split(".", 1)[-1])
+    unit = quantity_of(name).unit
     return f" {unit}" if unit else ""
 
 
