@@ -124,7 +124,7 @@ def standard_errors_figure(design: Design) -> Figure:
     before, after = 1.0 + 0.62 * inch, 1.0 + 1.27 * inch
     for x, head in ((before, "before"), (after, "after")):
         axes.text(x, -0.62, head, transform=edge, ha="right", va="bottom", fontsize=7.5, color=GREY)
-    for i, unit in enumerate(map(_unit, design.names)):
+    for i, unit in enumerate(quantity_of(name).unit for name in design.names):
         for x, row in ((before, 0), (after, -1)):
             axes.text(x, i, number(design.standard_errors[row, i], 2), transform=edge, ha="right",
                       va="center_baseline", fontsize=7.5)  # fmt: skip
@@ -133,10 +133,6 @@ def standard_errors_figure(design: Design) -> Figure:
                   bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4, handlelength=1.2,
                   columnspacing=1.5)  # fmt: skip
     return figure
-
-
-def _unit(name: str) -> str:
-    return quantity_of(name).unit
 
 
 def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
@@ -266,7 +262,7 @@ def design_tables(design: Design) -> list[Table]:
     # Many steps do not fit beside each other: the first three and the last tell the story.
     shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
-    units = [*map(_unit, design.names)]
+    units = [quantity_of(name).unit for name in design.names]
     parameter, unit = Column("parameter", words=True), Column("unit", words=True)
     errors = Table(
         [parameter, unit, *(Column(head, show="2") for head in ("prior SD", *heads))],
