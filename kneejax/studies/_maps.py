@@ -62,7 +62,7 @@ def sensitivity_map(
             study.knee_at_start, study.poses(), _pairs(study, options), grid=options.grid,
             bounds=study.bounds | options.range, weights=noise.first**-2.0,
             offsets=study.frame_offset, loads=study.acting, tests=study.tests,
-            known=np.where(noise.counted, noise.stated, np.nan), store=store,
+            known=noise.stated, store=store,
             progress=show and functools.partial(show, "map"), failures=study.counted_failures,
         )  # fmt: skip
 

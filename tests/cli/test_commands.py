@@ -170,7 +170,7 @@ def test_calibrate_writes_everything(tmp_path, capsys):
     }
     assert result["outcome"] == "Converged" and result["noise"]["lateral"] == 0.1
     kinds = {one["interval"] for one in result["parameters"].values()}
-    assert kinds == {"standard error", "profile"}
+    assert kinds == {"standard error"}
     # One fit, and nothing to warn of; the tibia turns inwards.
     assert list(result["per_procedure"]) == ["III"] and result["warnings"] == []
     turned = [float(row["internal_rotation_deg"]) for row in rows(tmp_path / "poses.csv")]

@@ -100,9 +100,9 @@ class CalibrationProblem:
             # What is not of a pose counts in a standard deviation of its own.
             noise = noise.as_stated()
             noise.check_stated("prior" if prior else "readings")
-        stated = np.where(noise.counted, noise.stated, np.nan)
+        weights = noise.first**-2.0
         fitted = Problem.of(
-            knee, selection, measured, noise.first**-2.0, offsets, loads, tests, stated
+            knee, selection, measured, weights, offsets, loads, tests, noise.stated
         )
         check_finite(fitted.measured)
         _check_offsets(fitted)

@@ -35,8 +35,8 @@ def observations(
         noise: standard deviations of the free coordinates, `(5,)`, degrees and mm.
         loads: on the tibia while the poses were measured, each one for all poses or one per pose.
         tests: that were made.
-        stated: standard deviations that are known, NaN elsewhere, `(5,)`; a test with its own
-            needs them. `noise` by default.
+        stated: standard deviations that are known, NaN elsewhere, infinite for a coordinate that
+            does not count, `(5,)`; a test with its own needs them. `noise` by default.
 
     Raises:
         UnsuitableData: a test states how well it was measured and the poses do not.
@@ -186,7 +186,7 @@ def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
                 f"{test.name}: sd_{unit} {sd:g}, but noise_{unit} is not stated: expected "
                 f"noise_{unit} of the whole too, against which it is weighed"
             )
-        spread[own] = sd / stated[own]
+        spread[own] = np.where(np.isinf(stated[own]), 1.0, sd / stated[own])
     # The difference of two readings scatters more than one of them.
     spread *= np.sqrt(2.0) if (test.partner >= 0).any() else 1.0
     every = np.tile(spread, (count, 1))

@@ -227,6 +227,6 @@ def test_each_answer_is_looked_at_the_last_too(monkeypatch, more, fits):
     monkeypatch.setattr(_side_by_side, "Calibration", SimpleNamespace)
     monkeypatch.setattr(_side_by_side, "_values", lambda answer: None)
     monkeypatch.setattr(_side_by_side, "_with_restless", told)
-    (answer,) = _side_by_side._with_short_steps([Asked(problem(4))], None)
+    (answer,) = _side_by_side._with_short_steps([Asked(problem(4))], lambda *_: None)
     assert len(made) == fits
     np.testing.assert_allclose(answer.told, 0.1 * (made[-1] + more))

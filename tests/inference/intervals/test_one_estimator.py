@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from kneejax.inference.fit import TABLE_UNITS, Noise, Observations
+from kneejax.experiments import MeasuredTest
+from kneejax.inference.fit import TABLE_UNITS, Noise, Observations, observations
 from kneejax.inference.intervals import IntervalKind, estimate
 from kneejax.statics import LoadCases, Slopes, Status
 
@@ -107,3 +108,11 @@ def test_given_weights_fix_the_ratios_of_the_noise_and_the_fit_its_size():
     assert np.isinf(sure.noise[4])
     # One over the stated variances is what is stated.
     assert not Noise.of(0.5, 0.25, weights=[16.0, 16.0, 4.0, 4.0, 4.0]).estimated
+
+
+def test_a_test_with_its_own_noise_may_leave_out_a_coordinate_that_does_not_count():
+    noise = Noise.of(1.0, 1.0, weights=[np.nan, np.nan, np.nan, np.nan, 0.0])
+    drawer = {"anterior_N": np.array([0.0, 90.0])}
+    test = MeasuredTest("drawer", np.zeros(2), drawer, np.zeros((2, 5)), sd_mm=0.5)
+    cases = observations(np.zeros((0, 6)), noise.first, tests=[test], stated=noise.stated)
+    assert cases.spread[1].tolist() == [1.0, 1.0, 0.5, 0.5, 1.0]
