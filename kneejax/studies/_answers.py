@@ -159,6 +159,8 @@ def identify(
 ) -> Identified:
     """Say what the data of a study determine, and which tests to make next.
 
+    Where the noise is stated, it weighs: of the study's weights count only which are zero.
+
     Args:
         study: that is asked.
         options: what is asked; or its fields by name, as `next_tests=2`.
@@ -174,6 +176,8 @@ def identify(
     begun = time.perf_counter()
     noise_mm, noise_deg = _noise(study, options)
     asked = study.replace(noise_mm=noise_mm, noise_deg=noise_deg)
+    if None not in (noise_mm, noise_deg):
+        asked = asked.replace(weights={name: 0.0 for name, x in asked.weights.items() if x == 0})
     with progress_of(progress, "fit and limits") as show:
         found, sampled = inference.identify(asked.problem()), None
         if options.posterior:

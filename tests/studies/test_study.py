@@ -77,6 +77,17 @@ def test_more_free_numbers_than_readings_are_refused_before_any_work(knee):
     assert len(believed.problem().start) == 11
 
 
+def test_noise_that_is_stated_weighs_what_data_determine_whatever_the_weights(knee):
+    table = np.array(kj.passive_flexion(knee, [0.0, 30.0, 60.0, 90.0]).to_table())
+    table[:, 1:] += 0.1 * np.random.default_rng(0).standard_normal((4, 5))
+    asked = {"title": "x", "knee": knee, "measured": table, "parameters": ["ACL.stiffness"]}
+    plain = kj.identify(kj.Study(**asked, noise_mm=0.1, noise_deg=0.1))
+    weighed = kj.identify(kj.Study(**asked, weights="paper1"), noise_mm=0.1, noise_deg=0.1)
+    assert weighed.found.values == pytest.approx(plain.found.values)
+    assert not weighed.found.noise_estimated
+    assert kj.identify(kj.Study(**asked, weights="paper1")).found.noise_estimated
+
+
 def test_so_many_fibres_are_doubted_with_the_structures_to_free_instead():
     whole = kj.load_knee("lenhart2015")
     study = kj.Study(
