@@ -142,17 +142,21 @@ class Noise:
         share = 1.0 - data.taken / np.maximum(seen.sum(axis=1), 1)
         residual, slope = dataclasses.replace(data, noise=noise).residual(fits)
         for row, free in enumerate(~on_bounds(fits.values, lower, upper)):
-            columns = slope[row, : 5 * poses, free].T
+            columns = slope[row, : 5 * poses, free].T.reshape(poses, 5, -1)
+            errors = residual[row, : 5 * poses].reshape(poses, 5)
+            # A pose that was lost says nothing.
+            known = np.isfinite(columns).all(axis=(1, 2)) & np.isfinite(errors).all(axis=1)
+            columns = columns[known].reshape(5 * known.sum(), -1)
             size = np.linalg.norm(columns, axis=0)
             left, *_ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
-            absorbed = (left**2).sum(axis=1).reshape(poses, 5).T
-            squares = residual[row, : 5 * poses].reshape(poses, 5).T ** 2
+            absorbed = (left**2).sum(axis=1).reshape(-1, 5).T
+            squares = errors[known].T ** 2
             for group in self.groups:
                 own = [k for k in group if self.unknown[k]]
-                spare = float((seen[own] - absorbed[own]).sum(axis=1) @ share[own])
+                spare = float((seen[own][:, known] - absorbed[own]).sum(axis=1) @ share[own])
                 if spare > 1e-9:
-                    errors = squares[own].sum(axis=1) * (noise[row, own] / self.ratio[own]) ** 2
-                    factor = np.sqrt(errors.sum() / spare)
+                    sums = squares[own].sum(axis=1) * (noise[row, own] / self.ratio[own]) ** 2
+                    factor = np.sqrt(sums.sum() / spare)
                     noise[row, own] = np.maximum(factor * self.ratio[own], _LEAST)
         return noise
 

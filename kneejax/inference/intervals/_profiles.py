@@ -36,7 +36,8 @@ def uncertainty(slope: np.ndarray, held: np.ndarray | None = None) -> Uncertaint
     """Propagate the scatter of residuals, one each, to the values that minimise their squares.
 
     Args:
-        slope: derivatives of residuals in units of their noise by the values, `(r, p)`.
+        slope: derivatives of residuals in units of their noise by the values, `(r, p)`; rows that
+            are not finite count for nothing.
         held: values that do not move (on a bound), `(p,)`; none by default.
 
     Returns:
@@ -46,7 +47,7 @@ def uncertainty(slope: np.ndarray, held: np.ndarray | None = None) -> Uncertaint
         >>> uncertainty(np.array([[3.0, 0.0], [4.0, 0.0], [0.0, 0.5]])).standard_error.tolist()
         [0.2, 2.0]
     """
-    size = slope.shape[1]
+    slope, size = slope[np.isfinite(slope).all(axis=1)], slope.shape[1]
     free = np.arange(size) if held is None else np.flatnonzero(~held)
     columns = slope[:, free]
     scale = np.linalg.norm(columns, axis=0)

@@ -7,7 +7,7 @@ import pytest
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.fit import TABLE_UNITS, Noise, Observations, observations
-from kneejax.inference.intervals import IntervalKind, estimate
+from kneejax.inference.intervals import IntervalKind, estimate, uncertainty
 from kneejax.statics import LoadCases, Slopes, Status
 
 NAMES = [("offset", "mm"), ("height", "mm"), ("rate", "")]
@@ -116,3 +116,17 @@ def test_a_test_with_its_own_noise_may_leave_out_a_coordinate_that_does_not_coun
     test = MeasuredTest("drawer", np.zeros(2), drawer, np.zeros((2, 5)), sd_mm=0.5)
     cases = observations(np.zeros((0, 6)), noise.first, tests=[test], stated=noise.stated)
     assert cases.spread[1].tolist() == [1.0, 1.0, 0.5, 0.5, 1.0]
+
+
+def test_a_pose_that_was_lost_says_nothing_of_the_noise_nor_of_what_is_known():
+    flexion = np.linspace(0.0, 2.0, 40)
+    exact = curve(flexion)(np.array([[1.0, 4.0, 1.0]]))
+    scatter = 0.3 * np.random.default_rng(4).standard_normal(exact.q.shape)
+    data = Observations(LoadCases.at(flexion), exact.q * TABLE_UNITS + scatter, Noise.of().first)
+    whole = dataclasses.replace(data, used=np.arange(40) != 7)
+    exact.q[:, 7], exact.jacobian[:, 7] = np.nan, np.nan
+    for noise in (Noise.of(), Noise.of(weights=np.ones(5))):
+        lost, without = (noise.left(one, exact, LOWER, UPPER) for one in (data, whole))
+        assert lost == pytest.approx(without)
+    slope = np.array([[3.0, 0.0], [np.nan, 1.0], [0.0, 2.0]])
+    assert uncertainty(slope).standard_error == pytest.approx([1 / 3, 1 / 2])
