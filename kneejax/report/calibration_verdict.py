@@ -258,6 +258,8 @@ def noise_words(calibration: Calibration) -> str:
     if len(sizes) < 2:
         return ""
     kind = "estimated from the misfit" if calibration.noise_estimated else "as stated"
+    if any((calibration.settings.get("weights") or {}).values()) and calibration.noise_estimated:
+        kind = "in the ratio of the study's weights, estimated from the misfit"
     return f"Noise {' and '.join(sizes)}, {kind}; limits are at 95 % confidence."
 
 

@@ -13,7 +13,7 @@ from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.report.calibration import calibration_summary
-from kneejax.report.calibration_verdict import outcome, verdict, warnings
+from kneejax.report.calibration_verdict import noise_words, outcome, verdict, warnings
 from tests.report import made_up
 
 MISFITS = (
@@ -242,3 +242,11 @@ def test_fitted_motion_is_drawn_where_its_errors_are():
     lines = report.motion_figure(calibration).axes[0].lines
     measured, fitted = (np.asarray(lines[i].get_ydata()) for i in (0, 2))
     np.testing.assert_allclose(fitted, measured)
+
+
+def test_noise_in_the_ratio_of_given_weights_is_called_that():
+    own = made_up.calibration()
+    given = dataclasses.replace(own, settings=own.settings | {"weights": {"lateral": 1.0}})
+    assert "in the ratio of the study's weights, estimated from the misfit" in noise_words(given)
+    plain = dataclasses.replace(own, settings=own.settings | {"weights": {"lateral": 0.0}})
+    assert "deg, estimated from the misfit" in noise_words(plain)
