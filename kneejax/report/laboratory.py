@@ -141,6 +141,11 @@ def laboratory_answer(
     doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
     doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
+    # Laxity at a single angle is a point; what the load does to the knee is the picture then.
+    one_angle = all(len(one.nodes) == 1 for one in curves)
+    above, below, heading = "laxity", "curves", "Load against displacement"
+    if one_angle:
+        above, below, heading = "curves", "laxity", "Laxity over flexion"
     return Answer(
         title=f"{', '.join(one.test.name for one in curves)} of {name}",
         asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
@@ -153,7 +158,7 @@ def laboratory_answer(
         main=shown,
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
-        doubts=doubts, sections=[Section("Load against displacement", drawings=["curves"])],
+        picture=above, doubts=doubts, sections=[Section(heading, drawings=[below])],
         text="\n".join([name, text_of(*shown), *doubts]), exit_status=int(bool(doubts)),
     )  # fmt: skip
 

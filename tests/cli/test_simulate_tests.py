@@ -125,3 +125,13 @@ def test_a_machine_moves_the_tibia_and_holds_its_rotation(tmp_path, capsys):
     said = capsys.readouterr().out
     assert "drawer: anterior translation 4 mm and the opposite, internal rotation held" in said
     assert "what it takes of anterior force, N" in said
+
+
+def test_of_a_single_angle_the_page_shows_the_curve_and_of_several_the_laxity(tmp_path):
+    captions = ("Load against displacement, a", "Laxity over flexion.")
+    for flexion, first in zip(("20", "0,20"), captions, strict=True):
+        out = tmp_path / flexion
+        words = ["simulate", "lachman", "--knee", "four_ligament", "--flexion", flexion]
+        assert main([*words, "--out", str(out)]) == 0
+        page = (out / "report.html").read_text(encoding="utf-8")
+        assert min(captions, key=page.index) == first

@@ -100,6 +100,7 @@ def quantity(field: str) -> str:
 
 
 def negative(x: float) -> float:
+    """The other sign, without a negative zero."""
     return 0.0 - x if x == 0 else -x
 
 
@@ -112,6 +113,7 @@ def _points(x: Any, _: Any) -> list[list[float]]:
 
 
 def turned(x: Any, _: Any) -> list[float]:
+    """A moment, or a rotation about three axes, of the mirrored knee."""
     return [negative(x[0]), negative(x[1]), x[2]]
 
 
