@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from kneejax.dynamics._history import damping_of
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.dynamics._trajectory import LoadCurve
-from kneejax.geometry import Placement, State, coordinates_of
+from kneejax.geometry import Matrix, Placement, State, Vector, coordinates_of
 from kneejax.mechanics import add_lane_axis, contact_damping_force, damping_force
 from kneejax.numerics import WrongValue, imported
 from kneejax.statics import needs_float64
@@ -177,6 +177,5 @@ def _flat(place: Placement) -> Array:
 
 
 def _placement(x: Array) -> Placement:
-    return Placement(
-        ((x[0], x[1], x[2]), (x[3], x[4], x[5]), (x[6], x[7], x[8])), (x[9], x[10], x[11])
-    )
+    rotation = Matrix(*(Vector.of(x[k : k + 3]) for k in (0, 3, 6)))
+    return Placement(rotation, Vector.of(x[9:]))

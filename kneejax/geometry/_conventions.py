@@ -16,14 +16,13 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Placement, angles_from_rotation, rotation_from_angles
-from kneejax.geometry._vectors import Rotation
+from kneejax.geometry._vectors import AXES, Matrix, Vector
 from kneejax.numerics import filled, safe_sqrt, traced
 
 
 def _from_femoral(c: Array) -> Placement:
-    return Placement(rotation_from_angles(c[0], c[1], c[2]), v.vector(c[3:]))
+    return Placement(rotation_from_angles(c[0], c[1], c[2]), Vector.of(c[3:]))
 
 
 def _to_femoral(place: Placement) -> tuple[Array, ...]:
@@ -33,21 +32,23 @@ def _to_femoral(place: Placement) -> tuple[Array, ...]:
 def _from_grood_suntay(c: Array) -> Placement:
     flexion, adduction, _, anterior, superior, lateral = c
     # In axes turned by flexion the floating axis is X and the tibia's long axis (0, cos, sin).
-    floating = (anterior, superior * jnp.cos(adduction), lateral + superior * jnp.sin(adduction))
+    floating = Vector(
+        anterior, superior * jnp.cos(adduction), lateral + superior * jnp.sin(adduction)
+    )
     return Placement(
-        rotation_from_angles(c[0], c[1], c[2]), v.rotate(v.rotation_z(-flexion), floating)
+        rotation_from_angles(c[0], c[1], c[2]), Matrix.about_z(-flexion) @ floating
     )
 
 
 def _to_grood_suntay(place: Placement) -> tuple[Array, ...]:
     flexion, adduction, rotation = angles_from_rotation(place.rotation)
-    x, y, z = v.rotate(v.rotation_z(flexion), place.translation)
+    x, y, z = Matrix.about_z(flexion) @ place.translation
     return flexion, adduction, rotation, x, y / jnp.cos(adduction), z - y * jnp.tan(adduction)
 
 
 def _from_tibial(c: Array) -> Placement:
     rotation = rotation_from_angles(c[0], c[1], c[2])
-    return Placement(rotation, v.rotate(rotation, v.vector(c[3:])))
+    return Placement(rotation, rotation @ Vector.of(c[3:]))
 
 
 def _to_tibial(place: Placement) -> tuple[Array, ...]:
@@ -56,7 +57,7 @@ def _to_tibial(place: Placement) -> tuple[Array, ...]:
 
 
 def _from_femur_in_tibia(c: Array) -> Placement:
-    return Placement(rotation_from_angles(-c[0], -c[1], -c[2]), v.vector(c[3:])).inverse()
+    return Placement(rotation_from_angles(-c[0], -c[1], -c[2]), Vector.of(c[3:])).inverse()
 
 
 def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
@@ -65,7 +66,7 @@ def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
     return -flexion, -adduction, -rotation, *femur.translation
 
 
-def grood_suntay_axes(tibia: Placement) -> Rotation:
+def grood_suntay_axes(tibia: Placement) -> Matrix:
     """The axes of Grood and Suntay, which a knee's clinical translations and rotations refer to.
 
     Args:
@@ -87,11 +88,11 @@ def grood_suntay_axes(tibia: Placement) -> Rotation:
         >>> floating.tolist(), long.tolist()
         ([0.0, -1.0, 0.0], [1.0, 0.0, 0.0])
     """
-    long = tibia.turn((0.0, 1.0, 0.0))
+    long = tibia.turn(AXES.y)
     x, y, _ = long
     length = safe_sqrt(x * x + y * y)
     share = 1.0 / jnp.where(length > 0, length, 1.0)
-    return (y * share, -x * share, 0.0), long, (0.0, 0.0, 1.0)
+    return Matrix(Vector(y * share, -x * share, 0.0), long, AXES.z)
 
 
 #: The package's own convention.

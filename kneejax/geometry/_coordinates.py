@@ -24,7 +24,7 @@ from kneejax.numerics import numpy_for
 #: mm at which a rotation moves what counts: the condyles are as far from the knee's centre.
 ARM_MM = 30.0
 
-#: Coordinate -> prescribed value of each lane, `(lanes,)`, rad or mm. All others are free.
+#: Coordinate -> prescribed value of each pose, `(...)`, rad or mm. All others are free.
 Prescribed = Mapping[str, Array]
 
 

@@ -7,8 +7,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
-from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.geometry._vectors import Matrix, Vector
 from kneejax.numerics import numpy_for
 
 
@@ -20,39 +19,38 @@ class Placement(eqx.Module):
         translation: image of the origin, mm.
     """
 
-    rotation: Rotation | None
+    rotation: Matrix | None
     translation: Vector
 
     def turn(self, direction: Vector) -> Vector:
         """Image of a direction."""
-        return direction if self.rotation is None else v.rotate(self.rotation, direction)
+        direction = Vector(*direction)
+        return direction if self.rotation is None else self.rotation @ direction
 
     def turn_back(self, direction: Vector) -> Vector:
         """The direction whose image is `direction`."""
-        if self.rotation is None:
-            return direction
-        return v.rotate(v.transpose(self.rotation), direction)
+        direction = Vector(*direction)
+        return direction if self.rotation is None else self.rotation.T @ direction
 
     def apply(self, point: Vector) -> Vector:
         """Image of a point."""
-        return v.add(self.turn(point), self.translation)
+        return self.turn(point) + self.translation
 
     def apply_inverse(self, point: Vector) -> Vector:
         """The point whose image is `point`."""
-        return self.turn_back(v.subtract(point, self.translation))
+        return self.turn_back(Vector(*point) - self.translation)
 
     def inverse(self) -> Placement:
         """The motion that undoes this one."""
-        x, y, z = self.turn_back(self.translation)
-        back = None if self.rotation is None else v.transpose(self.rotation)
-        return Placement(back, (-x, -y, -z))
+        back = None if self.rotation is None else self.rotation.T
+        return Placement(back, -self.turn_back(self.translation))
 
     def after(self, first: Placement) -> Placement:
         """This motion after `first`."""
         if self.rotation is None or first.rotation is None:
             rotation = self.rotation if first.rotation is None else first.rotation
         else:
-            rotation = v.compose(self.rotation, first.rotation)
+            rotation = self.rotation @ first.rotation
         return Placement(rotation, self.apply(first.translation))
 
 
@@ -76,10 +74,10 @@ class Frame(eqx.Module):
     def placement(self) -> Placement:
         """The motion from this frame's coordinates to the body's."""
         if self.rotation is None:
-            return Placement(None, v.vector(self.origin))
-        rx, ry, rz = v.vector(self.rotation)
-        turned = v.compose(v.rotation_x(rx), v.compose(v.rotation_y(ry), v.rotation_z(rz)))
-        return Placement(turned, v.vector(self.origin))
+            return Placement(None, Vector.of(self.origin))
+        rx, ry, rz = Vector.of(self.rotation)
+        turned = Matrix.about_x(rx) @ (Matrix.about_y(ry) @ Matrix.about_z(rz))
+        return Placement(turned, Vector.of(self.origin))
 
 
 class Pose(eqx.Module):
@@ -146,7 +144,7 @@ class Pose(eqx.Module):
         """The motion from the body's to femur coordinates."""
         return Placement(
             rotation_from_angles(self.flexion, self.adduction, self.internal_rotation),
-            (self.anterior, self.superior, self.lateral),
+            Vector(self.anterior, self.superior, self.lateral),
         )
 
 
@@ -166,7 +164,7 @@ def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Arra
     return c * drawer + s * lift, c * lift - s * drawer
 
 
-def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Array) -> Rotation:
+def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Array) -> Matrix:
     """`Rz(-flexion) Rx(adduction) Ry(internal_rotation)`, written out.
 
     Args:
@@ -180,14 +178,14 @@ def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Ar
     cf, sf = jnp.cos(flexion), jnp.sin(flexion)
     ca, sa = jnp.cos(adduction), jnp.sin(adduction)
     ci, si = jnp.cos(internal_rotation), jnp.sin(internal_rotation)
-    return (
-        (cf * ci + sf * sa * si, sf * ca, cf * si - sf * sa * ci),
-        (cf * sa * si - sf * ci, cf * ca, -sf * si - cf * sa * ci),
-        (-ca * si, sa, ca * ci),
+    return Matrix(
+        Vector(cf * ci + sf * sa * si, sf * ca, cf * si - sf * sa * ci),
+        Vector(cf * sa * si - sf * ci, cf * ca, -sf * si - cf * sa * ci),
+        Vector(-ca * si, sa, ca * ci),
     )
 
 
-def angles_from_rotation(rotation: Rotation) -> tuple[Array, Array, Array]:
+def angles_from_rotation(rotation: Matrix) -> tuple[Array, Array, Array]:
     """Flexion, adduction and internal rotation (rad) of a rotation, exact at extension.
 
     `arctan2` of two entries each: no arccosine whose derivative fails at zero. Singular only at

@@ -1,26 +1,28 @@
-"""Vectors as triples of arrays, rotations as triples of rows.
+"""Vectors and 3 x 3 matrices whose entries are arrays of their own.
 
-A vector is `(x, y, z)`, each component an array of any broadcastable shape: a number for one
-knee, `(lanes,)` for a batch. Everything stays elementwise, so it vectorises over the lanes, and a
-reverse derivative consists of products and sums; with components along an axis it is full of
-slices and their transposes (2,300 operations in a contact force instead of 4,700).
+A component is an array of any broadcastable shape: a number for one knee in one pose, more for a
+batch. Everything stays elementwise, and a reverse derivative consists of products and sums; with
+components along an axis of one array it is full of slices and their transposes (2,300 operations
+in a contact force instead of 4,700).
 
-A component that is known to be zero or one is written as the Python number `0.0` or `1.0`, and
-costs nothing: XLA must not drop a product with a zero array, this module may.
+A component that is known to be zero or one is the Python number `0.0` or `1.0`, and costs nothing:
+XLA must not drop a product with a zero array, this module may.
 """
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, TypeAlias, overload
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 
 from kneejax.numerics import safe_sqrt
 
 Component: TypeAlias = Array | float
-Vector: TypeAlias = tuple[Component, Component, Component]
-Rotation: TypeAlias = tuple[Vector, Vector, Vector]
 
 
 def times(a: Component, b: Component) -> Component:
@@ -46,89 +48,152 @@ def minus(a: Component, b: Component) -> Component:
     return -b if isinstance(a, float) and a == 0.0 else a - b
 
 
-def vector(array: Array) -> Vector:
-    """Split an array whose axis 0 is the component into a vector."""
-    return array[0], array[1], array[2]
+@partial(jax.tree_util.register_dataclass, data_fields=["x", "y", "z"], meta_fields=[])
+@dataclass(frozen=True, slots=True, eq=False)
+class Vector:
+    """A vector: `a + b`, `a - b`, `s * a`, `a / s`, scalar product `a @ b`, `a.cross(b)`.
+
+    `a * b` is taken component by component, as NumPy does.
+
+    Attributes:
+        x: first component; this and the others have any shapes that broadcast.
+        y: second component.
+        z: third component.
+
+    Example:
+        >>> a, b = Vector(1.0, 2.0, 3.0), Vector(0.0, 1.0, 0.0)
+        >>> a @ b, [*(2.0 * a + b)], [*a.cross(b)]
+        (2.0, [2.0, 5.0, 6.0], [-3.0, 0.0, 1.0])
+    """
+
+    x: Component
+    y: Component
+    z: Component
+
+    __array_ufunc__ = None  # an array times a vector is the vector's affair
+
+    @classmethod
+    def of(cls, components: Array) -> Vector:
+        """The vector whose components stand along axis 0 of an array."""
+        return cls(components[0], components[1], components[2])
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.x, self.y, self.z))
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: int) -> Any:
+        return (self.x, self.y, self.z)[index]
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(plus(self.x, other.x), plus(self.y, other.y), plus(self.z, other.z))
+
+    def __sub__(self, other: Vector) -> Vector:
+        return Vector(minus(self.x, other.x), minus(self.y, other.y), minus(self.z, other.z))
+
+    def __neg__(self) -> Vector:
+        return Vector(minus(0.0, self.x), minus(0.0, self.y), minus(0.0, self.z))
+
+    def __mul__(self, factor: Component | Vector) -> Vector:
+        fx, fy, fz = factor if isinstance(factor, Vector) else (factor,) * 3
+        return Vector(times(fx, self.x), times(fy, self.y), times(fz, self.z))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: Component) -> Vector:
+        return (1.0 / divisor) * self
+
+    def __matmul__(self, other: Vector) -> Any:
+        x, y, z = times(self.x, other.x), times(self.y, other.y), times(self.z, other.z)
+        return plus(plus(x, y), z)
+
+    def cross(self, other: Vector) -> Vector:
+        """Vector product, right-handed."""
+        return Vector(
+            minus(times(self.y, other.z), times(self.z, other.y)),
+            minus(times(self.z, other.x), times(self.x, other.z)),
+            minus(times(self.x, other.y), times(self.y, other.x)),
+        )
+
+    def norm(self) -> Array:
+        """Length, with derivative zero (not NaN) at the zero vector."""
+        return safe_sqrt(self @ self)
+
+    def full(self) -> Vector:
+        """The same with an array for every component, all of one shape."""
+        return Vector(*jnp.broadcast_arrays(*(jnp.asarray(c, float) for c in self)))
 
 
-def full(a: Vector) -> tuple[Array, Array, Array]:
-    """The same vector with an array for every component, all of one shape."""
-    x, y, z = jnp.broadcast_arrays(*(jnp.asarray(c, float) for c in a))
-    return x, y, z
+ZERO = Vector(0.0, 0.0, 0.0)
 
 
-def add(a: Vector, b: Vector) -> Vector:
-    """Sum of two vectors."""
-    return plus(a[0], b[0]), plus(a[1], b[1]), plus(a[2], b[2])
+@partial(jax.tree_util.register_dataclass, data_fields=["x", "y", "z"], meta_fields=[])
+@dataclass(frozen=True, slots=True, eq=False)
+class Matrix:
+    """Three rows: `m @ a` of a vector, `m @ n` of a matrix, `m.T`; a rotation's inverse is `m.T`.
+
+    Attributes:
+        x: first row.
+        y: second row.
+        z: third row.
+
+    Example:
+        >>> import math
+        >>> turn = Matrix.about_z(math.pi / 2.0)
+        >>> [round(float(c), 9) for c in turn @ Vector(1.0, 0.0, 0.0)]
+        [0.0, 1.0, 0.0]
+    """
+
+    x: Vector
+    y: Vector
+    z: Vector
+
+    __array_ufunc__ = None
+
+    def __iter__(self) -> Iterator[Vector]:
+        return iter((self.x, self.y, self.z))
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: int) -> Vector:
+        return (self.x, self.y, self.z)[index]
+
+    @overload
+    def __matmul__(self, other: Vector) -> Vector: ...
+    @overload
+    def __matmul__(self, other: Matrix) -> Matrix: ...
+    def __matmul__(self, other: Vector | Matrix) -> Vector | Matrix:
+        if isinstance(other, Matrix):
+            return Matrix(*(self @ column for column in other.T)).T
+        return Vector(self.x @ other, self.y @ other, self.z @ other)
+
+    def __sub__(self, other: Matrix) -> Matrix:
+        return Matrix(self.x - other.x, self.y - other.y, self.z - other.z)
+
+    @property
+    def T(self) -> Matrix:
+        """The transpose."""
+        return Matrix(*(Vector(*column) for column in zip(self.x, self.y, self.z, strict=True)))
+
+    @classmethod
+    def about_x(cls, angle: Array | float) -> Matrix:
+        """Rotation about X by an angle in rad."""
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        return cls(Vector(1.0, 0.0, 0.0), Vector(0.0, c, -s), Vector(0.0, s, c))
+
+    @classmethod
+    def about_y(cls, angle: Array | float) -> Matrix:
+        """Rotation about Y by an angle in rad."""
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        return cls(Vector(c, 0.0, s), Vector(0.0, 1.0, 0.0), Vector(-s, 0.0, c))
+
+    @classmethod
+    def about_z(cls, angle: Array | float) -> Matrix:
+        """Rotation about Z by an angle in rad."""
+        c, s = jnp.cos(angle), jnp.sin(angle)
+        return cls(Vector(c, -s, 0.0), Vector(s, c, 0.0), Vector(0.0, 0.0, 1.0))
 
 
-def subtract(a: Vector, b: Vector) -> Vector:
-    """Difference `a - b` of two vectors."""
-    return minus(a[0], b[0]), minus(a[1], b[1]), minus(a[2], b[2])
-
-
-def scale(factor: Component, a: Vector) -> Vector:
-    """Multiple of a vector."""
-    return times(factor, a[0]), times(factor, a[1]), times(factor, a[2])
-
-
-def stretch(factors: Vector, a: Vector) -> Vector:
-    """Product component by component."""
-    return times(factors[0], a[0]), times(factors[1], a[1]), times(factors[2], a[2])
-
-
-def dot(a: Vector, b: Vector) -> Component:
-    """Scalar product."""
-    return plus(plus(times(a[0], b[0]), times(a[1], b[1])), times(a[2], b[2]))
-
-
-def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product, right-handed."""
-    return (
-        minus(times(a[1], b[2]), times(a[2], b[1])),
-        minus(times(a[2], b[0]), times(a[0], b[2])),
-        minus(times(a[0], b[1]), times(a[1], b[0])),
-    )
-
-
-def norm(a: Vector) -> Array:
-    """Length of a vector, with derivative zero (not NaN) at the zero vector."""
-    return safe_sqrt(dot(a, a))
-
-
-def rotate(r: Rotation, a: Vector) -> Vector:
-    """Apply a rotation to a vector."""
-    return dot(r[0], a), dot(r[1], a), dot(r[2], a)
-
-
-def transpose(r: Rotation) -> Rotation:
-    """Inverse of a rotation."""
-    return (
-        (r[0][0], r[1][0], r[2][0]),
-        (r[0][1], r[1][1], r[2][1]),
-        (r[0][2], r[1][2], r[2][2]),
-    )
-
-
-def compose(r: Rotation, s: Rotation) -> Rotation:
-    """Product `r s` of two rotations (first `s`, then `r`)."""
-    a, b, c = (rotate(r, column) for column in transpose(s))
-    return transpose((a, b, c))
-
-
-def rotation_x(angle: Array) -> Rotation:
-    """Rotation about X by an angle in rad."""
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    return (1.0, 0.0, 0.0), (0.0, c, -s), (0.0, s, c)
-
-
-def rotation_y(angle: Array) -> Rotation:
-    """Rotation about Y by an angle in rad."""
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    return (c, 0.0, s), (0.0, 1.0, 0.0), (-s, 0.0, c)
-
-
-def rotation_z(angle: Array) -> Rotation:
-    """Rotation about Z by an angle in rad."""
-    c, s = jnp.cos(angle), jnp.sin(angle)
-    return (c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)
+AXES = Matrix(Vector(1.0, 0.0, 0.0), Vector(0.0, 1.0, 0.0), Vector(0.0, 0.0, 1.0))

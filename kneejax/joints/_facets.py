@@ -14,7 +14,7 @@ import dataclasses
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.geometry import CylinderFit, Pose, fit_cylinder
+from kneejax.geometry import CylinderFit, Pose, Vector, fit_cylinder
 from kneejax.joints._frames import UnsuitableMesh
 
 #: Regions of a condyle's facets, degrees from anterior through distal about the transverse axis.
@@ -206,7 +206,7 @@ def touching_rows(
     """
     from scipy.spatial import KDTree
 
-    there = pose.placement.apply(tuple(np.asarray(tibial, float).T))
+    there = pose.placement.apply(Vector.of(np.asarray(tibial, float).T))
     moved = np.stack([np.asarray(c) for c in there], axis=1)
     distance, _ = KDTree(moved).query(np.asarray(points, float))
     touching = distance < within_mm

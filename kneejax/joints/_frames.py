@@ -9,7 +9,15 @@ from __future__ import annotations
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Placement, Pose, SurfaceFit, angles_from_rotation, fit_sphere, full
+from kneejax.geometry import (
+    Matrix,
+    Placement,
+    Pose,
+    SurfaceFit,
+    Vector,
+    angles_from_rotation,
+    fit_sphere,
+)
 from kneejax.numerics import WrongValue
 
 
@@ -121,7 +129,7 @@ def pose_between(pose: Pose, femur: Placement, tibia: Placement) -> Pose:
         The pose of the tibia's new frame in the femur's.
     """
     new = femur.inverse().after(pose.placement).after(tibia)
-    return Pose(*angles_from_rotation(new.rotation), *full(new.translation))
+    return Pose(*angles_from_rotation(new.rotation), *new.translation.full())
 
 
 def in_frame(frame: Placement, points: ArrayLike) -> np.ndarray:
@@ -134,7 +142,7 @@ def in_frame(frame: Placement, points: ArrayLike) -> np.ndarray:
     Returns:
         Shape `(n, 3)`, mm.
     """
-    local = frame.apply_inverse(tuple(np.asarray(points, float).T))
+    local = frame.apply_inverse(Vector.of(np.asarray(points, float).T))
     return np.stack(np.broadcast_arrays(*map(np.asarray, local)), axis=1)
 
 
@@ -201,8 +209,8 @@ def _frame(names, landmarks, sense: float, anterior) -> Placement:
             "that was not mirrored?",
         )
     columns = np.stack([x, y, np.cross(x, y)], axis=1)
-    rows = tuple(tuple(float(c) for c in row) for row in columns)
-    return Placement(rows, tuple(float(c) for c in origin))
+    rotation = Matrix(*(Vector(*map(float, row)) for row in columns))
+    return Placement(rotation, Vector(*map(float, origin)))
 
 
 def _place(point: ArrayLike) -> str:

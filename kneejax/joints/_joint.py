@@ -13,20 +13,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import (
-    Pose,
-    Rotation,
-    angles_from_rotation,
-    compose,
-    dot,
-    full,
-    norm,
-    rotate,
-    scale,
-    subtract,
-    transpose,
-    vector,
-)
+from kneejax.geometry import AXES, Matrix, Pose, Vector, angles_from_rotation
 from kneejax.joints._frames import UnsuitableAxis
 from kneejax.numerics import filled, traced
 
@@ -203,7 +190,7 @@ def _pose(joint: Joint, flexion: Array) -> Pose:
     femoral, tibial = joint.axis_points(flexion)
     rotation = _rotation(flexion, _untwisted(femoral), _untwisted(tibial))
     _, adduction, internal = angles_from_rotation(rotation)
-    shift = full(subtract(vector(femoral[0]), rotate(rotation, vector(tibial[0]))))
+    shift = (Vector.of(femoral[0]) - rotation @ Vector.of(tibial[0])).full()
     return Pose(flexion, adduction, internal, *shift)
 
 
@@ -286,8 +273,8 @@ def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) ->
 def _in_the_tibia(femoral: Array, poses: Pose) -> Array:
     """Points of the femur `(k, 2, 3)`, each pair at its pose."""
     placement = poses.placement
-    sides = [placement.apply_inverse(vector(femoral[:, side].T)) for side in range(2)]
-    return jnp.stack([jnp.stack(side, axis=-1) for side in sides], axis=1)
+    sides = [placement.apply_inverse(Vector.of(femoral[:, side].T)) for side in range(2)]
+    return jnp.stack([jnp.stack([*side], axis=-1) for side in sides], axis=1)
 
 
 def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
@@ -351,33 +338,35 @@ def _check_axis(bone: str, points: Array) -> None:
         )
 
 
-def _untwisted(points: Array) -> Rotation:
+def _untwisted(points: Array) -> Matrix:
     """Axes whose Z lies along the axis, not turned about Z in the sequence Z, X, Y: `Rx Ry`.
 
     An invisible segment of paper 5. With Z known, sine and cosine of both angles are algebraic.
     """
-    line = subtract(vector(points[1]), vector(points[0]))
-    x, y, z = scale(1.0 / norm(line), line)
+    line = Vector.of(points[1]) - Vector.of(points[0])
+    x, y, z = line / line.norm()
     cosine = jnp.sqrt(y * y + z * z)
     up, forward = z / cosine, -y / cosine  # cosine and sine of the turn about X
-    return (cosine, 0.0, x), (forward * x, up, y), (-up * x, forward, z)
+    return Matrix(
+        Vector(cosine, 0.0, x), Vector(forward * x, up, y), Vector(-up * x, forward, z)
+    )
 
 
-def _rotation(flexion: Array, femoral: Rotation, tibial: Rotation) -> Rotation:
+def _rotation(flexion: Array, femoral: Matrix, tibial: Matrix) -> Matrix:
     """The turn about the common axis that makes flexion what it shall be, in closed form.
 
     `R = femoral Rz(-turn) tibial^T` has this flexion where its second column, the tibia's long
     axis, is normal to `n = (cos, -sin, 0)`: `a cos(turn) + b sin(turn) + c = 0`. Of the two roots
     the one is taken that lets the tibia point away from the femur.
     """
-    u, v, w = transpose(femoral)
+    u, v, w = femoral.T
     p, q, r = tibial[1]
-    n = (jnp.cos(flexion), -jnp.sin(flexion), 0.0)
-    nu, nv, nw = dot(n, u), dot(n, v), dot(n, w)
+    n = Vector(jnp.cos(flexion), -jnp.sin(flexion), 0.0)
+    nu, nv, nw = n @ u, n @ v, n @ w
     a, b, c = nu * p + nv * q, nu * q - nv * p, nw * r
     # a^2 + b^2 - c^2, with u, v, w and p, q, r orthonormal.
     root = jnp.sqrt(1.0 - nw * nw - r * r)
     size = a * a + b * b
     cosine, sine = (b * root - a * c) / size, -(a * root + b * c) / size
-    turn = (cosine, sine, 0.0), (-sine, cosine, 0.0), (0.0, 0.0, 1.0)
-    return compose(compose(femoral, turn), transpose(tibial))
+    turn = Matrix(Vector(cosine, sine, 0.0), Vector(-sine, cosine, 0.0), AXES.z)
+    return (femoral @ turn) @ tibial.T

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import FEMUR_AND_TIBIA, FREE_COORDINATES, Pose, Surface, Vector, vector
+from kneejax.geometry import FEMUR_AND_TIBIA, FREE_COORDINATES, Pose, Surface, Vector
 from kneejax.mechanics._knee import Knee
 
 # About 0.8 mm apart on a condyle.
@@ -126,6 +126,6 @@ def dislocated(displaced: Array, widest_gap_mm: Array) -> Array:
 
 def _center(knee: Knee) -> Vector:
     if knee.contacts:
-        origins = [vector(contact.femoral.frame.origin) for contact in knee.contacts]
-        return tuple(sum(x) / len(origins) for x in zip(*origins, strict=True))  # pyright: ignore[reportReturnType]
-    return vector(jnp.mean(knee.ligaments.femoral_attachment, axis=0))
+        origins = [Vector.of(contact.femoral.frame.origin) for contact in knee.contacts]
+        return Vector(*(sum(x) / len(origins) for x in zip(*origins, strict=True)))
+    return Vector.of(jnp.mean(knee.ligaments.femoral_attachment, axis=0))

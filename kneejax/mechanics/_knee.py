@@ -201,17 +201,16 @@ class Knee(eqx.Module):
             else:
                 answers.append(jax.vmap(function)(alike, there, own))
             order += rows
-        lanes = state.shape
 
-        def with_lanes(*x: Array) -> list[Array]:
-            # What a plane answers may lack the lanes.
-            shape = jnp.broadcast_shapes(lanes, *(y.shape[1:] for y in x))
+        def full(*x: Array) -> list[Array]:
+            # What a plane answers may lack the poses' axes.
+            shape = jnp.broadcast_shapes(state.shape, *(y.shape[1:] for y in x))
             return [jax.vmap(lambda row: jnp.broadcast_to(row, shape))(y) for y in x]  # pyright: ignore[reportReturnType]
 
         if len(answers) == 1:
-            return jax.tree.map(lambda x: with_lanes(x)[0], answers[0])
+            return jax.tree.map(lambda x: full(x)[0], answers[0])
         back = jnp.argsort(jnp.array(order))
-        return jax.tree.map(lambda *x: jnp.concatenate(with_lanes(*x))[back], *answers)
+        return jax.tree.map(lambda *x: jnp.concatenate(full(*x))[back], *answers)
 
     def contact_points(self, state: State) -> Array:
         """Parameters of the points where surfaces meet, `(n, 2, ...)`, searched from scratch; no

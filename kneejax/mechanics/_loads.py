@@ -21,15 +21,7 @@ from kneejax.geometry import (
     Placement,
     State,
     Vector,
-    add,
-    dot,
     grood_suntay_axes,
-    norm,
-    rotate,
-    scale,
-    subtract,
-    transpose,
-    vector,
 )
 from kneejax.mechanics._wrench import Wrench, generalised_force
 
@@ -116,16 +108,16 @@ class Load(eqx.Module):
         Args:
             there: where the bone is in the femur.
         """
-        force, moment, point = vector(self.force), vector(self.moment), vector(self.point)
+        force, moment, point = Vector.of(self.force), Vector.of(self.moment), Vector.of(self.point)
         if self.axes == self.bone:
             force, moment = there.turn(force), there.turn(moment)
         elif self.axes == GROOD_SUNTAY:
-            axes = transpose(grood_suntay_axes(there))
-            force, moment = rotate(axes, force), rotate(axes, moment)
+            axes = grood_suntay_axes(there).T
+            force, moment = axes @ force, axes @ moment
         if self.point_in == self.bone:
             arm = there.turn(point)
         else:
-            arm = subtract(point, there.translation)
+            arm = point - there.translation
         return Wrench.at(arm, force, moment)
 
     def work(self, state: State, names: Sequence[str]) -> tuple[Array, ...]:
@@ -229,14 +221,14 @@ class ConstantTensionLine(eqx.Module):
 
     def energy(self, state: State) -> Array:
         """Tension times length, N mm."""
-        return self.tension * norm(self._line(state)[1])
+        return self.tension * self._line(state)[1].norm()
 
     def wrench(self, state: State) -> Wrench:
         """On the bone, about its origin in femur axes."""
         arm, line = self._line(state)
-        length = norm(line)
+        length = line.norm()
         pull = -self.tension / jnp.where(length > 0, length, 1.0)
-        return Wrench.at(arm, scale(pull, line))
+        return Wrench.at(arm, pull * line)
 
     def work_of_end(self, state: State) -> Array:
         """Generalised force on flexion that the travelling upper end adds, N mm per rad."""
@@ -244,12 +236,12 @@ class ConstantTensionLine(eqx.Module):
         for power, row in reversed(list(enumerate(self.origin))[1:]):
             rate = rate * state.tibia.flexion + power * row
         _, line = self._line(state)
-        length = norm(line)
-        return self.tension / jnp.where(length > 0, length, 1.0) * dot(line, vector(rate))
+        length = line.norm()
+        return self.tension / jnp.where(length > 0, length, 1.0) * (line @ Vector.of(rate))
 
     def _line(self, state: State) -> tuple[Vector, Vector]:
         """The insertion from the bone's origin and from the upper end, femur axes, mm."""
         there = state.between(self.bodies)
         end = self.upper_end(state.tibia.flexion)
-        arm = there.turn(vector(self.insertion))
-        return arm, subtract(add(arm, there.translation), vector(end))
+        arm = there.turn(Vector.of(self.insertion))
+        return arm, arm + there.translation - Vector.of(end)

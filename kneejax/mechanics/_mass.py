@@ -10,20 +10,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import (
-    FEMUR,
-    TIBIA,
-    Placement,
-    State,
-    Vector,
-    add,
-    cross,
-    dot,
-    scale,
-    subtract,
-    transpose,
-    vector,
-)
+from kneejax.geometry import FEMUR, TIBIA, ZERO, Matrix, Placement, State, Vector
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.numerics import traced
 
@@ -81,7 +68,7 @@ of the two others
                 )
 
     def with_point(self, mass_kg: ArrayLike, at_mm: ArrayLike) -> Mass:
-        """With a further mass at a point of the bone, of one lane.
+        """With a further mass at a point of the bone, of one knee.
 
         Args:
             mass_kg: of the point.
@@ -115,13 +102,13 @@ of the two others
 
     def _square(self, moved: Placement) -> Array:
         """Sum over the mass of the squares of `moved.apply(p)`, kg times mm^2."""
-        center = moved.apply(vector(self.center_mm))
+        center = moved.apply(Vector.of(self.center_mm))
         turned = _columns(moved)
         second = self.second_moment_kg_mm2
         spread = sum(
-            dot(turned[i], scale(second[i, j], turned[j])) for i in range(3) for j in range(3)
+            turned[i] @ (second[i, j] * turned[j]) for i in range(3) for j in range(3)
         )
-        return self.mass_kg * dot(center, center) + spread
+        return self.mass_kg * (center @ center) + spread
 
 
 class InertiaOfStep(eqx.Module):
@@ -152,30 +139,29 @@ class InertiaOfStep(eqx.Module):
         """On the bone, about its origin in femur axes."""
         factor = -N_S2_PER_MM * self.per_s**2
         off = _minus(there, self.expected)
-        center = vector(self.mass.center_mm)
-        force = scale(factor * self.mass.mass_kg, off.apply(center))
+        center = Vector.of(self.mass.center_mm)
+        force = factor * self.mass.mass_kg * off.apply(center)
         second = self.mass.second_moment_kg_mm2
         here, turned = _columns(there), _columns(off)
-        couple: Vector = (0.0, 0.0, 0.0)
+        couple = ZERO
         for i in range(3):
-            pulled: Vector = (0.0, 0.0, 0.0)
+            pulled = ZERO
             for j in range(3):
-                pulled = add(pulled, scale(second[i, j], turned[j]))
-            couple = add(couple, cross(here[i], pulled))
-        return Wrench.at(there.turn(center), force, scale(factor, couple))
+                pulled = pulled + second[i, j] * turned[j]
+            couple = couple + here[i].cross(pulled)
+        return Wrench.at(there.turn(center), force, factor * couple)
 
 
 def _minus(one: Placement, other: Placement) -> Placement:
     """The difference of two affine maps."""
     a, b = one.rotation, other.rotation
     assert a is not None and b is not None
-    x, y, z = (subtract(p, q) for p, q in zip(a, b, strict=True))
-    return Placement((x, y, z), subtract(one.translation, other.translation))
+    return Placement(a - b, one.translation - other.translation)
 
 
-def _columns(of: Placement) -> tuple[Vector, Vector, Vector]:
+def _columns(of: Placement) -> Matrix:
     assert of.rotation is not None
-    return transpose(of.rotation)
+    return of.rotation.T
 
 
 class CoordinateDampers(eqx.Module):

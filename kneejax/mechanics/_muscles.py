@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State, full, scale
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, Pair, State
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import Course, FibreFaults, Fibres
 from kneejax.numerics import positive_part
@@ -201,7 +201,7 @@ class Muscles(Fibres):
             energy = energy + jnp.sum(tension * length, axis=0)
             if more is not None:
                 tension = tension + self._of(course.rows, more)
-            forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
+            forces = Wrench((tension * pull.force).full(), (tension * pull.moment).full())
             answer.add(course.bodies, forces)
             for path in bent:
                 past = past | jnp.any(path.beyond_ends, axis=0)
@@ -212,7 +212,7 @@ class Muscles(Fibres):
         """What each that joins femur and tibia does to the tibia about its origin, along the
         tibia's own axes, `(n, 6, ...)`, N and N mm."""
         unit, tibia = self.unit_wrenches(state), state.tibia.placement
-        parts = [tibia.turn_back(scale(self.tension, x)) for x in (unit.force, unit.moment)]
+        parts = [tibia.turn_back(self.tension * x) for x in (unit.force, unit.moment)]
         return jnp.stack(jnp.broadcast_arrays(*parts[0], *parts[1]), axis=1)
 
     def energy(self, state: State) -> Array:

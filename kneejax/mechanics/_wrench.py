@@ -12,21 +12,17 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry import (
+    AXES,
     FEMUR,
+    ZERO,
+    Matrix,
     Pair,
     Placement,
     Pose,
     State,
     Vector,
-    add,
     coordinate,
-    cross,
-    dot,
-    scale,
-    transpose,
 )
-
-_UNTURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class Wrench(eqx.Module):
@@ -41,9 +37,9 @@ class Wrench(eqx.Module):
     moment: Vector
 
     @classmethod
-    def at(cls, point: Vector, force: Vector, moment: Vector = (0.0, 0.0, 0.0)) -> Wrench:
+    def at(cls, point: Vector, force: Vector, moment: Vector = ZERO) -> Wrench:
         """Of a force, and a moment about the point where it acts, mm."""
-        return cls(force, add(moment, cross(point, force)))
+        return cls(force, moment + point.cross(force))
 
     def turned(self, frame: Placement) -> Wrench:
         """In other axes with the same origin."""
@@ -55,10 +51,10 @@ class Wrench(eqx.Module):
         return Wrench.at(frame.translation, turned.force, turned.moment)
 
     def __add__(self, other: Wrench) -> Wrench:
-        return Wrench(add(self.force, other.force), add(self.moment, other.moment))
+        return Wrench(self.force + other.force, self.moment + other.moment)
 
     def __neg__(self) -> Wrench:
-        return Wrench(scale(-1.0, self.force), scale(-1.0, self.moment))
+        return Wrench(-self.force, -self.moment)
 
     def alone(self) -> Wrench:
         """With a first axis of length one."""
@@ -75,20 +71,19 @@ def wrench_of(energy: Callable[[Placement], Array], there: Placement) -> Wrench:
     """Wrench on a body that an energy exerts, about the body's origin.
 
     Args:
-        energy: of where the body is against another, N mm, one number a lane.
+        energy: of where the body is against another, N mm, one number a pose.
         there: where it is; the wrench is in the other's axes.
     """
     shape = jax.eval_shape(energy, there).shape
-    columns = transpose(_UNTURNED if there.rotation is None else there.rotation)
+    columns = (AXES if there.rotation is None else there.rotation).T
 
     def displaced(twist: Array) -> Array:
-        x, y, z, a, b, c = twist
-        e, f, g = (add(column, cross((a, b, c), column)) for column in columns)
-        shift = add(there.translation, (x, y, z))
-        return jnp.sum(energy(Placement(transpose((e, f, g)), shift)))
+        shift, turn = Vector.of(twist[:3]), Vector.of(twist[3:])
+        turned = Matrix(*(column + turn.cross(column) for column in columns)).T
+        return jnp.sum(energy(Placement(turned, there.translation + shift)))
 
     slope = -jax.grad(displaced)(jnp.zeros((6, *shape)))
-    return Wrench((slope[0], slope[1], slope[2]), (slope[3], slope[4], slope[5]))
+    return Wrench(Vector.of(slope[:3]), Vector.of(slope[3:]))
 
 
 class Wrenches:
@@ -158,9 +153,9 @@ def _work(pose: Pose, wrench: Wrench, ways: Sequence[str]) -> list[Array]:
     """Of a wrench on a body, about the body's origin in femur axes, along some fields of `Pose`."""
     c, s = jnp.cos(pose.flexion), jnp.sin(pose.flexion)
     turns = {
-        "flexion": lambda: (0.0, 0.0, -1.0),
-        "adduction": lambda: (c, -s, 0.0),
-        "internal_rotation": lambda: pose.placement.turn((0.0, 1.0, 0.0)),
+        "flexion": lambda: -AXES.z,
+        "adduction": lambda: Vector(c, -s, 0.0),
+        "internal_rotation": lambda: pose.placement.turn(AXES.y),
     }
     x, y, z = wrench.force
     shifts = {
@@ -170,4 +165,4 @@ def _work(pose: Pose, wrench: Wrench, ways: Sequence[str]) -> list[Array]:
         "drawer": lambda: c * x - s * y,
         "lift": lambda: s * x + c * y,
     }
-    return [dot(turns[way](), wrench.moment) if way in turns else shifts[way]() for way in ways]  # pyright: ignore[reportReturnType]
+    return [turns[way]() @ wrench.moment if way in turns else shifts[way]() for way in ways]

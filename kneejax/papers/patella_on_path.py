@@ -6,26 +6,14 @@ import dataclasses
 from typing import NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
 from kneejax.experiments import passive_flexion
 from kneejax.experiments.extensor import at_rest
-from kneejax.geometry import (
-    FEMUR,
-    PATELLA,
-    TIBIA,
-    Pair,
-    Placement,
-    Pose,
-    State,
-    Vector,
-    cross,
-    dot,
-    norm,
-    scale,
-)
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, ZERO, Pair, Placement, Pose, State, Vector
 from kneejax.mechanics import Knee, Wrench, add_lane_axis, ligament_law
 from kneejax.statics import converged
 
@@ -72,7 +60,7 @@ class Strands(eqx.Module):
         """From the patella to the other bone, femur axes, each `(n, ...)`, mm."""
         ends = jnp.moveaxis(_along(self.on_path, place).value, 1, 0)
         far = other.apply(_rows(self.on_other))
-        return tuple(b - a for a, b in zip(ends, far, strict=True))  # pyright: ignore
+        return far - Vector(*ends)
 
     def tension(self, length: Array) -> Array:
         """Of each, N."""
@@ -86,13 +74,13 @@ class Strands(eqx.Module):
     def pull(self, other: Placement, place: Array) -> tuple[Array, Array]:
         """First and second derivative of the energy of all by the place."""
         line, end = self.lines(other, place), _along(self.on_path, place)
-        length = norm(line)
+        length = line.norm()
         rate, bend = _rows(end.rate), _rows(end.bend)
-        longer = -dot(line, rate) / length
+        longer = -(line @ rate) / length
         tension = self.tension(length)
         strain = length / self.slack_length - 1.0
         stiffness = ligament_law.stiffness_at(strain, *self._law) / self.slack_length
-        turning = (dot(rate, rate) - dot(line, bend) - longer * longer) / length
+        turning = (rate @ rate - line @ bend - longer * longer) / length
         slope = jnp.sum(tension * longer, axis=0)
         return slope, jnp.sum(stiffness * longer * longer + tension * turning, axis=0)
 
@@ -139,17 +127,16 @@ class PatellaOnPath(eqx.Module):
         place = self._place(tibia)
         pulled = self.tension * _along(self.quadriceps, place).value
         tendon, held = self.tendon.lines(tibia, place), self.retinacula.lines(_FEMUR, place)
-        return pulled + self.tendon.energy(norm(tendon)) + self.retinacula.energy(norm(held))
+        return pulled + self.tendon.energy(tendon.norm()) + self.retinacula.energy(held.norm())
 
     def wrench(self, state: State) -> Wrench:
         """Of the tendon on the tibia, about its origin in femur axes."""
         tibia = state.between(self.bodies)
         line = self.tendon.lines(tibia, self._place(tibia))
-        length = norm(line)
-        pull = scale(-self.tendon.tension(length) / length, line)
-        moment = cross(tibia.turn(_rows(self.tendon.on_other)), pull)
-        force, moment = (tuple(jnp.sum(x, axis=0) for x in each) for each in (pull, moment))
-        return Wrench(force, moment)
+        length = line.norm()
+        pull = -self.tendon.tension(length) / length * line
+        moment = tibia.turn(_rows(self.tendon.on_other)).cross(pull)
+        return jax.tree.map(lambda x: jnp.sum(x, axis=0), Wrench(pull, moment))
 
     def work_of_end(self, state: State) -> Array:
         """Generalised force on flexion besides the wrench: none, nothing leads the patella."""
@@ -162,7 +149,7 @@ class PatellaOnPath(eqx.Module):
 
     def tendon_N(self, state: State) -> Array:
         """Size of the tendon's pull on the tibia, N."""
-        return norm(self.wrench(state).force)
+        return self.wrench(state).force.norm()
 
     def _slope(self, tibia: Placement, place: Array) -> tuple[Array, Array]:
         """First and second derivative of the energy along the path: at its beginning the tendon
@@ -198,7 +185,7 @@ class PatellaOnPath(eqx.Module):
         return place
 
 
-_FEMUR = Placement(None, (0.0, 0.0, 0.0))  # pyright: ignore[reportArgumentType]
+_FEMUR = Placement(None, ZERO)
 
 
 def _along(coefficients: Array, place: Array) -> _Along:
@@ -214,8 +201,7 @@ def _along(coefficients: Array, place: Array) -> _Along:
 
 def _rows(points: Array) -> Vector:
     """Points `(n, 3, ...)` as a vector of `(n, ...)`."""
-    x, y, z = jnp.moveaxis(points, 1, 0)
-    return x, y, z
+    return Vector.of(jnp.moveaxis(points, 1, 0))
 
 
 def on_path(knee: Knee, with_patella: Knee) -> Knee:
@@ -273,9 +259,9 @@ def _strands(knee: Knee, bones: Pair, place: np.ndarray, poses: Pose) -> Strands
     rows = np.array([k for k, pair in enumerate(fibres.bodies) if pair == bones], int)
     ends = fibres.femoral_attachment[rows], fibres.tibial_attachment[rows]
     on_patella, on_other = ends if bones[0] == PATELLA else ends[::-1]
-    moved = poses.placement.apply(tuple(on_patella.T[..., None]))  # pyright: ignore
+    moved = poses.placement.apply(Vector.of(on_patella.T[..., None]))
     law = fibres.stiffness, fibres.slack_length, fibres.transition_strain, fibres.transition_width
-    paths = _polynomials(place, np.moveaxis(np.stack(moved), -1, 0))
+    paths = _polynomials(place, np.moveaxis(np.stack([*moved]), -1, 0))
     return Strands(jnp.swapaxes(paths, 1, 2), on_other, *(x[rows] for x in law))
 
 

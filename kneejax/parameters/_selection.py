@@ -15,9 +15,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
-from kneejax.numerics import numpy_for
+from kneejax.numerics import numpy_for, traced
 from kneejax.parameters._leaves import Leaf, leaves_called, parts_of, quantities_of
 from kneejax.parameters._structures import (
     BONES,
@@ -251,8 +252,10 @@ def _check_once(selection: Selection) -> None:
                 )
 
 
-def with_values(knee: Knee, values: dict[str, float]) -> Knee:
+def with_values(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
     """The knee with some parameters set by name.
+
+    Numbers that JAX traces are taken as they are, so that this can be differentiated.
 
     Args:
         knee: any knee.
@@ -267,17 +270,30 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
         UnknownParameter: the knee has no such parameter, or a slack length has two values.
         Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
             such a knee, as in a knee file.
+
+    Example:
+        >>> import jax, kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> weak = with_values(knee, {"ACL.stiffness": 300.0, "MCL.reference_strain": 0.02})
+        >>> float(weak.ligaments.stiffness[0])
+        300.0
+        >>> slack = lambda strain: with_values(knee, {"ACL.reference_strain": strain})
+        >>> rate = jax.grad(lambda strain: slack(strain).ligaments.slack_length[0])(0.0)
+        >>> bool(rate == -knee.reference_length()[0])
+        True
     """
     _check_one_slack(knee, values)
     for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
         value, selection = values[name], select(knee, [name])
-        allowed = range_of_parameter(selection.names[0])
-        if allowed and not allowed.holds(value):
-            owner, quantity = name.split(".", 1)
-            raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
-        doubt_value(knee, name, float(value))
-        knee = selection.apply(knee, np.full(len(selection), float(value)))
-    if values:
+        if not traced(value):
+            value = float(value)
+            allowed = range_of_parameter(selection.names[0])
+            if allowed and not allowed.holds(value):
+                owner, quantity = name.split(".", 1)
+                raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
+            doubt_value(knee, name, value)
+        knee = selection.apply(knee, numpy_for(value).full(len(selection), value))
+    if values and not traced(knee):
         check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
     return knee
 

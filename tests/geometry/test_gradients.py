@@ -11,7 +11,6 @@ from jax.flatten_util import ravel_pytree
 
 import kneejax.geometry as geo
 from kneejax import numerics
-from kneejax.geometry import _vectors as v
 from kneejax.geometry.surfaces._bases import partials
 from tests.derivatives import both_ways
 
@@ -20,7 +19,7 @@ seeds = st.integers(0, 2**31)
 
 
 def _rows(vector):
-    return jnp.stack(v.full(vector))
+    return jnp.stack(vector.full())
 
 
 def conventions(x):
@@ -40,7 +39,7 @@ def tables(x):
 
 def motions(x):
     first, second = (geo.Frame(y[:3], y[3:]).placement for y in (x[:6], x[6:12]))
-    plain, point = geo.Frame(x[:3]).placement, v.vector(x[12:])
+    plain, point = geo.Frame(x[:3]).placement, geo.Vector.of(x[12:])
     images = [
         *(act(point) for p in (first, plain) for act in (p.apply, p.apply_inverse)),
         *(act(point) for p in (first, plain) for act in (p.turn, p.turn_back)),
@@ -48,16 +47,16 @@ def motions(x):
         plain.after(second).apply(point),
         second.inverse().apply(point),
         geo.angles_from_rotation(geo.rotation_from_angles(*x[3:6])),
-        geo.rotate(geo.transpose(first.rotation), point),
+        first.rotation.T @ point,
     ]
     return jnp.concatenate([_rows(image) for image in images])
 
 
 def algebra(x):
-    a, b = geo.vector(x[:3]), geo.vector(x[3:6])
-    vectors = [geo.add(a, b), geo.subtract(a, b), geo.cross(a, b), geo.scale(x[6], a)]
-    vectors += [v.stretch(a, b), geo.cross(a, (0.0, 1.0, 0.0))]
-    return jnp.concatenate([*map(_rows, vectors), jnp.stack([geo.dot(a, b), geo.norm(a)])])
+    a, b = geo.Vector.of(x[:3]), geo.Vector.of(x[3:6])
+    vectors = [a + b, a - b, a.cross(b), x[6] * a]
+    vectors += [a * b, a.cross(geo.AXES.y)]
+    return jnp.concatenate([*map(_rows, vectors), jnp.stack([a @ b, a.norm()])])
 
 
 def primitives(x):
@@ -138,7 +137,7 @@ def _of_surface(structure, round_):
         surface, a, b, off = structure(x[:-3]), x[-3], x[-2], x[-1]
         jet = geo.jet(surface, a, b)
         on, normal = jet.vector(jet.point), geo.normal(surface, a, b)
-        near = geo.add(on, geo.scale(off, normal))
+        near = on + off * normal
         height = surface.height(near)
         vectors = [jet.vector(y) for y in (jet.a, jet.b, jet.aa, jet.ab, jet.bb)]
         vectors += [on, normal, height.gradient, *(height.hessian or ())]

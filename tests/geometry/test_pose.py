@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 
 import kneejax.geometry as geo
 from kneejax import numerics
-from kneejax.geometry import _vectors as v
 
 angle = st.floats(-1.2, 1.2)
 
@@ -114,23 +113,23 @@ def test_vector_algebra_matches_numpy_and_honours_known_zeros_and_ones(rng):
     a, b = rng.normal(size=(2, 3))
     for known in (0.0, 1.0):
         for place in range(3):
-            left = tuple(known if k == place else jnp.asarray(x) for k, x in enumerate(a))
-            right = tuple(jnp.asarray(x) for x in b)
+            left = geo.Vector(*(known if k == place else jnp.asarray(x) for k, x in enumerate(a)))
+            right = geo.Vector(*(jnp.asarray(x) for x in b))
             na = np.array([float(x) for x in left])
-            np.testing.assert_allclose(float(geo.dot(left, right)), na @ b, atol=1e-14)
+            np.testing.assert_allclose(float(left @ right), na @ b, atol=1e-14)
             for ours, theirs in (
-                (geo.cross(left, right), np.cross(na, b)),
-                (geo.add(left, right), na + b),
-                (geo.subtract(left, right), na - b),
-                (geo.subtract(right, left), b - na),
-                (geo.scale(jnp.asarray(2.5), left), 2.5 * na),
-                (v.stretch(left, right), na * b),
+                (left.cross(right), np.cross(na, b)),
+                (left + right, na + b),
+                (left - right, na - b),
+                (right - left, b - na),
+                (jnp.asarray(2.5) * left, 2.5 * na),
+                (left * right, na * b),
             ):
                 np.testing.assert_allclose([float(x) for x in ours], theirs, atol=1e-14)
 
 
 def test_the_length_of_the_zero_vector_has_a_zero_derivative():
-    slope = jax.grad(lambda x: geo.norm((x, 0.0 * x, 0.0 * x)))(0.0)
+    slope = jax.grad(lambda x: geo.Vector(x, 0.0 * x, 0.0 * x).norm())(0.0)
     assert float(slope) == 0.0
 
 

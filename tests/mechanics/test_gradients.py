@@ -205,7 +205,7 @@ def _of_contact(contact, pose):
         numbers = [
             *contact_points, gap.value, gap.aa, gap.ab, gap.bb, gap.steepness, gap.metric,
             *gap.stretch,
-            *geo.vector(jnp.stack(jnp.broadcast_arrays(*gap.point))), gap.determinant,
+            *geo.Vector.of(jnp.stack(jnp.broadcast_arrays(*gap.point))), gap.determinant,
             gap.curvature, gap.mean_radius, depth, contact.patch_energy(gap),
         ]  # fmt: skip
     return jnp.stack([contact.energy(tibia), contact.modulus, contact.pressure(depth), *numbers])

@@ -61,8 +61,8 @@ def test_a_dead_force_on_a_tibial_point_is_the_slope_of_a_potential():
     load = Load(FORCE, point=POINT)
 
     def potential(q):
-        tip = geo.State.of({"flexion": FLEXION}, q).tibia.placement.apply(geo.vector(load.point))
-        return -geo.dot(geo.vector(load.force), tip)
+        tip = geo.State.of({"flexion": FLEXION}, q).tibia.placement.apply(geo.Vector.of(load.point))
+        return -(geo.Vector.of(load.force) @ tip)
 
     state = geo.State.of({"flexion": FLEXION}, jnp.asarray(Q))
     ours = load.work(state, geo.FREE_COORDINATES)

@@ -13,7 +13,7 @@ from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics
 from kneejax.experiments._motion import Motion
-from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector, scale
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled, numpy_for, traced
 from kneejax.statics import Equilibrium, LoadCases, differentiable, force_along
@@ -149,7 +149,7 @@ def _pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple
     nothing = jnp.zeros((3, 0, *state.shape))
     muscles = nothing
     if lanes.muscles is not None:
-        muscles = turned(scale(lanes.muscles.tension, lanes.muscles.unit_pulls(state)))
+        muscles = turned(lanes.muscles.tension * lanes.muscles.unit_pulls(state))
     forces = [tibia.turn_back(x.wrench(tibia).force) for x in lanes.loads if isinstance(x, Load)]
     loads = [jnp.stack(jnp.broadcast_arrays(*force, equilibrium.q[0])[:3]) for force in forces]
     return muscles, jnp.stack(loads, axis=1) if loads else nothing

@@ -13,7 +13,7 @@ import numpy as np
 
 from kneejax.files.meshes._health import Sheet, borders, narrowest
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Frame, Placement, full
+from kneejax.geometry import Frame, Placement
 
 #: Femur and tibia meet within this distance at the reference pose, mm.
 FARTHEST_MM = 50.0
@@ -263,7 +263,7 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
 
 def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Frame:
     """Axis of the cylinder nearest to points, by Gauss and Newton from a frame near it."""
-    u = np.array([float(c) for c in full(axis.placement.turn((0.0, 0.0, 1.0)))])
+    u = np.array([float(c) for c in axis.placement.turn((0.0, 0.0, 1.0)).full()])
     line = np.r_[np.asarray(axis.origin)[:2], u[:2] / u[2]]
     root = np.sqrt(areas / areas.sum())
     for _ in range(_AXIS_STEPS):

@@ -33,8 +33,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.geometry import _vectors as v
-from kneejax.geometry._vectors import Vector
+from kneejax.geometry._vectors import Vector, plus, times
 from kneejax.geometry.paths._round import Section, Wrapped, choose, joined, section, unit
 from kneejax.numerics import arctan2
 
@@ -71,7 +70,7 @@ class _Plane(NamedTuple):
 
 
 def around_ellipsoid(
-    start: Vector, end: Vector, shape: tuple[Array, ...], aim: tuple[Array, ...] = ()
+    start: Vector, end: Vector, shape: Vector, aim: tuple[Array, ...] = ()
 ) -> Wrapped:
     """The taut path around an ellipsoid of semi-axes `shape`.
 
@@ -85,66 +84,65 @@ def around_ellipsoid(
     return path._replace(opposite=path.length + other)
 
 
-def search(start: Vector, end: Vector, shape: tuple[Array, ...]) -> tuple[Aim, Array]:
+def search(start: Vector, end: Vector, shape: Vector) -> tuple[Aim, Array]:
     """Aim of the taut path, and how much longer the best path well beside it is, mm."""
-    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    p, q = _inverse(shape) * start, _inverse(shape) * end
     s = section(p, q)
     aim, other = _first_aim(p, q, s, shape)
     aim = lax.fori_loop(0, SHOTS, lambda _, a: _better_aim(end, p, q, s, shape, a), aim)
     return aim, other
 
 
-def shot_path(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim) -> Wrapped:
+def shot_path(start: Vector, end: Vector, shape: Vector, aim: Aim) -> Wrapped:
     """The path along a geodesic with this aim, its small miss corrected to first order.
 
     Differentiable by the shape for a fixed aim: the correction is one step of Newton's rule.
     """
-    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    p, q = _inverse(shape) * start, _inverse(shape) * end
     s = section(p, q)
     zero = jnp.zeros_like(aim.turn)
     one = zero + 1.0
     shot = _finished(_shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS), q, shape)
-    x0, x1 = v.stretch(shape, shot.begin), v.stretch(shape, shot.finish)
-    n0, n1 = (unit(v.stretch(_inverse(shape), u)) for u in (shot.begin, shot.finish))
+    x0, x1 = shape * shot.begin, shape * shot.finish
+    n0, n1 = (unit(_inverse(shape) * u) for u in (shot.begin, shot.finish))
     # A piece too short to have a direction of its own has the geodesic's.
-    along = v.stretch(shape, shot.finish_along)
-    speeds = v.norm(v.stretch(shape, shot.begin_along)), v.norm(along)
-    onward = v.subtract(end, x1)
+    along = shape * shot.finish_along
+    speeds = (shape * shot.begin_along).norm(), along.norm()
+    onward = end - x1
     short = s.tangents[1] < 1e-5
-    t0 = v.scale(1.0 / speeds[0], v.stretch(shape, shot.begin_along))
+    t0 = shape * shot.begin_along / speeds[0]
     t1 = unit(choose(short, along, onward))
     first = s.tangents[0] * speeds[0]
-    last = jnp.where(short, s.tangents[1] * speeds[1], v.norm(onward))
-    b0 = v.cross(n0, t0)
-    b1 = unit(v.cross(n1, along))
+    last = jnp.where(short, s.tangents[1] * speeds[1], onward.norm())
+    b0 = n0.cross(t0)
+    b1 = unit(n1.cross(along))
     (a, c), (b, d) = shot.fields
     a, b, d = joined(first, (a, b, c, d), last)
     # Newton's step: turned by `swing` at the start, the path gets to the end without a miss.
-    miss = v.dot(b1, onward)
+    miss = b1 @ onward
     swing = miss / _away_from_zero(b, first + last)
-    t0 = v.add(t0, v.scale(swing, b0))
-    t1 = v.add(t1, v.scale(swing * d - miss / last, b1))
+    t0 = t0 + swing * b0
+    t1 = t1 + (swing * d - miss / last) * b1
     length = first + shot.arc + last
     return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
 
 
-def trace(start: Vector, end: Vector, shape: tuple[Array, ...], aim: Aim, count: int) -> Vector:
+def trace(start: Vector, end: Vector, shape: Vector, aim: Aim, count: int) -> Vector:
     """`count` points of the geodesic from contact to contact, along a new first axis."""
-    p, q = v.stretch(_inverse(shape), start), v.stretch(_inverse(shape), end)
+    p, q = _inverse(shape) * start, _inverse(shape) * end
     u, w = _begin(p, section(p, q), aim)
     stride = _Stride.of(aim.turn / (count - 1), shape)
     state = (u, w, jnp.zeros_like(aim.turn), ())
     _, points = lax.scan(lambda at, _: (_step(at, stride), at[0]), state, length=count)
-    return v.stretch(shape, points)
+    return shape * points
 
 
-def _inverse(shape: tuple[Array, ...]) -> Vector:
-    return 1.0 / shape[0], 1.0 / shape[1], 1.0 / shape[2]
+def _inverse(shape: Vector) -> Vector:
+    return Vector(1.0 / shape.x, 1.0 / shape.y, 1.0 / shape.z)
 
 
-def _metric(shape: tuple[Array, ...]) -> Vector:
-    x, y, z = _inverse(shape)
-    return x * x, y * y, z * z
+def _metric(shape: Vector) -> Vector:
+    return _inverse(shape) * _inverse(shape)
 
 
 def _away_from_zero(spread: Array, length: Array) -> Array:
@@ -154,18 +152,18 @@ def _away_from_zero(spread: Array, length: Array) -> Array:
 
 def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
     """Point of contact and direction of the geodesic with this aim."""
-    square = v.dot(p, p)
-    around = v.add(v.scale(aim.cosine, s.forward), v.scale(aim.sine, s.pole))
+    square = p @ p
+    around = aim.cosine * s.forward + aim.sine * s.pole
     distance = jnp.sqrt(square)
     tangent = s.tangents[0]
-    u = v.scale(1.0 / square, v.add(p, v.scale(tangent * distance, around)))
+    u = (p + tangent * distance * around) / square
     # (u - p) / tangent without the difference, which is small beside the surface
-    w = v.add(v.scale(-tangent / square, p), v.scale(1.0 / distance, around))
+    w = around / distance - tangent / square * p
     return u, w
 
 
 def _shoot(
-    p: Vector, s: Section, shape: tuple[Array, ...], aim: Aim, fields: tuple, steps: int
+    p: Vector, s: Section, shape: Vector, aim: Aim, fields: tuple, steps: int
 ) -> Shot:
     u, w = _begin(p, s, aim)
     stride = _Stride.of(aim.turn / steps, shape)
@@ -185,12 +183,11 @@ class _Stride(NamedTuple):
     curvature: Array
 
     @classmethod
-    def of(cls, step: Array, shape: tuple[Array, ...]) -> _Stride:
+    def of(cls, step: Array, shape: Vector) -> _Stride:
         c, d = jnp.cos(0.5 * step), jnp.sin(0.5 * step)
         inverse = _metric(shape)
-        squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
         curvature = inverse[0] * inverse[1] * inverse[2]
-        return cls(step, (c * c - d * d, 2.0 * c * d), (c, d), squares, inverse, curvature)
+        return cls(step, (c * c - d * d, 2.0 * c * d), (c, d), shape * shape, inverse, curvature)
 
 
 def _step(state, stride: _Stride):
@@ -200,19 +197,19 @@ def _step(state, stride: _Stride):
 
     def rates(at, c, s):
         e, f, fields = at
-        u = v.add(v.scale(c, e), v.scale(s, f))
-        w = v.subtract(v.scale(c, f), v.scale(s, e))
-        b = v.cross(e, f)
-        steep = v.stretch(stride.inverse_squares, u)
-        inverse = 1.0 / v.dot(u, steep)
-        k = -v.dot(b, steep) * inverse
-        speed = jnp.sqrt(v.dot(w, v.stretch(stride.squares, w)))
+        u = c * e + s * f
+        w = c * f - s * e
+        b = e.cross(f)
+        steep = stride.inverse_squares * u
+        inverse = 1.0 / (u @ steep)
+        k = -(b @ steep) * inverse
+        speed = jnp.sqrt(w @ (stride.squares * w))
         bend = -speed * stride.curvature * inverse * inverse
         turn = tuple((speed * slope, bend * y) for y, slope in fields)
-        return v.scale(v.times(-s, k), b), v.scale(v.times(c, k), b), turn, speed
+        return times(-s, k) * b, times(c, k) * b, turn, speed
 
     def moved(rate, h):
-        return jax.tree.map(lambda y, r: v.plus(y, v.times(h, r)), (e, f, fields), rate[:3])
+        return jax.tree.map(lambda y, r: plus(y, times(h, r)), (e, f, fields), rate[:3])
 
     k1 = rates((e, f, fields), 1.0, 0.0)
     k2 = rates(moved(k1, 0.5 * h), *stride.half)
@@ -221,51 +218,51 @@ def _step(state, stride: _Stride):
     mean = jax.tree.map(lambda p, q, r, s: (p + 2.0 * (q + r) + s) * (1.0 / 6.0), k1, k2, k3, k4)
     e, f, fields = moved(mean, h)
     c, d = stride.whole
-    u = v.add(v.scale(c, e), v.scale(d, f))
-    w = v.subtract(v.scale(c, f), v.scale(d, e))
+    u = c * e + d * f
+    w = c * f - d * e
     return u, w, arc + h * mean[3], fields
 
 
 def _rest_of_arc(shot: Shot, q: Vector) -> Array:
     """How much further the arc goes until it can leave for the end, rad, on a great circle."""
-    height, run = v.dot(shot.finish, q), v.dot(shot.finish_along, q)
+    height, run = shot.finish @ q, shot.finish_along @ q
     tangent = jnp.sqrt(jnp.maximum(height * height + run * run - 1.0, 1e-24))
     across = jnp.maximum(height + run * tangent, 0.1)
     return jnp.clip((run - height * tangent) / across, -0.4, 0.4)
 
 
-def _finished(shot: Shot, q: Vector, shape: tuple[Array, ...]) -> Shot:
+def _finished(shot: Shot, q: Vector, shape: Vector) -> Shot:
     """The shot with the small rest of its arc."""
     more = _rest_of_arc(shot, q)
     c, d = jnp.cos(more), jnp.sin(more)
-    u = v.add(v.scale(c, shot.finish), v.scale(d, shot.finish_along))
-    w = v.subtract(v.scale(c, shot.finish_along), v.scale(d, shot.finish))
-    b, steep = v.cross(u, w), v.stretch(_metric(shape), u)
-    w = v.add(w, v.scale(-more * v.dot(b, steep) / v.dot(u, steep), b))
-    speeds = [v.norm(v.stretch(shape, along)) for along in (shot.finish_along, w)]
+    u = c * shot.finish + d * shot.finish_along
+    w = c * shot.finish_along - d * shot.finish
+    b, steep = u.cross(w), _metric(shape) * u
+    w = w - more * (b @ steep) / (u @ steep) * b
+    speeds = [(shape * along).norm() for along in (shot.finish_along, w)]
     arc = shot.arc + 0.5 * more * (speeds[0] + speeds[1])
     return shot._replace(finish=u, finish_along=w, arc=arc)
 
 
 def _better_aim(
-    end: Vector, p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], aim: Aim
+    end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim
 ) -> Aim:
     """One step of Newton's rule on the sideways miss at the end; the arc ends where it leaves."""
-    along = v.stretch(shape, _begin(p, s, aim)[1])
-    speed_square = v.dot(along, along)
+    along = shape * _begin(p, s, aim)[1]
+    speed_square = along @ along
     first = jnp.sqrt(speed_square) * s.tangents[0]
     fan = ((first, jnp.ones_like(first)),)
     shot = _shoot(p, s, shape, aim, fan, SEARCH_STEPS)
-    onward = v.subtract(end, v.stretch(shape, shot.finish))
-    steep = v.stretch(_inverse(shape), shot.finish)
-    sideways = unit(v.cross(steep, v.stretch(shape, shot.finish_along)))
-    last = jnp.sqrt(v.dot(onward, onward))
+    onward = end - shape * shot.finish
+    steep = _inverse(shape) * shot.finish
+    sideways = unit(steep.cross(shape * shot.finish_along))
+    last = jnp.sqrt(onward @ onward)
     miss, slope = shot.fields[0]
     spread = _away_from_zero(miss + last * slope, first + shot.arc + last)
-    swing = v.dot(sideways, onward) / spread
+    swing = sideways @ onward / spread
     # An angle on the circle of contact turns the straight piece by this much less.
-    area = shape[0] * shape[1] * shape[2] * v.norm(v.stretch(_inverse(shape), shot.begin))
-    angle = swing * jnp.sqrt(v.dot(p, p)) * speed_square / area
+    area = shape[0] * shape[1] * shape[2] * (_inverse(shape) * shot.begin).norm()
+    angle = swing * jnp.sqrt(p @ p) * speed_square / area
     half = 0.5 * jnp.clip(angle, -0.6, 0.6)
     inverse = 1.0 / (1.0 + half * half)
     c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
@@ -278,52 +275,52 @@ def _better_aim(
 
 
 def _plane(
-    p: Vector, q: Vector, s: Section, shape: tuple[Array, ...], beside: Vector, c: Array, d: Array
+    p: Vector, q: Vector, s: Section, shape: Vector, beside: Vector, c: Array, d: Array
 ) -> _Plane:
     """Path in the plane with normal `c s.pole + d beside`, by Boole's rule."""
-    squares = shape[0] * shape[0], shape[1] * shape[1], shape[2] * shape[2]
+    squares = shape * shape
 
     def stretched(direction: Vector, square: Array) -> Array:
-        return jnp.sqrt(v.dot(direction, v.stretch(squares, direction)) / square)
+        return jnp.sqrt(direction @ (squares * direction) / square)
 
-    n = unit(v.add(v.scale(c, s.pole), v.scale(d, beside)))
-    height = v.dot(n, p)
+    n = unit(c * s.pole + d * beside)
+    height = n @ p
     square = jnp.maximum(1.0 - height * height, 1e-6)
     radius = jnp.sqrt(square)
-    centre = v.scale(height, n)
+    centre = height * n
     spokes, straight = [], []
     for point, tangent in ((p, s.tangents[0]), (q, -s.tangents[1])):
-        out = v.subtract(point, centre)
-        across = v.cross(n, out)
+        out = point - centre
+        across = n.cross(out)
         inverse = 1.0 / (square + tangent * tangent)
-        spoke = v.add(v.scale(square * inverse, out), v.scale(radius * tangent * inverse, across))
+        spoke = square * inverse * out + radius * tangent * inverse * across
         spokes.append(spoke)
-        straight.append(stretched(v.subtract(spoke, out), jnp.ones_like(square)))
+        straight.append(stretched(spoke - out, jnp.ones_like(square)))
     first, last = spokes
-    ends = v.cross(n, first), v.cross(n, last)
-    turn = arctan2(v.dot(ends[0], last), v.dot(first, last))
+    ends = n.cross(first), n.cross(last)
+    turn = arctan2(ends[0] @ last, first @ last)
     # Behind the centre an arc is never negative, before it only by a little.
     turn = turn + 2.0 * jnp.pi * (turn < jnp.where(c < 0.1, 0.0, -1.0))
     # Directions at the half and at the quarters of the arc: each halves the angle of two others.
-    ends = tuple(v.scale(1.0 / radius, end) for end in ends)
-    backwards = v.dot(first, last) < 0.0
-    middle = unit(choose(backwards, v.subtract(last, first), v.add(*ends)))
-    quarters = [unit(v.add(end, middle)) for end in ends]
+    ends = tuple(end / radius for end in ends)
+    backwards = first @ last < 0.0
+    middle = unit(choose(backwards, last - first, ends[0] + ends[1]))
+    quarters = [unit(end + middle) for end in ends]
     one = jnp.ones_like(square)
     speed = 7.0 * (stretched(ends[0], one) + stretched(ends[1], one))
     speed = speed + 32.0 * (stretched(quarters[0], one) + stretched(quarters[1], one))
     speed = speed + 12.0 * stretched(middle, one)
     arc = radius * turn
     length = straight[0] + straight[1] + arc * speed * (1.0 / 90.0)
-    return _Plane(length, v.add(first, centre), arc)
+    return _Plane(length, first + centre, arc)
 
 
-def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tuple[Aim, Array]:
+def _first_aim(p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Array]:
     """Aim along the best of a fan of planes, and how much longer the best one beside it is."""
     # Evenly spaced about the line in the ellipsoid's own space, where no side is squeezed.
-    middle = v.stretch(_inverse(shape), s.pole)
-    across = unit(v.cross(v.stretch(shape, v.subtract(q, p)), middle))
-    beside = v.scale(v.norm(middle), v.stretch(shape, across))
+    middle = _inverse(shape) * s.pole
+    across = unit((shape * (q - p)).cross(middle))
+    beside = middle.norm() * (shape * across)
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
     fan = jnp.asarray(angles).reshape(-1, *(1,) * jnp.ndim(p[0]))
     lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
@@ -344,7 +341,7 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: tuple[Array, ...]) -> tu
     inverse = 1.0 / (1.0 + half * half)
     c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
     plane = _plane(p, q, s, shape, beside, cosine * c - sine * d, sine * c + cosine * d)
-    x, y = v.dot(plane.contact, s.forward), v.dot(plane.contact, s.pole)
+    x, y = plane.contact @ s.forward, plane.contact @ s.pole
     size = jnp.sqrt(x * x + y * y)
     size = jnp.where(size > 0.0, size, 1.0)
     return Aim(x / size, y / size, plane.turn), other

@@ -13,7 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Vector
+from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.paths._ellipsoid import around_ellipsoid
 from kneejax.geometry.paths._round import (
     Section,
@@ -26,13 +26,12 @@ from kneejax.geometry.paths._round import (
 
 #: Name of a side of a cylinder -> where it is in the cylinder's frame.
 SIDES: dict[str, Vector] = {
-    "+x": (1.0, 0.0, 0.0),
-    "-x": (-1.0, 0.0, 0.0),
-    "+y": (0.0, 1.0, 0.0),
-    "-y": (0.0, -1.0, 0.0),
+    "+x": AXES.x,
+    "-x": -AXES.x,
+    "+y": AXES.y,
+    "-y": -AXES.y,
 }
 
-Shape: TypeAlias = tuple[Array, ...]
 Around: TypeAlias = Callable[..., Wrapped]
 
 
@@ -47,7 +46,7 @@ class Obstacle(eqx.Module):
 
     @property
     @abstractmethod
-    def semi_axes_along_frame(self) -> Shape:
+    def semi_axes_along_frame(self) -> Vector:
         """Semi-axes along the frame's X, Y, Z, mm; infinite along a cylinder."""
 
     @property
@@ -70,7 +69,7 @@ class WrapSphere(Obstacle):
     """A sphere.
 
     Attributes:
-        radius: mm, a number or shape `(lanes,)`.
+        radius: mm, a number or shape `(...)`.
         frame: its frame in the bone's; only the origin matters.
     """
 
@@ -82,9 +81,9 @@ class WrapSphere(Obstacle):
         self.frame = Frame() if frame is None else frame
 
     @property
-    def semi_axes_along_frame(self) -> Shape:
+    def semi_axes_along_frame(self) -> Vector:
         """Three times the radius, mm."""
-        return self.radius, self.radius, self.radius
+        return Vector(self.radius, self.radius, self.radius)
 
     @property
     def around(self) -> Around:
@@ -95,7 +94,7 @@ class WrapCylinder(Obstacle):
     """A cylinder about the Z axis of its frame, treated as endless.
 
     Attributes:
-        radius: mm, a number or shape `(lanes,)`.
+        radius: mm, a number or shape `(...)`.
         length: mm; a path that touches beyond half of it is flagged, not changed.
         frame: its frame in the bone's.
         side: on which paths pass, of `SIDES`, however far that leads around; empty where they take
@@ -124,9 +123,9 @@ class WrapCylinder(Obstacle):
             raise ValueError(f"WrapCylinder: side is {self.side!r}, not one of {', '.join(SIDES)}")
 
     @property
-    def semi_axes_along_frame(self) -> Shape:
+    def semi_axes_along_frame(self) -> Vector:
         """The radius twice, then infinity, mm."""
-        return self.radius, self.radius, jnp.full_like(self.radius, jnp.inf)
+        return Vector(self.radius, self.radius, jnp.full_like(self.radius, jnp.inf))
 
     @property
     def around(self) -> Around:
@@ -157,9 +156,9 @@ class WrapEllipsoid(Obstacle):
         self.frame = Frame() if frame is None else frame
 
     @property
-    def semi_axes_along_frame(self) -> Shape:
+    def semi_axes_along_frame(self) -> Vector:
         """The semi-axes, mm."""
-        return self.semi_axes[0], self.semi_axes[1], self.semi_axes[2]
+        return Vector.of(self.semi_axes)
 
     @property
     def around(self) -> Around:

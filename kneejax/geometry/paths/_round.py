@@ -26,8 +26,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.geometry import _vectors as v
-from kneejax.geometry._vectors import Vector
+from kneejax.geometry._vectors import AXES, Vector, minus
 from kneejax.numerics import arctan2
 
 #: Heights above the surface below this (relative, squared) count as on it: an end on the
@@ -75,21 +74,20 @@ class Section(NamedTuple):
 
 def unit(a: Vector) -> Vector:
     """Direction of a vector; zero for the zero vector, with finite derivatives."""
-    square = jnp.asarray(v.dot(a, a), float)
+    square = jnp.asarray(a @ a, float)
     positive = square > 0.0
     inverse = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
-    return v.scale(inverse, a)
+    return inverse * a
 
 
 def unit_outside(a: Vector) -> Vector:
     """Direction of a point outside the unit sphere; shorter than one for a point inside."""
-    return v.scale(1.0 / jnp.sqrt(jnp.maximum(v.dot(a, a), 1.0)), a)
+    return a / jnp.sqrt(jnp.maximum(a @ a, 1.0))
 
 
 def choose(condition: Array, a: Vector, b: Vector) -> Vector:
     """`a` where the condition holds, else `b`."""
-    x, y, z = (jnp.where(condition, i, j) for i, j in zip(a, b, strict=True))
-    return x, y, z
+    return Vector(*(jnp.where(condition, i, j) for i, j in zip(a, b, strict=True)))
 
 
 def section(start: Vector, end: Vector) -> Section:
@@ -100,16 +98,16 @@ def section(start: Vector, end: Vector) -> Section:
     `start` is taken.
     """
     out = unit_outside(start)
-    along = v.dot(out, end)
-    across = v.subtract(end, v.scale(along, out))
-    width = v.norm(across)
+    along = out @ end
+    across = end - along * out
+    width = across.norm()
     # Any direction across a line through the centre: start the line, drop its part along.
     x, y, z = (jnp.abs(c) for c in out)
     least_x, least_y = (x <= y) & (x <= z), (y < x) & (y <= z)
-    axis = (1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
-    beside = unit(v.subtract(axis, v.scale(v.dot(axis, out), out)))
-    aligned = width < 1e-12 * v.norm(end)
-    forward = choose(aligned, beside, v.scale(1.0 / jnp.where(aligned, 1.0, width), across))
+    axis = Vector(1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
+    beside = unit(axis - axis @ out * out)
+    aligned = width < 1e-12 * end.norm()
+    forward = choose(aligned, beside, across / jnp.where(aligned, 1.0, width))
     return _tangents(start, end, forward, width)
 
 
@@ -125,24 +123,24 @@ def section_by_side(start: Vector, end: Vector, side: Vector) -> Section:
     ends = unit_outside(start), unit_outside(end)
     # From `start` over `side` to `end`. The end that stands farther off the line along `side`
     # decides: the other may go past the far side.
-    lead = v.dot(v.cross(v.subtract(*ends), side), (0.0, 0.0, 1.0))
-    pole = (0.0, 0.0, jnp.where(lead >= 0.0, 1.0, -1.0))
-    forward = v.cross(pole, ends[0])
-    return _tangents(start, end, forward, v.dot(forward, end))
+    lead = (ends[0] - ends[1]).cross(side) @ AXES.z
+    pole = Vector(0.0, 0.0, jnp.where(lead >= 0.0, 1.0, -1.0))
+    forward = pole.cross(ends[0])
+    return _tangents(start, end, forward, forward @ end)
 
 
 def _tangents(start: Vector, end: Vector, forward: Vector, width: Array) -> Section:
     """Tangents to the unit sphere of a path that leaves `start` forward, a unit vector across it
     in the plane of the section; `width` is how far `end` lies that way, negative beyond half a
     turn."""
-    square = v.dot(start, start), v.dot(end, end)
+    square = start @ start, end @ end
     distance = tuple(jnp.sqrt(jnp.maximum(s, 1.0)) for s in square)
     tangents = tuple(jnp.sqrt(jnp.maximum(s - 1.0, ON_SURFACE)) for s in square)
-    out, out_end = v.scale(1.0 / distance[0], start), v.scale(1.0 / distance[1], end)
-    along, pole = v.dot(out, end), v.cross(out, forward)
-    back = v.cross(out_end, pole)
-    first = v.scale(1.0 / distance[0], v.add(out, v.scale(tangents[0], forward)))
-    last = v.scale(1.0 / distance[1], v.add(out_end, v.scale(tangents[1], back)))
+    out, out_end = start / distance[0], end / distance[1]
+    along, pole = out @ end, out.cross(forward)
+    back = out_end.cross(pole)
+    first = (out + tangents[0] * forward) / distance[0]
+    last = (out_end + tangents[1] * back) / distance[1]
     # Arguments of complex numbers add: one arctangent for the angle less its two free parts.
     free = 1.0 - tangents[0] * tangents[1], tangents[0] + tangents[1]
     turn = arctan2(width * free[0] - along * free[1], along * free[0] + width * free[1])
@@ -163,19 +161,19 @@ def joined(first: Array, arc: tuple[Array, Array, Array, Array], last: Array) ->
 
 
 def around_sphere(
-    start: Vector, end: Vector, shape: tuple[Array, ...], aim: tuple[Array, ...] = ()
+    start: Vector, end: Vector, shape: Vector, aim: tuple[Array, ...] = ()
 ) -> Wrapped:
     """The taut path around a sphere of radius `shape[0]`."""
     radius = shape[0]
-    s = section(v.scale(1.0 / radius, start), v.scale(1.0 / radius, end))
-    contacts = v.scale(radius, s.contacts[0]), v.scale(radius, s.contacts[1])
+    s = section(start / radius, end / radius)
+    contacts = radius * s.contacts[0], radius * s.contacts[1]
     first, last = radius * s.tangents[0], radius * s.tangents[1]
     sine, cosine = jnp.sin(s.turn), jnp.cos(s.turn)
     length = first + radius * s.turn + last
     return Wrapped(
         length,
-        v.cross(s.pole, s.contacts[0]),
-        v.cross(s.pole, s.contacts[1]),
+        s.pole.cross(s.contacts[0]),
+        s.pole.cross(s.contacts[1]),
         contacts,
         s.contacts,
         (first, last),
@@ -188,7 +186,7 @@ def around_sphere(
 def around_cylinder(
     start: Vector,
     end: Vector,
-    shape: tuple[Array, ...],
+    shape: Vector,
     aim: tuple[Array, ...] = (),
     *,
     section: Callable[[Vector, Vector], Section] = section,
@@ -196,10 +194,10 @@ def around_cylinder(
     """The taut path around an endless cylinder of radius `shape[0]` about Z: a helix between."""
     radius = shape[0]
     s = section(
-        (start[0] / radius, start[1] / radius, 0.0 * start[2]),
-        (end[0] / radius, end[1] / radius, 0.0 * end[2]),
+        Vector(start.x / radius, start.y / radius, 0.0 * start.z),
+        Vector(end.x / radius, end.y / radius, 0.0 * end.z),
     )
-    rise = v.minus(end[2], start[2])
+    rise = minus(end[2], start[2])
     flat = radius * (s.tangents[0] + s.turn + s.tangents[1])
     flat = jnp.maximum(flat, 1e-9 * radius)
     length = jnp.sqrt(flat * flat + rise * rise)
@@ -209,9 +207,9 @@ def around_cylinder(
     for point, height in zip(
         s.contacts, (start[2] + first * slope, end[2] - last * slope), strict=True
     ):
-        x, y, _ = v.cross(s.pole, point)
-        directions.append((x / stretch, y / stretch, slope / stretch))
-        contacts.append((radius * point[0], radius * point[1], height))
+        x, y, _ = s.pole.cross(point)
+        directions.append(Vector(x / stretch, y / stretch, slope / stretch))
+        contacts.append(Vector(radius * point.x, radius * point.y, height))
     one, arc = jnp.ones_like(length), radius * s.turn * stretch
     other = radius * (s.tangents[0] + s.opposite + s.tangents[1])
     first, last = first * stretch, last * stretch
@@ -233,11 +231,11 @@ def differentiate(
 ) -> tuple[Array, Vector, Vector]:
     """Changes of length and of both directions with changes of the ends (module docstring)."""
     (n0, n1), (first, last), (a, b, d) = w.normals, w.pieces, w.transfer
-    b0, b1 = v.cross(n0, w.leave), v.cross(n1, w.reach)
+    b0, b1 = n0.cross(w.leave), n1.cross(w.reach)
     spread = jnp.maximum(b, LEAST_SPREAD * jnp.abs(w.length))
-    y0, y1 = v.dot(b0, start), v.dot(b1, end)
+    y0, y1 = b0 @ start, b1 @ end
     return (
-        v.minus(v.dot(reach, end), v.dot(leave, start)),
-        v.add(v.scale(-v.dot(n0, start) / first, n0), v.scale((y1 - a * y0) / spread, b0)),
-        v.add(v.scale(v.dot(n1, end) / last, n1), v.scale((d * y1 - y0) / spread, b1)),
+        minus(reach @ end, leave @ start),
+        -(n0 @ start) / first * n0 + (y1 - a * y0) / spread * b0,
+        n1 @ end / last * n1 + (d * y1 - y0) / spread * b1,
     )

@@ -11,13 +11,11 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._vectors import Vector
 from kneejax.geometry.paths._ellipsoid import search, trace
 from kneejax.geometry.paths._obstacles import (
     Around,
     Obstacle,
-    Shape,
     WrapCylinder,
     WrapEllipsoid,
 )
@@ -28,8 +26,8 @@ from kneejax.numerics import as_known, none_of, ruled
 HANDOVER_WIDTH = 0.02
 #: An end with a squared distance this much below the surface's (scaled to one) is inside.
 _INSIDE = 1e-9
-#: Ends, scaled, of a path that wraps gently: what lanes that do not wrap compute with.
-_HARMLESS = (1.2, -0.5, 0.1), (-1.2, -0.5, -0.1)
+#: Ends, scaled, of a path that wraps gently: what those that do not wrap compute with.
+_HARMLESS = Vector(1.2, -0.5, 0.1), Vector(-1.2, -0.5, -0.1)
 
 
 class TautPath(NamedTuple):
@@ -94,34 +92,28 @@ def taut(
         (1.2848, True)
     """
     start, end, shape = _common(obstacle, start, end)
-    inverse = tuple(1.0 / a for a in shape)
-    p, q = v.stretch(_triple(inverse), start), v.stretch(_triple(inverse), end)
-    line = v.subtract(end, start)
-    straight = v.norm(line)
+    inverse = Vector(*(1.0 / a for a in shape))
+    p, q = inverse * start, inverse * end
+    line = end - start
+    straight = line.norm()
     ahead = unit(line)
-    inside = jnp.minimum(v.dot(p, p), v.dot(q, q)) < 1.0 - _INSIDE
+    inside = jnp.minimum(p @ p, q @ q) < 1.0 - _INSIDE
     free = jax.lax.stop_gradient(obstacle.section(p, q))
     near = (free.turn > -_width(free, width)) & ~inside & (straight > 0.0)
 
-    far = [tuple(c * jnp.ones_like(straight) for c in point) for point in _HARMLESS]
-    p, q = choose(near, p, _triple(far[0])), choose(near, q, _triple(far[1]))
-    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
-    start_near = choose(near, start, v.stretch(_triple(held), _triple(far[0])))
-    end_near = choose(near, end, v.stretch(_triple(held), _triple(far[1])))
+    far = [jnp.ones_like(straight) * point for point in _HARMLESS]
+    p, q = choose(near, p, far[0]), choose(near, q, far[1])
+    held = Vector(*(jnp.where(jnp.isinf(a), 1.0, a) for a in shape))
+    start_near = choose(near, start, held * far[0])
+    end_near = choose(near, end, held * far[1])
     length, leave, reach, rest = _wound(obstacle.around, start_near, end_near, shape)
 
     s = obstacle.section(p, q)
     share, slope, by_start, by_end = _blend(s, p, q, inverse, width)
     share, slope = jnp.where(near, share, 0.0), jnp.where(near, slope, 0.0)
     detour = jnp.where(near, length - straight, 0.0)
-    pull_start = v.add(
-        v.scale(share - 1.0, ahead),
-        v.add(v.scale(-share, leave), v.scale(detour * slope, by_start)),
-    )
-    pull_end = v.add(
-        v.scale(1.0 - share, ahead),
-        v.add(v.scale(share, reach), v.scale(detour * slope, by_end)),
-    )
+    pull_start = (share - 1.0) * ahead - share * leave + detour * slope * by_start
+    pull_end = (1.0 - share) * ahead + share * reach + detour * slope * by_end
     excess = detour * share
     return TautPath(
         straight + excess,
@@ -154,21 +146,21 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
     path = taut(obstacle, start, end)
     wraps = path.angle > 0.0
     one = jnp.ones_like(path.length)
-    held = tuple(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)
-    far = [v.stretch(_triple(held), _triple(tuple(c * one for c in x))) for x in _HARMLESS]
+    held = Vector(*(jnp.where(jnp.isinf(a), 1.0, a) for a in shape))
+    far = [held * (one * x) for x in _HARMLESS]
     begin, finish = choose(wraps, start, far[0]), choose(wraps, end, far[1])
     along = jnp.linspace(0.0, 1.0, n - 2).reshape(-1, *(1,) * one.ndim)
     if isinstance(obstacle, WrapEllipsoid):
         touching = trace(begin, finish, shape, search(begin, finish, shape)[0], n - 2)
     else:
-        inverse = _triple(tuple(1.0 / a for a in shape))
-        s = obstacle.section(v.stretch(inverse, begin), v.stretch(inverse, finish))
+        inverse = Vector(*(1.0 / a for a in shape))
+        s = obstacle.section(inverse * begin, inverse * finish)
         cosine, sine = jnp.cos(along * s.turn), jnp.sin(along * s.turn)
-        quarter = v.cross(s.pole, s.contacts[0])
-        x, y, z = v.add(v.scale(cosine, s.contacts[0]), v.scale(sine, quarter))
+        quarter = s.pole.cross(s.contacts[0])
+        x, y, z = cosine * s.contacts[0] + sine * quarter
         if isinstance(obstacle, WrapCylinder):
             z = path.leaves[2] + along * (path.arrives[2] - path.leaves[2])
-        touching = v.stretch(_triple(held), (x, y, z))
+        touching = held * Vector(x, y, z)
     fractions = jnp.linspace(0.0, 1.0, n).reshape(-1, *(1,) * one.ndim)
     points = []
     for a, b, middle in zip(start, end, touching, strict=True):
@@ -177,16 +169,11 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
     return jnp.stack(points, 1)
 
 
-def _triple(a: Any) -> Vector:
-    x, y, z = a
-    return x, y, z
-
-
-def _common(obstacle: Obstacle, start: Vector, end: Vector) -> tuple[Vector, Vector, Shape]:
+def _common(obstacle: Obstacle, start: Vector, end: Vector) -> tuple[Vector, Vector, Vector]:
     """Ends and semi-axes as arrays of one shape."""
     arrays = (*start, *end, *obstacle.semi_axes_along_frame)
     every = jnp.broadcast_arrays(*(jnp.asarray(a, float) for a in arrays))
-    return _triple(every[:3]), _triple(every[3:6]), tuple(every[6:])
+    return Vector(*every[:3]), Vector(*every[3:6]), Vector(*every[6:])
 
 
 def _width(s: Section, width: ArrayLike) -> Array:
@@ -198,7 +185,7 @@ def _width(s: Section, width: ArrayLike) -> Array:
 
 
 def _blend(
-    s: Section, p: Vector, q: Vector, inverse: Shape, width: ArrayLike
+    s: Section, p: Vector, q: Vector, inverse: Vector, width: ArrayLike
 ) -> tuple[Array, Array, Vector, Vector]:
     """Share of the wrapped path, its slope by the angle over the width, that ratio's gradients."""
     span = _width(s, width)
@@ -210,14 +197,14 @@ def _blend(
     gradients = []
     for point, contact, tangent in zip((p, q), s.contacts, s.tangents, strict=True):
         square = tangent * tangent
-        turn = v.scale(-1.0 / (tangent * span), contact)
-        narrowing = v.scale(-ratio * soft / (square * (square + soft)), point)
-        gradients.append(v.stretch(_triple(inverse), v.add(turn, narrowing)))
+        turn = -1.0 / (tangent * span) * contact
+        narrowing = -ratio * soft / (square * (square + soft)) * point
+        gradients.append(inverse * (turn + narrowing))
     return share, slope, gradients[0], gradients[1]
 
 
 def _wound(
-    around: Around, start: Vector, end: Vector, shape: Shape
+    around: Around, start: Vector, end: Vector, shape: Vector
 ) -> tuple[Array, Vector, Vector, Wrapped]:
     """Length and directions of the wrapped path, and the rest of it, which has no derivative."""
     w = around(*lax.stop_gradient((start, end, shape)))
@@ -228,20 +215,20 @@ def _winding(around, out, primals, tangents):
     start, end, shape = primals
     # Its normals and the rest change with the ends as the search for the path does.
     known = as_known(around, out[3], start, end, shape)
-    moved = [_triple(_change(t) for t in d) for d in tangents[:2]]
+    moved = [Vector(*map(_change, d)) for d in tangents[:2]]
     length, leave, reach = differentiate(known, out[1], out[2], *moved)
     if not all(isinstance(t, SymbolicZero) for t in tangents[2]):
         # For a fixed aim one step of Newton's rule is left in the path, so its derivative is that
         # of the taut path.
-        reshaped = tuple(_change(t) for t in tangents[2])
+        reshaped = Vector(*map(_change, tangents[2]))
 
-        def again(shape: Shape) -> tuple[Array, Vector, Vector]:
+        def again(shape: Vector) -> tuple[Array, Vector, Vector]:
             w = around(start, end, shape, known.aim)
             return w.length, w.leave, w.reach
 
         _, more = jax.jvp(again, (shape,), (reshaped,))
         length = length + more[0]
-        leave, reach = v.add(leave, more[1]), v.add(reach, more[2])
+        leave, reach = leave + more[1], reach + more[2]
     return out, (length, leave, reach, none_of(out[3]))
 
 
@@ -266,16 +253,16 @@ def _report(
     axes = obstacle.semi_axes_along_frame
     angle = jnp.where(inside, -jnp.pi, free.turn)
     wraps = near & (angle > 0.0)
-    inverse = _triple(1.0 / jax.lax.stop_gradient(a) for a in axes)
-    p, line = v.stretch(inverse, start), v.stretch(inverse, v.subtract(end, start))
-    square = v.dot(line, line)
-    part = jnp.clip(-v.dot(p, line) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
-    nearest = v.add(start, v.scale(part, v.subtract(end, start)))
+    inverse = Vector(*(1.0 / jax.lax.stop_gradient(a) for a in axes))
+    p, line = inverse * start, inverse * (end - start)
+    square = line @ line
+    part = jnp.clip(-(p @ line) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    nearest = start + part * (end - start)
     leaves, arrives = choose(wraps, w.contacts[0], nearest), choose(wraps, w.contacts[1], nearest)
     # Of an arc of more than half a turn the middle lies across from that of its ends.
-    middle = v.scale(jnp.where(angle > jnp.pi, -1.0, 1.0), v.add(leaves, arrives))
+    middle = jnp.where(angle > jnp.pi, -1.0, 1.0) * (leaves + arrives)
     if isinstance(obstacle, WrapCylinder):
-        middle = middle[0], middle[1], 0.0 * middle[2]
+        middle = Vector(middle.x, middle.y, 0.0 * middle.z)
         height = jnp.maximum(jnp.abs(leaves[2]), jnp.abs(arrives[2]))
         beyond = wraps & (height > 0.5 * obstacle.length)
     else:

@@ -60,10 +60,10 @@ def _partials(
     coefficients: Array, s: Array, t: Array, order: int
 ) -> tuple[tuple[Array | None, ...], ...]:
     """As `partials`, None for 0.0."""
-    powers, lanes = coefficients.shape[:2], coefficients.shape[2:]
-    missing = max(jnp.ndim(s), jnp.ndim(t)) - len(lanes)
-    table = coefficients.reshape(powers + (1,) * missing + lanes)
-    shape = jnp.broadcast_shapes(jnp.shape(s), jnp.shape(t), lanes)
+    powers, batch = coefficients.shape[:2], coefficients.shape[2:]
+    missing = max(jnp.ndim(s), jnp.ndim(t)) - len(batch)
+    table = coefficients.reshape(powers + (1,) * missing + batch)
+    shape = jnp.broadcast_shapes(jnp.shape(s), jnp.shape(t), batch)
     # Columns are taken: kernels that turned them into rows were wrong by two of XLA's emitters.
     lines = [_horner(table, t, j, axis=1) for j in range(order + 1)]
 
@@ -143,15 +143,15 @@ class SplineTables(eqx.Module):
     @classmethod
     def of(cls, tables: Sequence[Array]) -> SplineTables:
         """Tables `(rows, columns, ...)` under one another, the first axis of the rest theirs."""
-        lanes = jnp.broadcast_shapes(*(table.shape[2:] for table in tables))
+        batch = jnp.broadcast_shapes(*(table.shape[2:] for table in tables))
         rows, columns = np.array([table.shape[:2] for table in tables]).T
         values = []
         for table in tables:
-            whole = jnp.broadcast_to(table, (*table.shape[:2], *lanes))
+            whole = jnp.broadcast_to(table, (*table.shape[:2], *batch))
             more = columns.max() - table.shape[1]
-            values.append(jnp.pad(whole, ((0, 0), (0, more), *((0, 0) for _ in lanes))))
+            values.append(jnp.pad(whole, ((0, 0), (0, more), *((0, 0) for _ in batch))))
         each = np.cumsum(rows) - rows, rows, columns
-        numbers = (jnp.asarray(x.reshape(-1, *(1,) * len(lanes)), jnp.int32) for x in each)
+        numbers = (jnp.asarray(x.reshape(-1, *(1,) * len(batch)), jnp.int32) for x in each)
         return cls(jnp.concatenate(values), *numbers)
 
 
@@ -189,14 +189,14 @@ def spline_partials(
     else:
         table, begins = coefficients, 0
         rows, columns = table.shape[:2]
-    across, lanes = table.shape[1], table.shape[2:]
+    across, batch = table.shape[1], table.shape[2:]
     first, in_first = _cell(s, rows - 3)
     second, in_second = _cell(t, columns - 3)
     by_s, by_t = _weights(in_first, rows - 3, order), _weights(in_second, columns - 3, order)
-    table, size = table.reshape(-1), int(np.prod(lanes))
+    table, size = table.reshape(-1), int(np.prod(batch))
     corner = size * ((begins + first) * across + second)
-    if size > 1:  # each lane reads its own control values
-        corner = corner + jnp.arange(size, dtype=corner.dtype).reshape(lanes)
+    if size > 1:  # each of a batch reads its own control values
+        corner = corner + jnp.arange(size, dtype=corner.dtype).reshape(batch)
 
     def control(i: int, j: int) -> Array:
         # The cell is known to exist: a check of every index would double the cost.
@@ -229,8 +229,8 @@ def _by_all(change: Array, begins, rows, columns, s: Array, t: Array, order: int
     Without a gather: transposed it is a scatter, and where that is fused XLA (jaxlib 0.10.2) ends
     the process while it compiles a derivative backwards.
     """
-    lanes = change.shape[2:]
-    table = change.reshape(*change.shape[:2], *(1,) * (jnp.ndim(s) - len(lanes)), *lanes)
+    batch = change.shape[2:]
+    table = change.reshape(*change.shape[:2], *(1,) * (jnp.ndim(s) - len(batch)), *batch)
     down = _among_all(s, rows - 3, begins, len(table), order)
     across = _among_all(t, columns - 3, 0, table.shape[1], order)
     lines = [jnp.sum(table * of_columns, axis=1) for of_columns in across]
@@ -307,8 +307,8 @@ def table_partials(
     s, t = place[0] - middle[0], place[1] - middle[1]
     if basis == POWER:
         # Coefficients in the variables' units: one product each, instead of one a derivative.
-        powers, lanes = coefficients.shape[:2], coefficients.shape[2:]
-        table = coefficients.reshape(powers + (1,) * (by.ndim - 1 - len(lanes)) + lanes)
+        powers, batch = coefficients.shape[:2], coefficients.shape[2:]
+        table = coefficients.reshape(powers + (1,) * (by.ndim - 1 - len(batch)) + batch)
         each = by ** np.arange(float(max(powers))).reshape(-1, *(1,) * by.ndim)
         return partials(table * each[: powers[0], None, 0] * each[: powers[1], 1], s, t, order)
     found = spline_partials(coefficients, s * by[0], t * by[1], order)

@@ -9,9 +9,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Component, Rotation, Vector
+from kneejax.geometry._vectors import AXES, Component, Matrix, Vector, minus, times
 from kneejax.geometry.surfaces._bases import (
     CUBIC_SPLINE,
     POWER,
@@ -77,25 +76,25 @@ class Condyle(Surface):
 
     def point(self, a: Array, b: Array) -> Vector:
         radius = self.radius(a, b)
-        return radius * jnp.cos(a), -radius * jnp.sin(a), b
+        return Vector(radius * jnp.cos(a), -radius * jnp.sin(a), b)
 
     def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
         d = self._table(a, b, order)
         c, s = jnp.cos(a), -jnp.sin(a)
         (radius, r_b, r_bb, *_), (r_a, r_ab, *_), (r_aa, *_) = d[:3]
         return Jet(
-            basis=((c, s, 0.0), (s, -c, 0.0), (0.0, 0.0, 1.0)),
-            point=(radius, 0.0, b),
-            a=(r_a, radius, 0.0),
-            b=(r_b, 0.0, 1.0),
-            aa=(v.minus(r_aa, radius), v.times(2.0, r_a), 0.0),
-            ab=(r_ab, r_b, 0.0),
-            bb=(r_bb, 0.0, 0.0),
+            basis=Matrix(Vector(c, s, 0.0), Vector(s, -c, 0.0), AXES.z),
+            point=Vector(radius, 0.0, b),
+            a=Vector(r_a, radius, 0.0),
+            b=Vector(r_b, 0.0, 1.0),
+            aa=Vector(minus(r_aa, radius), times(2.0, r_a), 0.0),
+            ab=Vector(r_ab, r_b, 0.0),
+            bb=Vector(r_bb, 0.0, 0.0),
             third=None if order < 3 else (
-                (v.minus(d[3][0], v.times(3.0, r_a)), v.minus(v.times(3.0, r_aa), radius), 0.0),
-                (v.minus(d[2][1], r_b), v.times(2.0, r_ab), 0.0),
-                (d[1][2], r_bb, 0.0),
-                (d[0][3], 0.0, 0.0),
+                Vector(minus(d[3][0], times(3.0, r_a)), minus(times(3.0, r_aa), radius), 0.0),
+                Vector(minus(d[2][1], r_b), times(2.0, r_ab), 0.0),
+                Vector(d[1][2], r_bb, 0.0),
+                Vector(d[0][3], 0.0, 0.0),
             ),
         )
 
@@ -110,7 +109,7 @@ class Condyle(Surface):
         level, slope, *_ = self._from_axis(point, 1)
         return level, slope
 
-    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Rotation]:
+    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Matrix]:
         level, slope, (c, s), per_distance, (by_aa, by_ab, by_bb) = self._from_axis(point, 2)
         # In directions outwards (c, s), around the axis (s, -c) and along it.
         around = (1.0 - by_aa * per_distance) * per_distance
@@ -120,7 +119,8 @@ class Condyle(Surface):
         yy = c * c * around - 2.0 * c * s * outwards_around
         xy = (s * s - c * c) * outwards_around - c * s * around
         xz, yz = s * around_along, -c * around_along
-        return level, slope, ((xx, xy, xz), (xy, yy, yz), (xz, yz, -by_bb))
+        bend = Matrix(Vector(xx, xy, xz), Vector(xy, yy, yz), Vector(xz, yz, -by_bb))
+        return level, slope, bend
 
     def _from_axis(
         self, point: Vector, order: int
@@ -133,7 +133,7 @@ class Condyle(Surface):
         radius, by_angle, by_width = radii
         per_distance = 1.0 / jnp.where(distance > 0, distance, 1.0)
         c, s, turn = x * per_distance, y * per_distance, by_angle * per_distance
-        slope = (c - turn * s, s + turn * c, -by_width)
+        slope = Vector(c - turn * s, s + turn * c, -by_width)
         return distance - radius, slope, (c, s), per_distance, second
 
     def _table(self, angle: Array, width: Array, order: int) -> tuple[tuple[Component, ...], ...]:
@@ -166,7 +166,7 @@ class Condyle(Surface):
         return (radius, by_angle, by_width), (by_aa, d[1][1] * s_slope * t_slope, by_bb)
 
     def core(self) -> Vector:
-        return 0.0, 0.0, 0.5 * (self.width[0] + self.width[1])
+        return Vector(0.0, 0.0, 0.5 * (self.width[0] + self.width[1]))
 
     def beyond(self, point: Vector) -> Array:
         x, y, z = point
@@ -230,7 +230,7 @@ class Condyles(eqx.Module):
         """One condyle, in its own frame, whose numbers are those of each point's own.
 
         Args:
-            which: number of each point's condyle, `(points, ...)`, one for all lanes.
+            which: number of each point's condyle, `(points, ...)`, one for all poses.
         """
         own, every = jnp.ravel(which), self.tables
         numbers = (x[own] for x in (every.begins, every.rows, every.columns))

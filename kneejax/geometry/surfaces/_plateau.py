@@ -7,9 +7,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Component, Rotation, Vector
+from kneejax.geometry._vectors import AXES, ZERO, Component, Matrix, Vector, minus
 from kneejax.geometry.surfaces._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry.surfaces._surface import Height, Surface, continued, excess
 from kneejax.numerics import safe_sqrt
@@ -109,28 +108,29 @@ class Plateau(Surface):
         return table_partials(self.basis, self.coefficients, (x, z), (self.x, self.z), order)
 
     def point(self, a: Array, b: Array) -> Vector:
-        return a, self._table(a, b, 0)[0][0], b
+        return Vector(a, self._table(a, b, 0)[0][0], b)
 
     def oriented(self, a: Array, b: Array) -> tuple[Vector, Vector, Array]:
         (height, along_z), (along_x,) = self._table(a, b, 1)
         area = jnp.sqrt(1.0 + along_x**2 + along_z**2)
-        return (a, height, b), (-along_x / area, 1.0 / area, -along_z / area), area
+        upwards = Vector(-along_x / area, 1.0 / area, -along_z / area)
+        return Vector(a, height, b), upwards, area
 
     def height(self, point: Vector, order: int = 2) -> Height:
         x, y, z = point
         d = self._table(x, z, order)
 
         def lower(i: int, j: int) -> Component:
-            return v.minus(0.0, d[i][j])
+            return minus(0.0, d[i][j])
 
-        def bent(i: int, j: int) -> Rotation:
+        def bent(i: int, j: int) -> Matrix:
             xx, xz, zz = lower(i + 2, j), lower(i + 1, j + 1), lower(i, j + 2)
-            return (xx, 0.0, xz), (0.0, 0.0, 0.0), (xz, 0.0, zz)
+            return Matrix(Vector(xx, 0.0, xz), ZERO, Vector(xz, 0.0, zz))
 
-        flat = ((0.0, 0.0, 0.0),) * 3
+        flat = Matrix(ZERO, ZERO, ZERO)
         return Height(
             value=y - d[0][0],
-            gradient=(lower(1, 0), 1.0, lower(0, 1)),
+            gradient=Vector(lower(1, 0), 1.0, lower(0, 1)),
             hessian=bent(0, 0),
             third=None if order < 3 else (bent(1, 0), flat, bent(0, 1)),
         )
@@ -148,12 +148,12 @@ class Plateau(Surface):
         return point[1] < self._table(x, z, 0)[0][0]
 
     def outwards(self, point: Vector) -> Vector:
-        return 0.0, 1.0, 0.0
+        return AXES.y
 
     def core(self) -> Vector:
         middle = 0.5 * (self.x[0] + self.x[1]), 0.5 * (self.z[0] + self.z[1])
         x, y, z = self.point(*middle)
-        return x, y - _DEEP_MM, z
+        return Vector(x, y - _DEEP_MM, z)
 
     def beyond(self, point: Vector) -> Array:
         return safe_sqrt(excess(point[0], self.x) ** 2 + excess(point[2], self.z) ** 2)

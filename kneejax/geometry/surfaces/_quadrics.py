@@ -6,9 +6,8 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Vector
+from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.surfaces._surface import Height, Surface, excess, from_anterior
 from kneejax.numerics import safe_sqrt
 
@@ -29,7 +28,7 @@ class Plane(Surface):
         self.half_extent = jnp.asarray(half_extent, float)
 
     def point(self, a: Array, b: Array) -> Vector:
-        return a, 0.0, b
+        return Vector(a, 0.0, b)
 
     def level(self, point: Vector) -> Array:
         return point[1]
@@ -38,10 +37,10 @@ class Plane(Surface):
         return Height(point[1], self.outwards(point), None)
 
     def outwards(self, point: Vector) -> Vector:
-        return 0.0, 1.0, 0.0
+        return AXES.y
 
     def core(self) -> Vector:
-        return 0.0, -20.0, 0.0
+        return Vector(0.0, -20.0, 0.0)
 
     def beyond(self, point: Vector) -> Array:
         x, z = self.half_extent
@@ -71,10 +70,10 @@ class Sphere(Surface):
         self.frame = Frame() if frame is None else frame
 
     def point(self, a: Array, b: Array) -> Vector:
-        return v.scale(self.radius, _direction(a, b))
+        return self.radius * _direction(a, b)
 
     def level(self, point: Vector) -> Array:
-        return v.norm(point) - self.radius
+        return point.norm() - self.radius
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
         x, y, z = direction
@@ -100,16 +99,16 @@ class Ellipsoid(Surface):
         self.frame = Frame() if frame is None else frame
 
     def point(self, a: Array, b: Array) -> Vector:
-        return v.stretch(v.vector(self.semi_axes), _direction(a, b))
+        return Vector.of(self.semi_axes) * _direction(a, b)
 
     def level(self, point: Vector) -> Array:
-        inverse = v.vector(1.0 / self.semi_axes)
-        scaled = v.stretch(inverse, point)
-        size = v.norm(scaled)
-        return (size - 1.0) * size / v.norm(v.stretch(inverse, scaled))
+        inverse = Vector.of(1.0 / self.semi_axes)
+        scaled = inverse * point
+        size = scaled.norm()
+        return (size - 1.0) * size / (inverse * scaled).norm()
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
-        x, y, z = v.stretch(v.vector(self.semi_axes), direction)
+        x, y, z = Vector.of(self.semi_axes) * direction
         return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
@@ -117,7 +116,7 @@ class Ellipsoid(Surface):
 
 
 def _direction(a: Array, b: Array) -> Vector:
-    return jnp.cos(b) * jnp.cos(a), -jnp.cos(b) * jnp.sin(a), jnp.sin(b)
+    return Vector(jnp.cos(b) * jnp.cos(a), -jnp.cos(b) * jnp.sin(a), jnp.sin(b))
 
 
 def _full_turn(like: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

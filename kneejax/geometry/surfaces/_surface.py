@@ -17,9 +17,8 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from kneejax.geometry import _vectors as v
 from kneejax.geometry._pose import Frame
-from kneejax.geometry._vectors import Rotation, Vector
+from kneejax.geometry._vectors import AXES, ZERO, Matrix, Vector
 from kneejax.numerics import arctan2, safe_sqrt
 
 
@@ -37,7 +36,7 @@ class Jet(eqx.Module):
         third: the third derivatives `aaa`, `aab`, `abb` and `bbb`, if they were asked for.
     """
 
-    basis: tuple[Vector, Vector, Vector]
+    basis: Matrix
     point: Vector
     a: Vector
     b: Vector
@@ -48,8 +47,8 @@ class Jet(eqx.Module):
 
     def vector(self, coefficients: Vector) -> Vector:
         """The vector with these coefficients."""
-        x, y, z = (v.scale(c, e) for c, e in zip(coefficients, self.basis, strict=True))
-        return v.add(v.add(x, y), z)
+        x, y, z = (c * e for c, e in zip(coefficients, self.basis, strict=True))
+        return x + y + z
 
 
 class Height(eqx.Module):
@@ -64,8 +63,8 @@ class Height(eqx.Module):
 
     value: Array
     gradient: Vector
-    hessian: Rotation | None
-    third: tuple[Rotation, Rotation, Rotation] | None = None
+    hessian: Matrix | None
+    third: tuple[Matrix, Matrix, Matrix] | None = None
 
 
 class Surface(eqx.Module):
@@ -100,13 +99,12 @@ class Surface(eqx.Module):
     def jet(self, a: Array, b: Array, order: int = 2) -> Jet:
         """Point and partial derivatives at the parameters `(a, b)`, up to the second or third."""
         d = _partials(self.point, a, b, order)
-        basis = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
         third = (d[3, 0], d[2, 1], d[1, 2], d[0, 3]) if order == 3 else None
-        return Jet(basis, d[0, 0], d[1, 0], d[0, 1], d[2, 0], d[1, 1], d[0, 2], third)
+        return Jet(AXES, d[0, 0], d[1, 0], d[0, 1], d[2, 0], d[1, 1], d[0, 2], third)
 
     def height(self, point: Vector, order: int = 2) -> Height:
         """The level, or a function with the same zeros that is cheaper, with its derivatives."""
-        point = v.full(point)
+        point = point.full()
         value, gradient = self.level(point), _gradient(self.level)
         hessian = _rows(gradient)
         third = _rows(hessian)(point) if order == 3 else None
@@ -118,17 +116,17 @@ class Surface(eqx.Module):
 
     def level_and_slope(self, point: Vector) -> tuple[Array, Vector]:
         """The level, or a function with the same zeros that is cheaper, and its gradient."""
-        point = v.full(point)
+        point = point.full()
         return self.level(point), _gradient(self.level)(point)
 
-    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Rotation]:
+    def level_slope_and_bend(self, point: Vector) -> tuple[Array, Vector, Matrix]:
         """As `level_and_slope`, with the rows of its second derivative in space."""
-        point = v.full(point)
+        point = point.full()
         return *self.level_and_slope(point), _rows(lambda p: self.level_and_slope(p)[1])(point)
 
     def outwards(self, point: Vector) -> Vector:
         """Direction that leads away from the solid at a point; need not have unit length."""
-        return _gradient(self.level)(v.full(point))
+        return _gradient(self.level)(point.full())
 
     def covered(self, a: Array, b: Array, spacing: tuple[Array, Array]) -> Array | float:
         """Share of small rectangles of parameters around `(a, b)` that carries cartilage, 0 to 1.
@@ -142,7 +140,7 @@ class Surface(eqx.Module):
 
     def core(self) -> Vector:
         """A point well inside the solid, which no other surface reaches in a sane pose, mm."""
-        return 0.0, 0.0, 0.0
+        return ZERO
 
     def beyond(self, point: Vector) -> Array:
         """How far a point on (or near) the surface lies beyond the region in which it is known,
@@ -170,17 +168,17 @@ def normal(surface: Surface, a: ArrayLike, b: ArrayLike) -> Vector:
 
 
 def _normal(surface: Surface, local: Jet) -> Vector:
-    raw = v.cross(local.vector(local.a), local.vector(local.b))
-    unit = v.scale(1.0 / v.norm(raw), raw)
+    raw = local.vector(local.a).cross(local.vector(local.b))
+    unit = raw / raw.norm()
     # A parametrisation may be right-handed outwards or inwards: ask the level function.
-    probe = surface.level(v.add(local.vector(local.point), v.scale(1e-3, unit)))
-    return v.scale(lax.stop_gradient(jnp.sign(probe)), unit)
+    probe = surface.level(local.vector(local.point) + 1e-3 * unit)
+    return lax.stop_gradient(jnp.sign(probe)) * unit
 
 
 def area_element(surface: Surface, a: ArrayLike, b: ArrayLike) -> Array:
     """Area covered by a unit square of the parameters, mm^2 per unit."""
     local = jet(surface, a, b)
-    return v.norm(v.cross(local.vector(local.a), local.vector(local.b)))
+    return local.vector(local.a).cross(local.vector(local.b)).norm()
 
 
 def principal_curvatures(surface: Surface, a: ArrayLike, b: ArrayLike) -> tuple[Array, Array]:
@@ -203,8 +201,8 @@ def principal_curvatures(surface: Surface, a: ArrayLike, b: ArrayLike) -> tuple[
     local = jet(surface, a, b)
     n = _normal(surface, local)
     along_a, along_b = local.vector(local.a), local.vector(local.b)
-    e, f, g = v.dot(along_a, along_a), v.dot(along_a, along_b), v.dot(along_b, along_b)
-    ll, mm, nn = (-v.dot(local.vector(x), n) for x in (local.aa, local.ab, local.bb))
+    e, f, g = along_a @ along_a, along_a @ along_b, along_b @ along_b
+    ll, mm, nn = (-(local.vector(x) @ n) for x in (local.aa, local.ab, local.bb))
     area = e * g - f * f
     gauss = (ll * nn - mm * mm) / area
     mean = (e * nn - 2 * f * mm + g * ll) / (2 * area)
@@ -294,7 +292,7 @@ def _rows(function: Callable) -> Callable:
 
     def rows(point: Vector):
         one, zero = jnp.ones_like(point[0]), jnp.zeros_like(point[0])
-        units = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
-        return tuple(jax.jvp(function, (point,), (unit,))[1] for unit in units)
+        units = Vector(one, zero, zero), Vector(zero, one, zero), Vector(zero, zero, one)
+        return Matrix(*(jax.jvp(function, (point,), (unit,))[1] for unit in units))
 
     return rows

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Placement, Surface, add, excess, scale
+from kneejax.geometry import Placement, Surface, Vector, excess
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact._patch import Gap
 from kneejax.numerics import safe_sqrt
@@ -76,8 +76,8 @@ def of_patch(contact: Contact, gap: Gap, contact_point: Array, off: Array) -> Bo
     inner = (np.arange(_RINGS) + 0.5) / _RINGS
     around = 2.0 * np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
     square, angle = np.meshgrid(inner, around, indexing="ij")
-    lanes = (1,) * jnp.ndim(gap.depth)
-    square, angle = (x.reshape(-1, *lanes) for x in (square, angle))
+    poses = (1,) * jnp.ndim(gap.depth)
+    square, angle = (x.reshape(-1, *poses) for x in (square, angle))
     away = _away(contact, gap, contact_point, np.sqrt(square), angle)
     depth = jnp.maximum(gap.depth, 0.0)
     relative = jnp.minimum(depth * (1.0 - square) / contact.layer_thickness, 0.99)
@@ -100,13 +100,13 @@ def rim_off(femoral: Surface, tibial: Surface, gap: Gap, contact_point: Array) -
         contact_point: parameters of the contact point, shape `(2, ...)`.
     """
     half = gap.reach(1.0, 0.0), gap.reach(0.0, 1.0)
-    reach = tuple(gap.reach(p, q) for p, q in zip(*gap.along, strict=True))
+    reach = Vector(*(gap.reach(p, q) for p, q in zip(*gap.along, strict=True)))
     off = jnp.zeros(())
     for way in (1.0, -1.0):
         every = zip(contact_point, half, femoral.bounds(), gap.stretch, strict=True)
         for middle, by, ends, mm in every:
             off = jnp.maximum(off, mm * excess(middle + way * by, ends))
-        off = jnp.maximum(off, tibial.beyond(add(gap.point, scale(way, reach))))
+        off = jnp.maximum(off, tibial.beyond(gap.point + way * reach))
     return off
 
 
@@ -125,5 +125,5 @@ def _away(contact: Contact, gap: Gap, contact_point: Array, part, angle) -> Arra
         (stretch_a * excess(contact_point[0] + by_a, limits_a)) ** 2
         + (stretch_b * excess(contact_point[1] + by_b, limits_b)) ** 2
     )
-    shift = add(scale(by_a, gap.along[0]), scale(by_b, gap.along[1]))
-    return jnp.maximum(femoral, contact.tibial.beyond(add(gap.point, shift)))
+    shift = by_a * gap.along[0] + by_b * gap.along[1]
+    return jnp.maximum(femoral, contact.tibial.beyond(gap.point + shift))

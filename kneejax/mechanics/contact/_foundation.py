@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Condyles, Pair, Placement, Surface, dot, subtract
+from kneejax.geometry import Condyles, Pair, Placement, Surface, Vector
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border
 from kneejax.mechanics.contact._border import Border
@@ -86,7 +86,7 @@ class Foundation(eqx.Module):
             return tuple(jnp.broadcast_to(x, shape) for x in (*parts, sampled.lost))
 
         depth, *six, lost = self.over_points(tibia, all_of)
-        return Sampled(self.points, depth, tuple(six[:3]), tuple(six[3:]), lost)
+        return Sampled(self.points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
 
     def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
         """What a function makes of the depths at the points; faster than `sample` where it returns
@@ -110,13 +110,13 @@ class Foundation(eqx.Module):
         """Whether the middle of a condyle lies behind a tibial surface, as seen from the nearest
         point of that, of each contact: a pose that no bones have, though nothing need touch."""
         core = self.points.femoral.apply(asked_at(self.femoral, self.points).core())
-        there = subtract(tibia.inverse().apply(core), self.points.point)
-        behind = dot(there, self.points.normal) < 0.0
+        there = tibia.inverse().apply(core) - self.points.point
+        behind = there @ self.points.normal < 0.0
 
         def nearest(distance: Array, axis: int) -> Array:
             return jnp.min(jnp.where(distance < 0.0, jnp.inf, distance), axis=axis)
 
-        distance = dot(there, there)
+        distance = there @ there
         signed = jnp.where(behind, -distance, distance)
         return self.of_each(nearest, -signed) < self.of_each(nearest, signed)
 
@@ -159,15 +159,15 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     counts = tuple(math.prod(contact.points) for contact in own)
     if len(own) == 1:
         return Foundation(own[0].femoral, each[0], counts, tuple(rows), bodies)
-    lanes = (1,) * jnp.ndim(own[0].onset_width)
+    poses = (1,) * jnp.ndim(own[0].onset_width)
 
     def joined(*parts: Array | float) -> Array:
-        full = [x.reshape(-1, *(x.shape[1:] or lanes)) for x in map(jnp.asarray, parts)]
+        full = [x.reshape(-1, *(x.shape[1:] or poses)) for x in map(jnp.asarray, parts)]
         shape = jnp.broadcast_shapes(*(x.shape[1:] for x in full))
         each = [jnp.broadcast_to(x, (n, *shape)) for x, n in zip(full, counts, strict=True)]
         return jnp.concatenate(each)
 
-    which = jnp.asarray(np.repeat(np.arange(len(own)), counts).reshape(-1, *lanes), jnp.int32)
+    which = jnp.asarray(np.repeat(np.arange(len(own)), counts).reshape(-1, *poses), jnp.int32)
     points = dataclasses.replace(jax.tree.map(joined, *each), which=which)
     femoral = Condyles.of([contact.femoral for contact in own])
     return Foundation(femoral, points, counts, tuple(rows), bodies)
@@ -175,8 +175,8 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
 
 def _points_of(contact: Contact) -> Points:
     """Points of a contact, in the axes of its second bone."""
-    surface, lanes = contact.tibial, jnp.ndim(contact.onset_width)
-    point, normal, area, across = midpoints(surface, contact.points, lanes)
+    surface, trailing = contact.tibial, jnp.ndim(contact.onset_width)
+    point, normal, area, across = midpoints(surface, contact.points, trailing)
     frame = surface.frame.placement
     numbers = contact.modulus, contact.onset_width, contact.femoral.frame.placement
     return Points(

@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from kneejax.geometry import Height, Jet, Placement, Surface, Vector, add, dot, rotate, scale
+from kneejax.geometry import ZERO, Height, Jet, Matrix, Placement, Surface, Vector
 from kneejax.numerics import jvp_of_moved, ruled, safe_sqrt
 
 # Steps of a search at most; the length of the last, mm, when it has found the point, and when it
@@ -32,7 +32,7 @@ _OVERSHOOT = 0.15
 # Product of the relative curvatures, 1/mm^2, below which it is raised smoothly: mean radii of 141
 # mm are the largest that enter as they are, and 200 mm the largest of all.
 _NEARLY_FLAT = 5e-5
-_NOTHING = ((0.0, 0.0, 0.0),) * 3
+_NOTHING = Matrix(ZERO, ZERO, ZERO)
 
 
 class Gap(eqx.Module):
@@ -186,23 +186,23 @@ class Nearby(eqx.Module):
     def components(self, direction: Vector) -> Vector:
         """Components of a direction along the jet's basis."""
         x, y, z = self.jet.basis
-        return dot(direction, x), dot(direction, y), dot(direction, z)
+        return Vector(direction @ x, direction @ y, direction @ z)
 
     @property
     def gap(self) -> Gap:
         """The gap at the femoral point."""
         jet, gradient = self.jet, self.height.gradient
         (along_a, along_b), (bent_a, bent_b) = self.along, self.bent
-        square_a, square_b = dot(jet.a, jet.a), dot(jet.b, jet.b)
+        square_a, square_b = jet.a @ jet.a, jet.b @ jet.b
         return Gap(
             value=self.height.value,
-            slope=(dot(self.pulled, jet.a), dot(self.pulled, jet.b)),
-            aa=dot(self.pulled, jet.aa) + dot(bent_a, along_a),
-            ab=dot(self.pulled, jet.ab) + dot(bent_a, along_b),
-            bb=dot(self.pulled, jet.bb) + dot(bent_b, along_b),
-            steepness=dot(gradient, gradient),
-            mixed=dot(jet.a, jet.b),
-            metric=square_a * square_b - dot(jet.a, jet.b) ** 2,
+            slope=(self.pulled @ jet.a, self.pulled @ jet.b),
+            aa=self.pulled @ jet.aa + bent_a @ along_a,
+            ab=self.pulled @ jet.ab + bent_a @ along_b,
+            bb=self.pulled @ jet.bb + bent_b @ along_b,
+            steepness=gradient @ gradient,
+            mixed=jet.a @ jet.b,
+            metric=square_a * square_b - (jet.a @ jet.b) ** 2,
             stretch=(jnp.sqrt(square_a), jnp.sqrt(square_b)),
             point=self.point,
             along=self.along,
@@ -218,14 +218,14 @@ def nearby(
 ) -> Nearby:
     """Both surfaces around a femoral point, with derivatives to an order; else as `gap_at`."""
     jet = femoral.jet(contact_point[0], contact_point[1], order)
-    jet = eqx.tree_at(lambda j: j.basis, jet, tuple(motion.turn(e) for e in jet.basis))
-    point = add(jet.vector(jet.point), motion.translation)
+    jet = eqx.tree_at(lambda j: j.basis, jet, Matrix(*map(motion.turn, jet.basis)))
+    point = jet.vector(jet.point) + motion.translation
     height = tibial.height(point, order)
     along = jet.vector(jet.a), jet.vector(jet.b)
     hessian = _NOTHING if height.hessian is None else height.hessian
-    bent = rotate(hessian, along[0]), rotate(hessian, along[1])
-    x, y, z = (dot(height.gradient, e) for e in jet.basis)
-    return Nearby(jet, height, point, (x, y, z), along, bent)
+    bent = hessian @ along[0], hessian @ along[1]
+    pulled = Vector(*(height.gradient @ e for e in jet.basis))
+    return Nearby(jet, height, point, pulled, along, bent)
 
 
 def gap_at(
@@ -247,7 +247,7 @@ def first_guess(
 ) -> tuple[Array, Array]:
     """Parameters near the smallest gap: where the normals roughly oppose."""
     away = tibial.outwards(motion.translation)
-    guess = femoral.start(scale(-1.0, motion.turn_back(away)))
+    guess = femoral.start(-motion.turn_back(away))
     a, b, _ = jnp.broadcast_arrays(*guess, motion.translation[0])
     return a, b
 

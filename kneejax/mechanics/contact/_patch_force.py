@@ -28,11 +28,6 @@ from kneejax.geometry import (
     Placement,
     Surface,
     Vector,
-    add,
-    cross,
-    dot,
-    rotate,
-    scale,
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact._border import rim_off
@@ -103,9 +98,9 @@ def press(
 
     (along_a, along_b), (bent_a, bent_b) = near.along, near.bent
     gradient = near.height.gradient
-    force = add(force, add(scale(shift_a, bent_a), scale(shift_b, bent_b)))
-    shifted = add(scale(shift_a, along_a), scale(shift_b, along_b))
-    couple = add(couple, cross(shifted, gradient))
+    force = force + shift_a * bent_a + shift_b * bent_b
+    shifted = shift_a * along_a + shift_b * along_b
+    couple = couple + shifted.cross(gradient)
     # Blind to first order to what is left of the search for the contact point.
     energy = energy + shift_a * gap.slope[0] + shift_b * gap.slope[1]
     wrench = Wrench.at(near.point, force, couple)
@@ -117,8 +112,8 @@ def _cofactors(near: Nearby, gap: Gap) -> tuple[Vector, Vector]:
     """Derivatives of the point, mixed by the cofactors of the gap's second derivatives."""
     along_a, along_b = near.along
     return (
-        add(scale(gap.bb, along_a), scale(-gap.ab, along_b)),
-        add(scale(-gap.ab, along_a), scale(gap.aa, along_b)),
+        gap.bb * along_a - gap.ab * along_b,
+        gap.aa * along_b - gap.ab * along_a,
     )
 
 
@@ -134,16 +129,16 @@ def _at_fixed_point(
     along_a, along_b = near.along
     jet = near.jet
     second = jet.vector(_contracted(gap, jet.aa, jet.ab, jet.bb))
-    inner = add(scale(2.0 * by_steepness, gradient), scale(by_determinant, second))
-    force = add(scale(-by_depth / jnp.sqrt(gap.steepness), gradient), rotate(hessian, inner))
+    inner = 2.0 * by_steepness * gradient + by_determinant * second
+    force = -by_depth / jnp.sqrt(gap.steepness) * gradient + hessian @ inner
     if third is not None:
-        x, y, z = (
-            dot(along_a, rotate(t, mixed_a)) + dot(along_b, rotate(t, mixed_b)) for t in third
-        )
-        force = add(force, scale(by_determinant, (x, y, z)))
-    twist = add(cross(along_a, rotate(hessian, mixed_a)), cross(along_b, rotate(hessian, mixed_b)))
-    couple = add(cross(second, gradient), scale(2.0, twist))
-    return force, scale(by_determinant, couple)
+        by_third = Vector(*(
+            along_a @ (t @ mixed_a) + along_b @ (t @ mixed_b) for t in third
+        ))  # fmt: skip
+        force = force + by_determinant * by_third
+    twist = along_a.cross(hessian @ mixed_a) + along_b.cross(hessian @ mixed_b)
+    couple = second.cross(gradient) + 2.0 * twist
+    return force, by_determinant * couple
 
 
 def _by_point(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tuple[Array, Array]:
@@ -155,20 +150,20 @@ def _by_point(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tup
     jet = near.jet
     by_determinant = by_curvature / (gap.metric * gap.steepness)
     hessian = _NOTHING if near.height.hessian is None else near.height.hessian
-    mixed_a, mixed_b = (near.components(rotate(hessian, m)) for m in _cofactors(near, gap))
+    mixed_a, mixed_b = (near.components(hessian @ m) for m in _cofactors(near, gap))
     assert jet.third is not None
     aaa, aab, abb, bbb = jet.third
-    square_a, mixed, square_b = dot(jet.a, jet.a), dot(jet.a, jet.b), dot(jet.b, jet.b)
+    square_a, mixed, square_b = jet.a @ jet.a, jet.a @ jet.b, jet.b @ jet.b
 
     def by(along: Vector, of_a: Vector, of_b: Vector, of_second: Vector) -> Array:
-        determinant = dot(near.pulled, of_second) + 2.0 * (dot(mixed_a, of_a) + dot(mixed_b, of_b))
+        determinant = near.pulled @ of_second + 2.0 * (mixed_a @ of_a + mixed_b @ of_b)
         metric = 2.0 * (
-            dot(jet.a, of_a) * square_b
-            + dot(jet.b, of_b) * square_a
-            - mixed * (dot(jet.a, of_b) + dot(jet.b, of_a))
+            jet.a @ of_a * square_b
+            + jet.b @ of_b * square_a
+            - mixed * (jet.a @ of_b + jet.b @ of_a)
         )
         return (
-            dot(force, along)
+            force @ along
             + by_determinant * determinant
             - by_curvature * gap.curvature * metric / gap.metric
         )
@@ -182,4 +177,4 @@ def _by_point(near: Nearby, gap: Gap, by_curvature: Array, force: Vector) -> tup
 
 def _contracted(gap: Gap, aa: Vector, ab: Vector, bb: Vector) -> Vector:
     """Sum over second derivatives, weighted by the cofactors of the gap's."""
-    return add(add(scale(gap.bb, aa), scale(-2.0 * gap.ab, ab)), scale(gap.aa, bb))
+    return gap.bb * aa - 2.0 * gap.ab * ab + gap.aa * bb

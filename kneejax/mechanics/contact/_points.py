@@ -17,19 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import (
-    Condyles,
-    Placement,
-    Rotation,
-    Surface,
-    Vector,
-    add,
-    cross,
-    dot,
-    full,
-    scale,
-    subtract,
-)
+from kneejax.geometry import ZERO, Condyles, Matrix, Placement, Surface, Vector
 from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact import _rays as rays
 from kneejax.mechanics.contact._cartilage_law import ContactDamper
@@ -68,15 +56,15 @@ def over_unusual_rows(
     Returns:
         The answers of all rows, `(rows, ...)`.
     """
-    count, *lanes = known.shape
+    count, *poses = known.shape
 
     def split(x: Array | float) -> Array:
         x = jnp.asarray(x)
-        return _split(jnp.broadcast_to(x, (count, *(x.shape[1:] or (1,) * len(lanes)))))
+        return _split(jnp.broadcast_to(x, (count, *(x.shape[1:] or (1,) * len(poses)))))
 
     own, *of_rays = jax.tree.map(split, (points, known, sound))
     # The last point fills up its row, and does nothing there.
-    counted = np.arange(own.area.shape[0] * _ROW).reshape(-1, _ROW, *(1,) * len(lanes)) < count
+    counted = np.arange(own.area.shape[0] * _ROW).reshape(-1, _ROW, *(1,) * len(poses)) < count
 
     def of_row(row: tuple[Points, Array, Array]) -> Found:
         _, known, sound = row
@@ -136,7 +124,7 @@ def over_rays(
         kept = of_usual_rows(sound)
         both = zip(_numbers(usual), map(row_after_row, rows), strict=True)
         depth, *six, lost = (jnp.where(kept, x, y[: len(quick)]) for x, y in both)
-        return answer(Sampled(points, depth, tuple(six[:3]), tuple(six[3:]), lost))
+        return answer(Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost))
 
     return lax.cond(jnp.all(sound), lambda: answer(usual), again)
 
@@ -183,7 +171,7 @@ def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -
 
 def quickly_with_bend(
     femoral: Surface, points: Points, motion: Placement, quick: Array
-) -> tuple[Sampled, Vector, Rotation]:
+) -> tuple[Sampled, Vector, Matrix]:
     """As `quickly`, with gradient and bend of the femoral level where the rays end.
 
     The surface is asked once for all of it, where the last step is taken: 3e-8 mm from the end at
@@ -191,8 +179,8 @@ def quickly_with_bend(
     """
     start, along = points.lines(motion)
     own = rays.follow(femoral, start, along, quick)
-    level, gradient, bend = femoral.level_slope_and_bend(subtract(start, scale(own, along)))
-    usual = _usual(points, motion, own, level, gradient, dot(gradient, along))
+    level, gradient, bend = femoral.level_slope_and_bend(start - own * along)
+    usual = _usual(points, motion, own, level, gradient, gradient @ along)
     return usual, gradient, bend
 
 
@@ -203,8 +191,8 @@ def _usual(
     per_steep = 1.0 / jnp.minimum(steep, -rays.LEVEL)
     depth = own + jnp.clip(level * per_steep, -rays.LAST_STEP, rays.LAST_STEP)
     lost = jnp.zeros(jnp.shape(depth), bool)
-    slope = points.turned(motion, scale(per_steep, gradient))
-    return Sampled(points, depth, slope, (0.0, 0.0, 0.0), lost)
+    slope = points.turned(motion, per_steep * gradient)
+    return Sampled(points, depth, slope, ZERO, lost)
 
 
 def thoroughly(
@@ -225,12 +213,12 @@ def thoroughly(
     depth = jnp.where(is_known & (known <= -rays.APART), lax.stop_gradient(known), depth)
     slope = points.turned(motion, by_point)
     # A ray's own depth changes by a turn of the normal as if its far end were held: no twist.
-    swing = add(points.turned(motion, by_normal), scale(depth, slope))
-    return Sampled(points, depth, slope, cross(points.normal, swing), found.lost)
+    swing = points.turned(motion, by_normal) + depth * slope
+    return Sampled(points, depth, slope, points.normal.cross(swing), found.lost)
 
 
 class Points(eqx.Module):
-    """Springs on tibial surfaces, along the axis before the lanes.
+    """Springs on tibial surfaces, along the axis before those of the poses.
 
     Attributes:
         point: mm, in the axes of the bone that carries the surface, the tibia.
@@ -242,7 +230,7 @@ class Points(eqx.Module):
         onset_width: rounding of the depth's corner at first touch, mm.
         femoral: placement in its bone of the surface that presses on the point.
         which: number of that surface among several; None where it is the same for all.
-        damper: of the contact during a step through time, arrays `(points, lanes)`; None at rest.
+        damper: of the contact during a step through time, arrays `(points, ...)`; None at rest.
         law: pressure law.
     """
 
@@ -302,7 +290,7 @@ class Points(eqx.Module):
             motion: from femoral to tibial axes.
         """
         along = self.femoral.turn_back(motion.turn_back(self.normal))
-        return full(self.in_femoral(motion, self.point)), full(along)
+        return self.in_femoral(motion, self.point).full(), along.full()
 
     def in_femoral(self, motion: Placement, place: Vector) -> Vector:
         """A place beside each point, in its femoral surface's frame, mm.
@@ -339,7 +327,7 @@ class Sampled(eqx.Module):
     @property
     def hit(self) -> Vector:
         """Where the normal's line leaves the femoral solid, mm, in tibial axes."""
-        return subtract(self.points.point, scale(self.depth, self.points.normal))
+        return self.points.point - self.depth * self.points.normal
 
     def only(self, counted: Array) -> Sampled:
         """As `Points.only`; those that do not count are far apart, too."""
@@ -364,7 +352,7 @@ def midpoints(
     Args:
         surface: the tibial surface.
         count: number along each parameter.
-        trailing: number of axes that the lanes take.
+        trailing: number of axes that the poses take.
 
     Returns:
         Points and unit normals in the surface's frame, areas, and both parameters, scaled to -1..1.

@@ -24,23 +24,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry import (
-    Condyles,
-    Placement,
-    Rotation,
-    Surface,
-    Vector,
-    add,
-    compose,
-    cross,
-    dot,
-    plus,
-    rotate,
-    scale,
-    subtract,
-    times,
-    transpose,
-)
+from kneejax.geometry import AXES, ZERO, Condyles, Matrix, Placement, Surface, Vector, plus, times
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact._border import OFF_SURFACE_MM
 from kneejax.mechanics.contact._points import (
@@ -60,7 +44,7 @@ from kneejax.numerics import instantiate, none_of
 
 
 class PointFaults(eqx.Module):
-    """What is wrong with springs at points, or with contacts of them; each ends in the lanes.
+    """What is wrong with springs at points, or with contacts of them; each `(...)`, as the poses.
 
     Attributes:
         depth: overlap, mm, negative apart; of a contact the largest, of several the least of these.
@@ -85,7 +69,6 @@ class PointFaults(eqx.Module):
         )
 
 
-_UNITS = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 def sampled_wrenches(sampled: Sampled) -> Wrench:
@@ -98,8 +81,8 @@ def sampled_wrenches(sampled: Sampled) -> Wrench:
         sampled: depths at the points.
     """
     share = -sampled.points.force(sampled.depth)
-    couple = scale(share, sampled.twist)
-    return Wrench.at(sampled.hit, scale(share, sampled.slope), couple)
+    couple = share * sampled.twist
+    return Wrench.at(sampled.hit, share * sampled.slope, couple)
 
 
 def faults_at(femoral: Surface, sampled: Sampled, motion: Placement) -> PointFaults:
@@ -150,11 +133,11 @@ def _press_points_jvp(primals, tangents):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
     energy, wrench, by_twist, faults = _stiff(femoral, points, motion)
     shift, turn = _twist(motion, instantiate(of_motion))
-    change = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    change = Wrench(ZERO, ZERO)
     for rate, by in zip((*shift, *turn), by_twist, strict=True):
-        change = change + Wrench(scale(rate, by.force), scale(rate, by.moment))
+        change = change + Wrench(rate * by.force, rate * by.moment)
     # The work of the wrench on the tibia, as the femur moves instead.
-    work = plus(dot(shift, wrench.force), dot(turn, wrench.moment))
+    work = plus(shift @ wrench.force, turn @ wrench.moment)
     return (energy, wrench, faults), (work, change, none_of(faults))
 
 
@@ -205,17 +188,19 @@ def _stiff_row(
 def _nothing(known: Array):
     """What `_stiff_row` gives of points that do nothing."""
     zero, fine = jnp.zeros(known.shape[1:]), jnp.zeros(known.shape[1:], bool)
-    wrench, changes = (Wrench((x,) * 3, (x,) * 3) for x in (zero, jnp.zeros((6, *zero.shape))))
+    wrench, changes = (
+        Wrench(Vector(x, x, x), Vector(x, x, x)) for x in (zero, jnp.zeros((6, *zero.shape)))
+    )
     apart = jnp.full(known.shape, -FARTHEST)
     return (zero, wrench), changes, PointFaults(apart, fine, fine, fine)
 
 
 def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:
     """The femur after a small shift and turn about the tibia's origin."""
-    shift, turn = twist[:3], twist[3:]
-    columns = transpose(_UNITS if motion.rotation is None else motion.rotation)
-    turned = transpose(tuple(add(column, cross(turn, column)) for column in columns))
-    moved = add(motion.translation, add(shift, cross(turn, motion.translation)))
+    shift, turn = Vector(*twist[:3]), Vector(*twist[3:])
+    columns = (AXES if motion.rotation is None else motion.rotation).T
+    turned = Matrix(*(column + turn.cross(column) for column in columns)).T
+    moved = motion.translation + shift + turn.cross(motion.translation)
     return Placement(turned, moved)
 
 
@@ -223,7 +208,7 @@ press_points.defjvp(_press_points_jvp, symbolic_zeros=True)
 
 
 def stiffness(
-    sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
+    sampled: Sampled, motion: Placement, gradient: Vector, bend: Matrix
 ) -> list[Wrench]:
     """Change of the wrench on the tibia by motions of the femur, about its origin in its axes.
 
@@ -243,63 +228,57 @@ def stiffness(
     force = -pressing
     # Force by a motion of the femoral point, if the slope keeps its direction: symmetric.
     bent = _bend_along_layer(sampled, motion, gradient, bend)
-    spring = tuple(
-        tuple(firm * slope[i] * slope[j] - force * bent[i][j] for j in range(3)) for i in range(3)
-    )
-    aside = cross(slope, normal)
+    each = zip(slope, bent, strict=True)
+    spring = Matrix(*(firm * part * slope - force * row for part, row in each))
+    aside = slope.cross(normal)
     by_shift, by_turn = [], []
-    for unit in _UNITS:
-        change = rotate(spring, unit)
+    for unit in AXES:
+        change = spring @ unit
         # The point at which the force acts moves along the normal, as the depth does.
-        arm_moves = scale(-times(force, dot(slope, unit)), aside)
-        by_shift.append(_of_all(Wrench(change, add(arm_moves, cross(hit, change)))))
-        moved = cross(unit, hit)
-        turned = subtract(cross(unit, slope), scale(dot(unit, aside), slope))
-        change = add(rotate(spring, moved), scale(force, turned))
-        arm_moves = scale(-force * dot(slope, moved), aside)
-        by_turn.append(_of_all(Wrench(change, add(arm_moves, cross(hit, change)))))
+        arm_moves = -times(force, slope @ unit) * aside
+        by_shift.append(_of_all(Wrench(change, arm_moves + hit.cross(change))))
+        moved = unit.cross(hit)
+        turned = unit.cross(slope) - unit @ aside * slope
+        change = spring @ moved + force * turned
+        arm_moves = -force * (slope @ moved) * aside
+        by_turn.append(_of_all(Wrench(change, arm_moves + hit.cross(change))))
     return [*by_shift, *by_turn]
 
 
 def _bend_along_layer(
-    sampled: Sampled, motion: Placement, gradient: Vector, bend: Rotation
-) -> Rotation:
+    sampled: Sampled, motion: Placement, gradient: Vector, bend: Matrix
+) -> Matrix:
     """The matrix `M` of the file's first lines, 1/mm."""
     slope, normal = sampled.slope, sampled.points.normal
     rotation = motion.after(sampled.points.femoral).rotation
     if rotation is not None:
-        gradient = rotate(rotation, gradient)
-        bend = compose(rotation, compose(bend, transpose(rotation)))
-    along = rotate(bend, normal)
-    twice = dot(normal, along)
-    steep = dot(gradient, normal)
+        gradient = rotation @ gradient
+        bend = rotation @ (bend @ rotation.T)
+    along = bend @ normal
+    twice = normal @ along
+    steep = gradient @ normal
     per_steep = 1.0 / jnp.where(steep < 0, steep, -1.0)
-    return tuple(
-        tuple(
-            per_steep * (bend[i][j] - along[i] * slope[j] - slope[i] * along[j]
-                         + twice * slope[i] * slope[j])
-            for j in range(3)
-        )
-        for i in range(3)
-    )  # fmt: skip
+    return Matrix(*(
+        per_steep * (row - a * slope - s * along + twice * s * slope)
+        for row, a, s in zip(bend, along, slope, strict=True)
+    ))  # fmt: skip
 
 
 def _twist(motion: Placement, rates: Placement) -> tuple[Vector, Vector]:
     """Velocity of the femur's point at the tibia's origin, and its rotation."""
     if motion.rotation is None:
-        return rates.translation, (0.0, 0.0, 0.0)
-    spin = compose(rates.rotation, transpose(motion.rotation))
-    turn = tuple(
-        0.5 * (spin[k][j] - spin[j][k]) for j, k in ((1, 2), (2, 0), (0, 1))
-    )
-    return subtract(rates.translation, cross(turn, motion.translation)), turn
+        return rates.translation, ZERO
+    assert rates.rotation is not None
+    spin = rates.rotation @ motion.rotation.T
+    turn = Vector(*(0.5 * (spin[k][j] - spin[j][k]) for j, k in ((1, 2), (2, 0), (0, 1))))
+    return rates.translation - turn.cross(motion.translation), turn
 
 
 def summed(wrench: Wrench, add: Callable[[Array], Array]) -> Wrench:
     """Wrenches at points, put together by a sum over the points."""
     parts = jnp.broadcast_arrays(*(jnp.asarray(x) for x in (*wrench.force, *wrench.moment)))
-    fx, fy, fz, mx, my, mz = map(add, parts)
-    return Wrench((fx, fy, fz), (mx, my, mz))
+    sums = [*map(add, parts)]
+    return Wrench(Vector(*sums[:3]), Vector(*sums[3:]))
 
 
 _of_all = partial(summed, add=partial(jnp.sum, axis=0))

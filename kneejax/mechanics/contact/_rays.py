@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry import Surface, Vector, add, dot, rotate, scale, subtract
+from kneejax.geometry import Surface, Vector
 from kneejax.numerics import instantiate, jvp_of_moved, ruled
 
 #: Parts of Newton's first step up to which a depth is the ray's own, and at which it rests.
@@ -68,8 +68,8 @@ class Exit(eqx.Module):
 
 def look(femoral: Surface, depth: Array, start: Vector, along: Vector):
     """Level, its gradient, and how fast it falls with the direction, at a depth of a line."""
-    level, gradient = femoral.level_and_slope(subtract(start, scale(depth, along)))
-    return level, gradient, dot(gradient, along)
+    level, gradient = femoral.level_and_slope(start - depth * along)
+    return level, gradient, gradient @ along
 
 
 def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Array]:
@@ -188,8 +188,8 @@ def rise(gradient: Vector, along: Vector) -> tuple[Array, Array, Array]:
         The rise `c`, and what it is made of: `dc = by_size * d|gradient| - by_slope * d(slope)`
         with `slope` the gradient along the direction.
     """
-    size = jnp.sqrt(dot(gradient, gradient))
-    cosine = -dot(gradient, along) / size
+    size = jnp.sqrt(gradient @ gradient)
+    cosine = -(gradient @ along) / size
     t = jnp.clip((cosine - _GRAZING) / (_STEEP - _GRAZING), 0.0, 1.0)
     width = _STEEP - _GRAZING
     # From the constant 0.2 at a cosine of 0.1 to the cosine itself at 0.3, smooth at both.
@@ -254,24 +254,25 @@ def _near_exit(
 ) -> tuple[Array, Vector, Vector]:
     """See `any_depth`: the exit is a step of Newton's rule from where it was found."""
     # The surface is asked at both ends of the line at once: half of what there is to compile.
-    end = subtract(start, scale(found.depth, along))
-    ends = tuple(jnp.stack(jnp.broadcast_arrays(*pair)) for pair in zip(start, end, strict=True))
+    end = start - found.depth * along
+    pairs = zip(start, end, strict=True)
+    ends = Vector(*(jnp.stack(jnp.broadcast_arrays(*pair)) for pair in pairs))
     (level, left), gradients, bends = femoral.level_slope_and_bend(ends)
     (gradient, there), (bend, bend_there) = _of_each(gradients), _of_each(bends)
     rises, by_size, by_slope = rise(gradient, along)
     first = -level / rises
-    size = jnp.sqrt(dot(gradient, gradient))
-    of_rise = add(scale(by_size / size, gradient), scale(-by_slope, along))
-    first_by_start = scale(-1.0 / rises, add(gradient, scale(first, rotate(bend, of_rise))))
-    first_by_along = scale(first * by_slope / rises, gradient)
+    size = jnp.sqrt(gradient @ gradient)
+    of_rise = by_size / size * gradient - by_slope * along
+    first_by_start = -(gradient + first * (bend @ of_rise)) / rises
+    first_by_along = first * by_slope / rises * gradient
 
-    steep = dot(there, along)
+    steep = there @ along
     step = jnp.where(found.held, 0.0, left / jnp.where(steep < -_FLAT, steep, -1.0))
     own = found.depth + step
     # A step that is nothing in length: it is how the end follows the line.
-    there = subtract(there, scale(step, rotate(bend_there, along)))
-    steep = dot(there, along)
-    own_by_start = scale(1.0 / jnp.where(steep < -_FLAT, steep, -1.0), there)
+    there = there - step * (bend_there @ along)
+    steep = there @ along
+    own_by_start = there / jnp.where(steep < -_FLAT, steep, -1.0)
 
     some = found.first != 0.0
     ratio = jnp.where(some, own / jnp.where(some, first, 1.0), 1.0)
@@ -279,8 +280,8 @@ def _near_exit(
     held, by_ratio = hold(ratio)
     rest = held - ratio * by_ratio
     depth = jnp.where(ratio <= STRAIGHT, own, first * held)
-    by_start = add(scale(by_ratio, own_by_start), scale(rest, first_by_start))
-    by_along = add(scale(-by_ratio * own, own_by_start), scale(rest, first_by_along))
+    by_start = by_ratio * own_by_start + rest * first_by_start
+    by_along = -by_ratio * own * own_by_start + rest * first_by_along
     return depth, by_start, by_along
 
 

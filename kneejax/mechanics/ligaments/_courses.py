@@ -19,16 +19,13 @@ from jax.typing import ArrayLike
 from kneejax.geometry import (
     FEMUR_AND_TIBIA,
     TIBIA,
+    ZERO,
     Obstacle,
     Pair,
     Placement,
     TautPath,
     Vector,
-    dot,
-    norm,
     path_points,
-    scale,
-    subtract,
     taut,
 )
 from kneejax.mechanics._wrench import Wrench
@@ -121,8 +118,8 @@ class Course(eqx.Module):
         for node in self._nodes(first, second):
             point = self._at_obstacle(self.obstacle, node, there)
             axes = self.obstacle.semi_axes_along_frame
-            scaled = tuple(x / a for x, a in zip(point, axes, strict=True))
-            inside = inside | (dot(scaled, scaled) < 1.0)
+            scaled = Vector(*(x / a for x, a in zip(point, axes, strict=True)))
+            inside = inside | (scaled @ scaled < 1.0)
         return inside
 
     def polylines(
@@ -144,7 +141,7 @@ class Course(eqx.Module):
     def _nodes(self, first: Array, second: Array) -> list[_Node]:
         via = zip(self.via_bones, self.via, strict=True)
         nodes = [(self.bodies[0], first), *via, (self.bodies[1], second)]
-        return [_Node(bone, (point[:, 0], point[:, 1], point[:, 2])) for bone, point in nodes]
+        return [_Node(bone, Vector(point[:, 0], point[:, 1], point[:, 2])) for bone, point in nodes]
 
     def _at_obstacle(self, obstacle: Obstacle, node: _Node, there: Placement) -> Vector:
         """An end in the obstacle's frame; on the obstacle's bone, whatever the pose."""
@@ -157,33 +154,33 @@ class Course(eqx.Module):
     def _around(self, obstacle: Obstacle, start: _Node, end: _Node, there: Placement) -> Piece:
         ends = [self._at_obstacle(obstacle, node, there) for node in (start, end)]
         path = taut(obstacle, ends[0], ends[1])
-        pull = Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        pull = Wrench(ZERO, ZERO)
         for (bone, x), direction in ((start, path.pull_start), (end, path.pull_end)):
             if bone == self.obstacle_bone:
                 continue
             along = obstacle.frame.placement.turn(direction)
             if bone == self.bodies[1]:  # dragged itself
-                pull = pull + Wrench.at(there.turn(x), scale(-1.0, along))
+                pull = pull + Wrench.at(there.turn(x), -along)
             else:  # drags the second bone along
-                arm = subtract(x, there.translation)
+                arm = x - there.translation
                 pull = pull + Wrench.at(arm, there.turn(along))
         return Piece(path.length, pull, path)
 
     def _straight(self, start: _Node, end: _Node, there: Placement) -> Piece:
-        line = subtract(self._in_first(end, there), self._in_first(start, there))
-        length = norm(line)
+        line = self._in_first(end, there) - self._in_first(start, there)
+        length = line.norm()
         if start.bone == end.bone:
-            return Piece(length, Wrench((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)), None)
+            return Piece(length, Wrench(ZERO, ZERO), None)
         moved, sign = (end, -1.0) if end.bone == self.bodies[1] else (start, 1.0)
         arm = there.turn(moved.point)
-        unit = scale(sign / jnp.where(length > 0, length, 1.0), line)
+        unit = sign / jnp.where(length > 0, length, 1.0) * line
         return Piece(length, Wrench.at(arm, unit), None)
 
     def _in_first(self, node: _Node, there: Placement) -> Vector:
         return there.apply(node.point) if node.bone == self.bodies[1] else node.point
 
 
-def by_kind(courses: Sequence[Course], in_lanes: bool) -> tuple[Course, ...]:
+def by_kind(courses: Sequence[Course], batched: bool) -> tuple[Course, ...]:
     """The same fibres, with those around obstacles of one kind on one bone in one course.
 
     However many fibres it has, each course is a program of its own: on lenhart2015, two instead of
@@ -191,7 +188,7 @@ def by_kind(courses: Sequence[Course], in_lanes: bool) -> tuple[Course, ...]:
 
     Args:
         courses: numbers of obstacles one for all fibres of a course.
-        in_lanes: whether arrays end in an axis of lanes.
+        batched: whether arrays end in an axis of a batch.
     """
     kinds: dict[tuple, list[Course]] = {}
     for course in courses:
@@ -199,15 +196,15 @@ def by_kind(courses: Sequence[Course], in_lanes: bool) -> tuple[Course, ...]:
         ranks = tuple(jnp.ndim(leaf) for leaf in leaves)
         bones = course.obstacle_bone, course.via_bones, course.bodies
         kinds.setdefault((kind, ranks, bones), []).append(course)
-    return tuple(_joined(many, in_lanes) for many in kinds.values())
+    return tuple(_joined(many, batched) for many in kinds.values())
 
 
-def _joined(courses: list[Course], in_lanes: bool) -> Course:
+def _joined(courses: list[Course], batched: bool) -> Course:
     first = courses[0]
     if len(courses) == 1:
         return first
-    # A fibre's number stands before the lanes.
-    axis = -2 if in_lanes else -1
+    # A fibre's number stands before the batch.
+    axis = -2 if batched else -1
     sizes = [len(course.rows) for course in courses]
 
     def each(*numbers: Array) -> Array:
@@ -228,7 +225,7 @@ def _joined(courses: list[Course], in_lanes: bool) -> Course:
 
 
 def _side_by_side(arrays: list[Array], axis: int) -> Array:
-    """One lane meets many."""
+    """Arrays joined; those of one knee broadcast against a batch."""
     along = axis % arrays[0].ndim
     others = jnp.broadcast_shapes(*(x.shape[:along] + (1,) + x.shape[along + 1 :] for x in arrays))
     shapes = [others[:along] + (x.shape[along],) + others[along + 1 :] for x in arrays]

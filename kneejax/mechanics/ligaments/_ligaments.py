@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector, full, scale
+from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
 from kneejax.mechanics.ligaments._courses import Course, by_kind
@@ -107,22 +107,20 @@ class Fibres(eqx.Module):
     def _unit_pulls(self, kinds: tuple[Course, ...], ways: list[_Way], state: State) -> Vector:
         found = []
         for way in ways:
-            first, force = way.course.bodies[0], full(way.pull.force)
+            first, force = way.course.bodies[0], way.pull.force.full()
             found.append(force if first == FEMUR else state.poses[first].placement.turn(force))
-        x, y, z = (self._joined(kinds, list(parts)) for parts in zip(*found, strict=True))
-        return x, y, z
+        return Vector(*(self._joined(kinds, list(parts)) for parts in zip(*found, strict=True)))
 
     def unit_wrenches(self, state: State) -> Wrench:
         """What a unit tension of each does to its second bone, about that bone's origin in the
         axes of the first, each component `(n, ...)`."""
         kinds = self.kinds
         pulls = [way.pull for way in self._ways(kinds, state)]
-        rows = ([full(pull.force) for pull in pulls], [full(pull.moment) for pull in pulls])
-        force, moment = (
-            tuple(self._joined(kinds, list(parts)) for parts in zip(*row, strict=True))
+        rows = ([pull.force.full() for pull in pulls], [pull.moment.full() for pull in pulls])
+        return Wrench(*(
+            Vector(*(self._joined(kinds, list(parts)) for parts in zip(*row, strict=True)))
             for row in rows
-        )
-        return Wrench(force, moment)  # pyright: ignore[reportArgumentType]
+        ))  # fmt: skip
 
     def ends_inside(self, state: State) -> Array:
         """Whether an end of each fibre lies inside the fibre's obstacle, `(n, ...)`."""
@@ -187,7 +185,7 @@ def _rows_of_jvp(rows: tuple[int, ...], primals, tangents):
 def _free(length: Array) -> WrapState:
     """Of fibres without an obstacle."""
     zero = jnp.zeros_like(length)
-    return WrapState(zero - jnp.inf, zero > 0, (zero, zero, zero), zero + jnp.inf, zero > 0)
+    return WrapState(zero - jnp.inf, zero > 0, Vector(zero, zero, zero), zero + jnp.inf, zero > 0)
 
 
 def _more_bent(before: WrapState, path: TautPath) -> WrapState:
@@ -195,7 +193,7 @@ def _more_bent(before: WrapState, path: TautPath) -> WrapState:
     return WrapState(
         jnp.where(more, path.angle, before.angle),
         before.inside | path.inside,
-        tuple(jnp.where(more, a, b) for a, b in zip(path.side, before.side, strict=True)),
+        Vector(*(jnp.where(more, a, b) for a, b in zip(path.side, before.side, strict=True))),
         jnp.where(more, path.detour_other_side, before.other_side),
         before.beyond_ends | path.beyond_ends,
     )
@@ -259,8 +257,8 @@ class Ligaments(Fibres):
         self.transition_strain = jnp.asarray(transition_strain, float)
         self.transition_width = jnp.asarray(transition_width, float)
         if failure_strain is None:
-            lanes = (1,) * (self.stiffness.ndim - 1)
-            failure_strain = usual_failure_strain(names).reshape(-1, *lanes)
+            usual = usual_failure_strain(names)
+            failure_strain = usual.reshape(-1, *(1,) * (self.stiffness.ndim - 1))
         self.failure_strain = jnp.asarray(failure_strain, float)
         nothing = jnp.zeros_like(self.stiffness)
         self.damping = nothing if damping is None else jnp.asarray(damping, float)
@@ -280,7 +278,7 @@ class Ligaments(Fibres):
     def length_wrap_and_forces(self, state: State) -> tuple[Array, WrapState, Vector]:
         """As `length_wrap_and_pulls`, with forces of the fibres' tensions, N."""
         length, wrap, pulls = self.length_wrap_and_pulls(state)
-        return length, wrap, full(scale(self.tension_at(length), pulls))
+        return length, wrap, (self.tension_at(length) * pulls).full()
 
     def tension_at(self, length: Array) -> Array:
         """Tension of each fibre at given lengths, N."""
@@ -316,7 +314,7 @@ class Ligaments(Fibres):
                 dampers = jax.tree.map(lambda x, rows=rows: self._of(rows, x), self.dampers)
                 tension = tension + dampers.tension(length)
                 each = each + dampers.energy(length)
-            forces = Wrench(full(scale(tension, pull.force)), full(scale(tension, pull.moment)))
+            forces = Wrench((tension * pull.force).full(), (tension * pull.moment).full())
             answer.add(course.bodies, forces)
             energy = energy + jnp.sum(each, axis=0)
             over = over | jnp.any(strain > failure_strain, axis=0)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import TIBIA, Pose, State, Surface, vector
+from kneejax.geometry import TIBIA, Pose, State, Surface, Vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
@@ -204,7 +204,7 @@ def _inside(surface: Surface, rim: np.ndarray, points_mm: np.ndarray) -> np.ndar
     from matplotlib.path import Path
 
     def above(of_bone: np.ndarray) -> np.ndarray:
-        x, _, z = surface.frame.placement.apply_inverse(vector(of_bone.T))
+        x, _, z = surface.frame.placement.apply_inverse(Vector.of(of_bone.T))
         return np.stack([np.asarray(z), np.asarray(x)], axis=-1)
 
     return Path(above(rim)).contains_points(above(points_mm))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import Obstacle, Surface, WrapCylinder, vector
+from kneejax.geometry import Obstacle, Surface, Vector, WrapCylinder
 
 _ROUND = 48
 #: A long cylinder is drawn this far beyond the fibres that pass it, mm.
@@ -39,7 +39,7 @@ def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
                              np.linspace(0, np.pi, _ROUND // 2 + 1), indexing="ij")  # fmt: skip
     if isinstance(obstacle, WrapCylinder):
         radius, half = float(obstacle.radius), 0.5 * float(obstacle.length)
-        inside = obstacle.frame.placement.apply_inverse(vector(passing_mm.T))
+        inside = obstacle.frame.placement.apply_inverse(Vector.of(passing_mm.T))
         along = np.asarray(inside[2])
         low, high = max(-half, along.min() - _BEYOND), min(half, along.max() + _BEYOND)
         t = low + (high - low) * up / np.pi
@@ -48,7 +48,8 @@ def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
         axes = (float(x) for x in obstacle.semi_axes_along_frame)
         unit = [np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)]
         own = np.stack([r * x for r, x in zip(axes, unit, strict=True)], axis=-1)
-    return _stacked(obstacle.frame.placement.apply(vector(np.moveaxis(own, -1, 0))), own.shape[:2])
+    there = obstacle.frame.placement.apply(Vector.of(np.moveaxis(own, -1, 0)))
+    return _stacked(there, own.shape[:2])
 
 
 def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:

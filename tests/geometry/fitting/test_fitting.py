@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import kneejax.geometry as geo
-from kneejax.geometry import _vectors as v
 
 NOISE = 0.05
 ANGLE, WIDTH = (20.0, 160.0), (-11.0, 11.0)
@@ -14,7 +13,7 @@ ANGLE, WIDTH = (20.0, 160.0), (-11.0, 11.0)
 def body_points(surface, a, b):
     """Points of a surface in its bone's frame, shape `(n, 3)`."""
     place = surface.frame.placement
-    return np.stack(v.full(place.apply(surface.point(jnp.asarray(a), jnp.asarray(b)))), axis=1)
+    return np.stack(place.apply(surface.point(jnp.asarray(a), jnp.asarray(b))).full(), axis=1)
 
 
 def grid(first, second, count=14):
@@ -33,13 +32,13 @@ def test_a_plane_is_recovered_with_its_tilt_and_its_size(rng):
     assert fit.maximum < 1e-12
     normal = fit.surface.frame.placement.turn((0.0, 1.0, 0.0))
     expected = true.frame.placement.turn((0.0, 1.0, 0.0))
-    np.testing.assert_allclose(v.full(normal), v.full(expected), atol=1e-12)
+    np.testing.assert_allclose(normal.full(), expected.full(), atol=1e-12)
     np.testing.assert_allclose(np.asarray(fit.surface.frame.origin), [3, -30, 20], atol=1e-12)
     np.testing.assert_allclose(np.asarray(fit.surface.half_extent), [15, 10], rtol=0.02)
     rough = geo.fit_plane(noisy(points, rng))
     assert rough.rms == pytest.approx(NOISE, rel=0.15)
     downwards = geo.fit_plane(points, up=(0, -1, 0)).surface.frame.placement.turn((0.0, 1.0, 0.0))
-    np.testing.assert_allclose(v.full(downwards), -np.array(v.full(expected)), atol=1e-12)
+    np.testing.assert_allclose(downwards.full(), -np.array(expected.full()), atol=1e-12)
 
 
 def test_a_sphere_is_recovered_from_a_cap(rng):
@@ -80,10 +79,10 @@ def test_the_transverse_axis_of_a_tilted_cylinder_is_recovered(rng):
     points = body_points(true, *grid(np.deg2rad(ANGLE), (-35, 35)))
     for cloud, close in ((points, 1e-7), (noisy(points, rng), 0.05)):
         axis = geo.fit_transverse_axis(cloud).placement
-        direction = v.full(axis.turn((0.0, 0.0, 1.0)))
-        expected = v.full(true.frame.placement.turn((0.0, 0.0, 1.0)))
+        direction = axis.turn((0.0, 0.0, 1.0)).full()
+        expected = true.frame.placement.turn((0.0, 0.0, 1.0)).full()
         np.testing.assert_allclose(direction, expected, atol=close)
-        np.testing.assert_allclose(v.full(axis.translation), [2.0, 1.0, 0.0], atol=close)
+        np.testing.assert_allclose(axis.translation.full(), [2.0, 1.0, 0.0], atol=close)
 
 
 def test_a_condyle_is_recovered_with_its_coefficients(rng):

@@ -29,7 +29,7 @@ path_points = jax.jit(geo.path_points, static_argnums=3)
 
 @jax.jit
 def path_of(obstacle, start, end):
-    return geo.taut(obstacle, geo.vector(start), geo.vector(end), WIDTH)
+    return geo.taut(obstacle, geo.Vector.of(start), geo.Vector.of(end), WIDTH)
 
 
 def _array(vector):

@@ -16,12 +16,12 @@ COUNT, DRAWN = 200, 8000
 
 @jax.jit
 def _taut(axes, start, end):
-    return geo.taut(geo.WrapEllipsoid(axes), geo.vector(start), geo.vector(end), 1e-3)
+    return geo.taut(geo.WrapEllipsoid(axes), geo.Vector.of(start), geo.Vector.of(end), 1e-3)
 
 
 @jax.jit
 def _taut_of(obstacle, start, end):
-    return geo.taut(obstacle, geo.vector(start), geo.vector(end), 1e-3)
+    return geo.taut(obstacle, geo.Vector.of(start), geo.Vector.of(end), 1e-3)
 
 
 def _random_lines(rng, aspect, size=(5.0, 40.0), heights=(1.02, 4.0)):

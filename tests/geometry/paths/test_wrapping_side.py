@@ -66,7 +66,7 @@ def test_length_and_pull_follow_both_ends(degrees, central_difference):
 
     @jax.jit
     def pulls(x):
-        path = geo.taut(obstacle, geo.vector(x[:3]), geo.vector(x[3:]))
+        path = geo.taut(obstacle, geo.Vector.of(x[:3]), geo.Vector.of(x[3:]))
         return path.length, jax.numpy.stack([*path.pull_start, *path.pull_end])
 
     exact = pulls(ends)[1]

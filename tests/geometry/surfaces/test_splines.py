@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import kneejax.geometry as geo
-from kneejax.geometry import _vectors as v
 from kneejax.geometry.surfaces import _bases
 from kneejax.geometry.surfaces._bases import partials
 
 # One program for each shape, where operation by operation would be a hundred small ones.
 spline_partials = jax.jit(_bases.spline_partials, static_argnums=3)
-point_of = jax.jit(lambda surface, a, b: v.full(surface.point(a, b)))
+point_of = jax.jit(lambda surface, a, b: surface.point(a, b).full())
 level_of = jax.jit(lambda surface, point: surface.level(point))
 # To the last bit alike: so no kernel of one may round otherwise than the other's.
 UNFUSED = {"xla_disable_hlo_passes": "fusion,multi_output_fusion"}
@@ -162,7 +161,7 @@ def test_level_and_jet_of_spline_surfaces_agree_with_their_points(rng, central_d
                 return np.array(point_of(surface, x[0], x[1]))
 
             d = central_difference(place, at, 1e-4)
-            along = [[float(c[k]) for c in v.full(local.vector(w))] for w in (local.a, local.b)]
+            along = [[float(c[k]) for c in local.vector(w).full()] for w in (local.a, local.b)]
             np.testing.assert_allclose(np.transpose(d), along, rtol=1e-6, atol=1e-6)
 
 
@@ -176,19 +175,19 @@ def test_slope_and_bend_of_the_level_agree_with_central_differences_everywhere(
         surface = geo.Condyle(c, surface.angle, surface.width)
     for point in ([5.0, -20.0, 3.0], [-18.0, -9.0, 15.0], [-18.0, -9.0, -15.0], [20.0, 6.0, 2.0]):
         def level(x):
-            return np.asarray(slope_of(surface, tuple(x))[0])
+            return np.asarray(slope_of(surface, geo.Vector(*x))[0])
 
         def slope(x):
-            return np.stack([np.asarray(c) for c in slope_of(surface, tuple(x))[1]])
+            return np.stack([np.asarray(c) for c in slope_of(surface, geo.Vector(*x))[1]])
 
         x = np.array(point)
-        value, by_place, bend = bend_of(surface, tuple(x))
+        value, by_place, bend = bend_of(surface, geo.Vector(*x))
         np.testing.assert_array_equal(value, level(x))
-        np.testing.assert_array_equal(v.full(by_place), slope(x))
+        np.testing.assert_array_equal(by_place.full(), slope(x))
         expected = central_difference(level, x, 1e-4)
         np.testing.assert_allclose(slope(x), expected, rtol=1e-6, atol=1e-6)
         np.testing.assert_allclose(bend, central_difference(slope, x, 1e-3), rtol=1e-6, atol=1e-6)
-        of_any = any_bend_of(surface, tuple(x))[2]
+        of_any = any_bend_of(surface, geo.Vector(*x))[2]
         np.testing.assert_allclose(of_any, bend, rtol=1e-10, atol=1e-12)
 
 

@@ -7,7 +7,6 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.geometry import Surface
-from kneejax.geometry import _vectors as v
 
 ANGLE, WIDTH = np.deg2rad([10.0, 170.0]), (-12.0, 10.0)
 
@@ -41,7 +40,7 @@ generic_jet = jax.jit(lambda surface, a, b: Surface.jet(surface, a, b, 3))
 generic_height = jax.jit(Surface.height)
 height_of = jax.jit(lambda surface, point: surface.height(point))
 level_of = jax.jit(lambda surface, point: surface.level(point))
-point_on = jax.jit(lambda surface, a, b: v.full(surface.point(a, b)))
+point_on = jax.jit(lambda surface, a, b: surface.point(a, b).full())
 gradient_of = jax.jit(jax.grad(lambda surface, point: jnp.sum(surface.level(point)), 1))
 
 
@@ -55,7 +54,7 @@ def parameters(surface, count=9):
 
 def numbers(vector, like=0.0):
     """Components as rows, broadcast to the shape of `like`."""
-    return np.array([np.asarray(c) + 0.0 * np.asarray(like) for c in v.full(vector)])
+    return np.array([np.asarray(c) + 0.0 * np.asarray(like) for c in vector.full()])
 
 
 @every_surface
@@ -75,10 +74,10 @@ def test_normals_are_unit_point_outwards_and_are_the_gradient_of_the_level(name)
     np.testing.assert_allclose(np.linalg.norm(numbers(normal), axis=0), 1.0, atol=1e-12)
     gradient = numbers(gradient_of(surface, point))
     np.testing.assert_allclose(numbers(normal), gradient, atol=1e-11)
-    out = level_of(surface, v.add(point, v.scale(0.01, normal)))
-    into = level_of(surface, v.subtract(point, v.scale(0.01, normal)))
+    out = level_of(surface, point + 0.01 * normal)
+    into = level_of(surface, point - 0.01 * normal)
     assert (np.asarray(out) > 0).all() and (np.asarray(into) < 0).all()
-    assert (np.asarray(geo.dot(surface.outwards(point), normal)) > 0).all()
+    assert (np.asarray(surface.outwards(point) @ normal) > 0).all()
 
 
 @every_surface
@@ -149,10 +148,10 @@ def test_third_derivatives_of_a_height_equal_central_differences_of_the_hessian(
     point = numbers(point_on(surface, *parameters(surface, 1)))[:, 0] + 0.3
 
     def hessian(x):
-        rows = height_to_third_order(surface, tuple(jnp.asarray(c) for c in x)).hessian
+        rows = height_to_third_order(surface, geo.Vector(*(jnp.asarray(c) for c in x))).hessian
         return np.array([numbers(row, 0.0) for row in rows])
 
-    third = height_to_third_order(surface, tuple(jnp.asarray(c) for c in point)).third
+    third = height_to_third_order(surface, geo.Vector(*(jnp.asarray(c) for c in point))).third
     exact = np.array([[numbers(row, 0.0) for row in matrix] for matrix in third])
     numeric = central_difference(hessian, point, 1e-2)
     np.testing.assert_allclose(np.moveaxis(exact, 0, -1), numeric, atol=1e-7)
@@ -182,7 +181,7 @@ def test_a_height_that_is_written_out_differs_from_the_generic_one_by_a_factor(n
 def test_the_plateaus_height_has_the_derivatives_of_its_value():
     surface = SURFACES["plateau"]
     a, b = parameters(surface)
-    point = (a, surface.point(a, b)[1] + 0.4, b)
+    point = geo.Vector(a, surface.point(a, b)[1] + 0.4, b)
 
     def value(p):
         return jnp.sum(surface.height(p).value)
@@ -192,7 +191,7 @@ def test_the_plateaus_height_has_the_derivatives_of_its_value():
     np.testing.assert_allclose(numbers(own.gradient, a), numbers(gradient), atol=1e-12)
     one, zero = jnp.ones_like(a), jnp.zeros_like(a)
     for row, direction in enumerate(((one, zero, zero), (zero, one, zero), (zero, zero, one))):
-        _, expected = jax.jvp(jax.grad(value), (point,), (direction,))
+        _, expected = jax.jvp(jax.grad(value), (point,), (geo.Vector(*direction),))
         np.testing.assert_allclose(numbers(own.hessian[row], a), numbers(expected), atol=1e-12)
 
 
@@ -202,12 +201,12 @@ def test_the_generic_height_equals_central_differences_of_the_level(name, centra
     point = numbers(point_on(surface, *parameters(surface, 1)))[:, 0] + 0.3
 
     def level(x):
-        return np.asarray(level_of(surface, tuple(jnp.asarray(c) for c in x)))
+        return np.asarray(level_of(surface, geo.Vector(*(jnp.asarray(c) for c in x))))
 
     def gradient(x):
-        return numbers(height_of(surface, tuple(jnp.asarray(c) for c in x)).gradient)
+        return numbers(height_of(surface, geo.Vector(*(jnp.asarray(c) for c in x))).gradient)
 
-    height = height_of(surface, tuple(jnp.asarray(c) for c in point))
+    height = height_of(surface, geo.Vector(*(jnp.asarray(c) for c in point)))
     np.testing.assert_allclose(
         numbers(height.gradient), central_difference(level, point), atol=1e-8
     )
@@ -279,12 +278,12 @@ def test_the_first_guess_has_the_requested_normal(name):
     surface = SURFACES[name]
     direction = np.random.default_rng(3).normal(size=(3, 7))
     direction /= np.linalg.norm(direction, axis=0)
-    a, b = surface.start(tuple(jnp.asarray(direction)))
+    a, b = surface.start(geo.Vector.of(jnp.asarray(direction)))
     np.testing.assert_allclose(numbers(normal_of(surface, a, b)), direction, atol=1e-9)
 
 
 def test_the_first_guess_on_a_condyle_faces_the_requested_direction():
-    direction = tuple(jnp.asarray(x) for x in (np.cos(1.2), -np.sin(1.2), 0.0))
+    direction = geo.Vector(*(jnp.asarray(x) for x in (np.cos(1.2), -np.sin(1.2), 0.0)))
     a, b = SURFACES["condyle"].start(direction)
     np.testing.assert_allclose([float(a), float(b)], [1.2, -1.0], atol=1e-12)
 

@@ -11,20 +11,20 @@ from kneejax.mechanics._wrench import wrench_of
 from kneejax.mechanics.contact import _rays as rays
 from kneejax.numerics import compiled
 
-UP = (0.0, 1.0, 0.0)
+UP = geo.AXES.y
 
 
 @jax.jit
 def depth_of(femoral, start, along):
     """Depth and its two slopes, of the thorough search."""
-    start, along = geo.full(start), geo.full(along)
+    start, along = start.full(), along.full()
     none = jnp.zeros(jnp.shape(start[0]), bool)
     found = rays.thorough_exit(femoral, start, along, jnp.zeros(none.shape), none)
     return *rays.any_depth(femoral, start, along, found), found
 
 
 def points(*columns):
-    return tuple(jnp.asarray(x, float) for x in np.broadcast_arrays(*columns))
+    return geo.Vector(*(jnp.asarray(x, float) for x in np.broadcast_arrays(*columns)))
 
 
 def test_a_point_in_a_ball_is_as_deep_as_its_chord(rng):
