@@ -259,6 +259,7 @@ RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field}
     # of what is measured
     "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
     "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),
+    "within_deg": Range(0.0, 15.0, "degrees"),
     "weight": Range(1e-9, 1e9, or_zero=True),
     "strain": Range(-0.9, 1.0, **_STRAIN),
 }  # fmt: skip
