@@ -85,7 +85,6 @@ if TYPE_CHECKING:
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated
     from kneejax.files.results import write_netcdf as write_netcdf
-    from kneejax.files.tables import Assumption as Assumption
     from kneejax.files.tables import CandidateRow as CandidateRow
     from kneejax.files.tables import LabTable as LabTable
     from kneejax.files.tables import read_candidates as read_candidates

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from kneejax.files.tables._storage import common_times as common_times
     from kneejax.files.tables._storage import last_word as last_word
     from kneejax.files.tables._storage import read_storage as read_storage
-    from kneejax.files.tables._tables import Assumption as Assumption
     from kneejax.files.tables._tables import Table as Table
     from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
     from kneejax.files.tables._tables import read_poses as read_poses

@@ -18,6 +18,7 @@ from kneejax.files.reading import InputProblem, Mistakes, counted, nearest_name,
 from kneejax.files.tables._headers import METRES_BELOW, by_headers
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
+from kneejax.parameters import Assumption
 
 #: How a text begins that spreadsheets take for a formula (OWASP, CSV injection), with the wide
 #: characters that some of them take for the same.
@@ -192,10 +193,6 @@ class Table(NamedTuple):
         found = [self.column(own, pose_range(name)) for name, own in names.items()]
         self.mistakes.check()
         return np.stack(found, axis=1)
-
-
-class Assumption(UserWarning):
-    """What was taken to be so of a file that does not say it, in a sentence."""
 
 
 def assumed(file: str, phrases: Sequence[str]) -> None:

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from kneejax.files import Assumption, InputProblem, read_lab_table, read_poses
+from kneejax.files import InputProblem, read_lab_table, read_poses
 from kneejax.files.tables._headers import header_meaning
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
+from kneejax.parameters import Assumption
 
 SIMVITRO = {  # as Open Knee(s) names them
     "Knee JCS Medial": -4.0, "Knee JCS Posterior": -6.0, "Knee JCS Superior": -30.0,
