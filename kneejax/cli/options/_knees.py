@@ -268,6 +268,9 @@ class Activity(Drawn):
         "body of the model; found from its joints if not given", None
     )
     tibia: Annotated[str | None, Form("BODY")] = meaning("likewise; both or none", None)
+    called: Annotated[dict[str, str], Form("NAME=OTHER")] = meaning(
+        "what the files call a coordinate, a muscle or a body of the model; may be repeated", {}
+    )
     knee: Annotated[Knee | None, PLANNED, Group("Knee")] = meaning(
         f"{KNEE} (default: lenhart2015_reduced)", None
     )
