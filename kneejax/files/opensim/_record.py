@@ -102,7 +102,7 @@ def read_activity(
         raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
-    given = sorted_files(model, bones, files, called or {})
+    given = sorted_files(model, bones, files, called)
     time = common_times(given.tables, instants)
     shifts = frames
     if not isinstance(shifts, Registration):
@@ -142,10 +142,11 @@ def read_activity(
 
 def sorted_files(
     model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]],
-    called: Mapping[str, str],
+    called: Mapping[str, str] | None = None,
 ) -> RecordedFiles:  # fmt: skip
     """Each file by what it has."""
     kinds: dict[str, Any] = {}
+    called = called or {}
     _check_called(model, called)
     flexion = flexion_coordinate(model, bones)
     muscles = {e.name for e in model.muscles()}
