@@ -187,6 +187,15 @@ _ALL = (
     _point("via", field=""),
     Quantity("rotation", (), "rad", Range(-6.3, 6.3, "rad"), within=0.2, deviation=0.05),
 )  # fmt: skip
+#: Whole ligament -> stiffnesses that models of it have had, N per unit strain, the least and the
+#: greatest; deep fibres and all bundles included. Sources: paper 1, Table 1; paper 2, Table 1, and
+#: paper 3, Table 1 (sums over bundles); Lenhart et al. 2015 (sums over fibres).
+PUBLISHED_STIFFNESS = {
+    "ACL": (3100.0, 9840.0),
+    "PCL": (3860.0, 6000.0),
+    "MCL": (8000.0, 14500.0),
+    "LCL": (2000.0, 6000.0),
+}
 #: Name -> quantity.
 QUANTITIES = {one.name: one for one in _ALL}
 #: What a parameter of a ligament may be called after its name.
@@ -259,6 +268,7 @@ RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field}
     # of what is measured
     "noise_mm": Range(1e-6, 100.0, "mm", or_zero=True),
     "noise_deg": Range(1e-6, 90.0, "degrees", or_zero=True),
+    "within_deg": Range(0.0, 15.0, "degrees"),
     "weight": Range(1e-9, 1e9, or_zero=True),
     "strain": Range(-0.9, 1.0, **_STRAIN),
 }  # fmt: skip

@@ -165,7 +165,7 @@ def _record(
     record = read_activity(
         arguments.model, arguments.files, side=arguments.side, knee=knee, document=document,
         frames=arguments.frames, instants=arguments.instants, femur=arguments.femur,
-        tibia=arguments.tibia,
+        tibia=arguments.tibia, called=arguments.called,
     )  # fmt: skip
     return record, []
 

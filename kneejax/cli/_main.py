@@ -174,11 +174,12 @@ def _doubts_in_words() -> Iterator[None]:
 
     def show(message, category, *where, **more) -> None:
         # By its name: importing the class would import JAX for commands that do without.
-        if category.__name__ != "DoubtfulValue":
+        mark = {"DoubtfulValue": "doubtful", "Assumption": "assumed"}.get(category.__name__)
+        if mark is None:
             usual(message, category, *where, **more)
         elif str(message) not in said:
             said.add(str(message))
-            print(f"doubtful: {message}", file=sys.stderr)
+            print(f"{mark}: {message}", file=sys.stderr)
 
     warnings.showwarning = show
     try:

@@ -39,8 +39,9 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
     """
     try:
         with warnings.catch_warnings():
-            # ArviZ 0.23 announces 1.0 when it is imported.
+            # ArviZ 0.23 announces 1.0 when it is imported, jaxopt that it is maintained no longer.
             warnings.simplefilter("ignore", FutureWarning)
+            warnings.simplefilter("ignore", DeprecationWarning)
             return importlib.import_module(module)
     except ImportError as problem:
         if problem.name and not module.startswith(problem.name.split(".")[0]):

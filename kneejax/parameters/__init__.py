@@ -2,6 +2,7 @@
 
 from kneejax.parameters._bounds import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._bounds import default_bounds as default_bounds
+from kneejax.parameters._bounds import digitised as digitised
 from kneejax.parameters._bounds import looked_up as looked_up
 from kneejax.parameters._bounds import percent_scales as percent_scales
 from kneejax.parameters._bounds import prior_scales as prior_scales
@@ -18,6 +19,7 @@ from kneejax.parameters._selection import nearest_of as nearest_of
 from kneejax.parameters._selection import select as select
 from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
+from kneejax.parameters._structures import Assumption as Assumption
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue
 from kneejax.parameters._structures import doubt_prior as doubt_prior
 from kneejax.parameters._structures import doubt_value as doubt_value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from typing import TypeVar
 
@@ -16,10 +17,11 @@ from kneejax.parameters._selection import (
     UnsuitableData,
     nearest_of,
 )
-from kneejax.parameters._structures import of_one_fibre, structure_range
+from kneejax.parameters._structures import Assumption, DoubtfulValue, of_one_fibre, structure_range
 from kneejax.quantities import quantity_of
 
 T = TypeVar("T")
+
 
 def prior_scales(
     selection: Selection, values: ArrayLike, given: Mapping[str, float] | None = None
@@ -84,6 +86,45 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
         if not scales[-1] > 0:
             raise UnsuitableData(f"{name} is {value:g}, it has no per cent: scale by a prior")
     return np.array(scales)
+
+
+def digitised(
+    selection: Selection, given: Mapping[str, float], sd_mm: float, *, counts: bool
+) -> dict[str, float]:
+    """A prior of attachments that are free without one: as exact as they were digitised.
+
+    Args:
+        selection: the parameters.
+        given: name, `*.quantity` or quantity -> standard deviation of a prior that is stated.
+        sd_mm: with which attachments were digitised; 0 for no such prior.
+        counts: whether a prior can count, which it does against noise that is stated.
+
+    Returns:
+        Name -> standard deviation, mm; none where priors do not count.
+
+    Warns:
+        Assumption: with the attachments, and what to write instead; `DoubtfulValue` where the prior
+            does not count.
+    """
+    free = looked_up(selection, given)
+    names = [name for i, name in enumerate(selection.names)
+             if free[i] is None and sd_mm and quantity_of(selection.quantity(i)).bone]  # fmt: skip
+    if not names:
+        return {}
+    ends = ", ".join(dict.fromkeys(name.rpartition(".")[0] for name in names))
+    if not counts:
+        said = (
+            f"{ends}: free without a prior, since none counts unless noise_mm and noise_deg are "
+            f"stated; attachments are digitised to some {sd_mm:g} mm"
+        )
+    else:
+        said = (
+            f"{ends}: free without a prior; a standard deviation of {sd_mm:g} mm around the knee's "
+            "own is taken, as exact as they are digitised (prior: states another, "
+            "attachment_sd_mm: 0 none)"
+        )
+    warnings.warn(said, Assumption if counts else DoubtfulValue, 3)
+    return dict.fromkeys(names, sd_mm) if counts else {}
 
 
 def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | None]:

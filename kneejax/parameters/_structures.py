@@ -22,7 +22,7 @@ from jax import Array
 
 from kneejax.mechanics import Knee, ligament_law
 from kneejax.numerics import numpy_for
-from kneejax.quantities import AXES, QUANTITIES, quantity_of
+from kneejax.quantities import AXES, PUBLISHED_STIFFNESS, QUANTITIES, quantity_of
 
 #: Ends of a ligament, by the bones that they are on.
 BONES = {one.name: one.bone for one in QUANTITIES.values() if one.bone}
@@ -136,8 +136,8 @@ def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:
 
 #: What a file with values by parameter says of itself, field and value.
 MEANING = {"stiffness_of": "structure"}
-#: A structure of several fibres is sought between its usual limits and at least from a quarter to
-#: four times its own stiffness: sums over fibres exceed the single lines of paper 1.
+#: A structure of several fibres is sought from a quarter to four times its own stiffness, wider
+#: where what is published of that ligament is.
 _TIMES = 4.0
 #: A prior that is narrower than this part of a structure's stiffness may be that of one fibre.
 _NARROW = 0.05
@@ -145,6 +145,10 @@ _NARROW = 0.05
 
 class DoubtfulValue(UserWarning):
     """A value that is probably not what was meant."""
+
+
+class Assumption(UserWarning):
+    """What was taken to be so of what a file or a study does not say, in a sentence."""
 
 
 def fibres_summed(knee: Knee, name: str) -> int:
@@ -252,24 +256,28 @@ def _over(knee: Knee, fibres: Sequence[str], quantity: str) -> float:
 def structure_range(
     knee: Knee, fibres: Sequence[str], usual: tuple[float, float]
 ) -> tuple[float, float]:
-    """Limits of the stiffness of some fibres, from the usual ones of a whole structure.
+    """Limits of the stiffness of some fibres, from what the whole structure has.
 
     Args:
         knee: gives the stiffnesses.
         fibres: one, or those of a bundle or structure.
-        usual: of a structure, N per unit strain.
+        usual: of a structure drawn as one line, N per unit strain.
 
     Returns:
-        The usual limits where the fibres are a ligament drawn as one line. Otherwise those of the
-        largest group that holds all the fibres, at least from a quarter to four times its own
-        stiffness; a part of it has its share.
+        From a quarter to four times the stiffness of the largest group that holds all the fibres,
+        wider where its published range is (`kneejax.quantities.PUBLISHED_STIFFNESS`); a part of it
+        has its share. The usual limits where the fibres are a ligament drawn as one line, widened
+        in the same way where its own stiffness is beyond them.
     """
-    holding = [group for _, group in knee.groups if set(fibres) <= set(group)]
-    whole = max(holding, key=len, default=fibres)
-    total = _over(knee, whole, "stiffness")
-    if len(whole) == 1 or not total > 0.0:
+    holding = {name: group for name, group in knee.groups if set(fibres) <= set(group)}
+    name = max(holding, key=lambda one: len(holding[one]), default="")
+    whole = holding.get(name, fibres)
+    total, own = (_over(knee, rows, "stiffness") for rows in (whole, fibres))
+    if not (total > 0.0 and own > 0.0):
         return usual
-    share = _over(knee, fibres, "stiffness") / total
-    if not share > 0.0:
-        return usual
-    return share * min(usual[0], total / _TIMES), share * max(usual[1], total * _TIMES)
+    share, (low, high) = own / total, PUBLISHED_STIFFNESS.get(name, (total, total))
+    if len(whole) == 1:
+        low, high = usual
+        if low <= total <= high:
+            return usual
+    return share * min(low, total / _TIMES), share * max(high, total * _TIMES)

@@ -122,8 +122,8 @@ def _second(one: Activity) -> Iterator[str]:
     yield (
         f"{listed(spans, 8)} s ({len(rows)} of {len(time)} instants): a second stable balance "
         "exists, and the loads alone do not decide between them: reported is that to which the "
-        "intact knee comes when it is cut while they act; what the other is stands in the column "
-        "doubt"
+        "path from the unloaded intact knee leads, cut while they act if it is; what the other is "
+        "stands in the column doubt"
     )
 
 

@@ -48,8 +48,8 @@ def laxity_errors(calibration: Calibration) -> list[LaxityError]:
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         for name, (measured, _) in own.compared.items():
             seen = np.isfinite(measured)
-            for flexion in (None, *np.unique(own.test.flexion_deg[seen]).tolist()):
-                rows = seen if flexion is None else seen & (own.test.flexion_deg == flexion)
+            for flexion in (None, *np.unique(own.test.curve_deg[seen]).tolist()):
+                rows = seen if flexion is None else seen & (own.test.curve_deg == flexion)
                 errors = before.rmse(name, flexion), own.rmse(name, flexion)
                 found.append(LaxityError(own.test.name, flexion, name, int(rows.sum()), *errors))
     return found
@@ -145,7 +145,7 @@ def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = 
             if status is Status.BALANCED or status in accepted:
                 continue
             rows = own.status == value
-            where = ", ".join(f"{x:g}" for x in np.unique(own.test.flexion_deg[rows]))
+            where = ", ".join(f"{x:g}" for x in np.unique(own.test.curve_deg[rows]))
             found.append(
                 f"Test {own.test.name}: {int(rows.sum())} of {len(rows)} loads {status.word} "
                 f"({status.sentence}), at {where} deg."
@@ -175,7 +175,9 @@ def tests_figure(calibration: Calibration) -> Figure:
     figure, every = grid(len(panels), 1, _PANEL * len(panels) + 0.35, left=0.7, right=1.54,
                          apart=(0, 0.9))  # fmt: skip
     for axes, (own, before, name) in zip(every[:, 0], panels, strict=True):
-        flexions = own.test.flexion_deg[np.isfinite(own.compared[name][0])]
+        loaded = any(np.ptp(size) > 0 for size in own.test.loads.values())
+        along = own.test.curve_deg if loaded else own.test.flexion_deg
+        flexions = along[np.isfinite(own.compared[name][0])]
         if own.test.frames is not None:
             _along(axes, own, before, name, own.test.frames.time_s, "Time, s")
         elif len(np.unique(flexions)) == len(flexions) > 1:
@@ -202,11 +204,11 @@ def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> No
     from matplotlib import colormaps
 
     test, measured = own.test, own.compared[name][0]
-    flexions, load = np.unique(test.flexion_deg), test.loads[test.driven_by]
+    flexions, load = np.unique(test.curve_deg), test.loads[test.driven_by]
     every = max(1, -(-len(flexions) // _MOST_NAMED))
     colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(flexions)))
     for k, (flexion, color) in enumerate(zip(flexions, colors, strict=True)):
-        rows = np.flatnonzero(test.flexion_deg == flexion)
+        rows = np.flatnonzero(test.curve_deg == flexion)
         rows = rows[np.argsort(load[rows], kind="stable")]
         label = f"{flexion:g}" if k % every == 0 else None
         axes.plot(*_curve(before, rows, name, load), ":", color=color, linewidth=0.9)

@@ -119,6 +119,9 @@ class StudyTest(Part):
     counted_from: Annotated[CountedFrom, Choice()] | None = meaning(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )
+    within_deg: Annotated[float, reads(reading.number, RANGES["within_deg"])] = meaning(
+        "by which flexions of one curve, or of trials in opposite senses, may differ", 1.0
+    )
     loads: Annotated[dict[str, float], PlainValidator(_loads)] = meaning(
         "load -> size that acted throughout", dict
     )

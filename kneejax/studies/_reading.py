@@ -228,7 +228,7 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
         if table.time_s is None:
             raise test.wrong("file", "a column time_s too, or columns: {time_s: ...}")
         frames = _frames(test.in_time, table.time_s, flexion)
-    own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut"}
+    own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "within_deg"}
     counted_from = test.counted_from or counted_from or "unloaded"
     made = MeasuredTest(
         test.name, flexion, loads, observed, counted_from=counted_from, constant=constant,
@@ -349,8 +349,9 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
             raise test.wrong("load", expected)
         unloaded = test.counted_from in WITHOUT_LOADS
         return read_lab_table(
-            name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded
-        ), None
+            name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded,
+            about=test.name,
+        ), None  # fmt: skip
     published = published_motions()
     for field in _OF_OWN_TABLES:
         if field in given and not (field == "ignore" and name in published):

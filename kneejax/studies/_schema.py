@@ -8,8 +8,19 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import PlainValidator, ValidationInfo
 
 from kneejax.files import reading
-from kneejax.files.reading import Choice, Distinct, Flag, Part, Text, entries, meaning, reads, wrong
-from kneejax.quantities import RANGES
+from kneejax.files.reading import (
+    Choice,
+    Distinct,
+    Flag,
+    Part,
+    Text,
+    entries,
+    meaning,
+    reads,
+    within,
+    wrong,
+)
+from kneejax.quantities import QUANTITIES, RANGES
 from kneejax.studies._fields import (
     UNITS,
     Angles,
@@ -255,6 +266,11 @@ class StudyFields(Part):
         "or the prior.yaml of a cohort; needs noise_mm and noise_deg, and of weights then counts "
         "only which are zero", dict,
     )  # fmt: skip
+    attachment_sd_mm: Annotated[float, within("noise_mm")] = meaning(
+        "standard deviation with which attachments of a knee file were digitised: the prior of "
+        "those that are free without one, beside noise_mm and noise_deg; 0 for none",
+        QUANTITIES["femoral_attachment"].scale_of(0.0),
+    )
     procedures: Annotated[
         tuple[Annotated[Procedure, Choice()], ...], entries("names", empty=True), Distinct
     ] = meaning(

@@ -123,6 +123,15 @@ class Study(StudyFields):
         pairs = zip(lower.tolist(), upper.tolist(), strict=True)
         return dict(zip(self.selection.names, pairs, strict=True))
 
+    @functools.cached_property
+    def believed(self) -> dict[str, float]:
+        """The prior: as stated, and of attachments of a knee file that are free without one."""
+        from kneejax.parameters import digitised
+
+        sd, counts = self.attachment_sd_mm, None not in self.noise
+        sd = sd if os.path.isabs(self.knee_name) else 0.0
+        return self.prior | digitised(self.selection, self.prior, sd, counts=counts)
+
     @property
     def truth(self) -> dict[str, float]:
         """Parameter -> value that makes synthetic poses; empty for measured ones."""
@@ -226,7 +235,7 @@ class Study(StudyFields):
             offsets=self.frame_offset,
             loads=self.acting,
             tests=self.tests,
-            prior=self.prior,
+            prior=self.believed,
             procedures=self.procedures,
             stages=self.stages,
             starts=self.starts,
@@ -257,9 +266,9 @@ def _check_free(study: Study, selection: Selection) -> None:
     counted = study.scatter.counted
     read = len(study.flexion_deg) * int(counted.sum())
     for test in study.tests:
-        every = [test.observed[:, counted], *test.readings.values()]
-        read += sum(int(np.isfinite(one).sum()) for one in every)
-    believed = sum(one is not None for one in stated(selection, study.prior, "prior"))
+        for one in (test.observed[:, counted], *test.readings.values()):
+            read += int(np.isfinite(one).sum())
+    believed = sum(one is not None for one in stated(selection, study.believed, "prior"))
     free = len(selection) + len(study.frame_offset)
     groups = [f"{name} ({len(fibres)} fibres)" for name, fibres in study.knee.groups]
     instead = f"; free structures rather than fibres: {', '.join(groups)}" if groups else ""
@@ -305,14 +314,7 @@ def _check_tests(study: Study, mistakes: Mistakes) -> None:
 def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     """Names, bounds and data that must suit the knee."""
     from kneejax.numerics import check_installed
-    from kneejax.parameters import (
-        doubt_prior,
-        select,
-        start_within,
-        stated,
-        stated_bounds,
-        with_values,
-    )
+    from kneejax.parameters import doubt_prior, select, start_within, stated, with_values
 
     for name, sizes in study.loads.items():
         if len(sizes) not in (1, len(study.flexion_deg)):
@@ -332,7 +334,7 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
         with_values(study.knee, study.truth)
     with mistakes.gathered():
         knee, selection = study.knee_at_start, study.selection
-        start_within(knee, selection, *stated_bounds(knee, selection, study.bounds))
+        start_within(knee, selection, *np.reshape([*study.limits.values()], (-1, 2)).T)
         deviations = stated(selection, study.prior, "prior")
         for name, sd in zip(selection.names, deviations, strict=True):
             if sd is not None:

@@ -10,6 +10,7 @@ import kneejax as kj
 from kneejax.experiments import _branches as second
 from kneejax.experiments import activity, lab_tests, load_curves, second_balances
 from kneejax.experiments._branches import changed_in_steps, follow_second
+from kneejax.experiments.activity import _instants
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
 from kneejax.parameters import cut
@@ -93,6 +94,26 @@ def test_a_ligament_is_cut_in_steps_and_what_was_cut_pulls_nothing(two_wells, kn
     # A knee with other parts is none that was changed.
     other = kj.load_knee("ten_bundle")
     assert changed_in_steps(knee, other, load_cases([0.2, 0.2]), begin) is None
+
+
+def test_the_balance_on_the_path_from_the_unloaded_knee_is_reported(two_wells, knee, monkeypatch):
+    """A record stays in the well of its neighbours in time; the path of each instant, from no load
+    on, leads to the one to which its load points."""
+    load = np.full(17, 0.4)
+    load[5:8] = -0.4
+    near = second.balance_near
+
+    def one(knee, at):
+        force = np.asarray(at.loads[0].force)[:, 0]
+        begin = guessed(np.sign(force))
+        return near(knee, None, None, at, begin["q"][None], begin["contact_points"][None])
+
+    monkeypatch.setattr(_instants, "balance_near", near)
+    monkeypatch.setattr(_instants, "balance_one", one)
+    found = _instants.Instants.of(knee, load_cases(load))
+    x, other = found.nodes["q"][:, ANTERIOR], found.other[:, ANTERIOR]
+    assert np.sign(x).tolist() == np.sign(load).tolist()
+    assert np.sign(other).tolist() == (-np.sign(load)).tolist()
 
 
 def drawer_record(force, compression):

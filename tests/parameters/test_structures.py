@@ -40,17 +40,17 @@ def strong(knee, times):
 
 
 def test_usual_limits_are_a_structures_and_hold_its_stiffness(drawn):
-    """Paper 1's, of thick single lines; wider for a structure that is stiffer than any of those,
+    """Paper 1's, of thick single lines; of a structure of fibres a quarter to four times its own,
     and its fibres' in proportion."""
     usual = (300.0, 10000.0)
     assert structure_range(drawn, ("LCL",), usual) == usual
-    assert structure_range(drawn, ("ACL", "PCL"), usual) == (300.0, 16000.0)
-    assert structure_range(drawn, ("ACL",), usual) == (75.0, 4000.0)
+    assert structure_range(drawn, ("ACL", "PCL"), usual) == (1000.0, 16000.0)
+    assert structure_range(drawn, ("ACL",), usual) == (250.0, 4000.0)
     stiff = strong(drawn, 4.0)
-    assert structure_range(stiff, ("ACL", "PCL"), usual) == (300.0, 64000.0)
+    assert structure_range(stiff, ("ACL", "PCL"), usual) == (4000.0, 64000.0)
     soft = strong(drawn, 0.1)
-    assert structure_range(soft, ("ACL", "PCL"), usual) == (100.0, 10000.0)
-    assert structure_range(soft, ("PCL",), usual) == (75.0, 7500.0)
+    assert structure_range(soft, ("ACL", "PCL"), usual) == (100.0, 1600.0)
+    assert structure_range(soft, ("PCL",), usual) == (75.0, 1200.0)
     cut = strong(drawn, 0.0)
     assert structure_range(cut, ("ACL", "PCL"), usual) == usual
     for knee in (drawn, stiff, soft):
@@ -61,6 +61,20 @@ def test_usual_limits_are_a_structures_and_hold_its_stiffness(drawn):
         _, lines = sweep_values(knee, ["cruciates.stiffness", "LCL.stiffness"])
         assert lines[0][0] < selection.read(knee)[0] < lines[0][-1]
         assert lines[1][[0, -1]].tolist() == [300.0, 9300.0]
+
+
+@pytest.mark.parametrize(("times", "limits"), [(1.0, (1000.0, 16000.0)), (0.1, (100.0, 9840.0)),
+                                               (10.0, (3100.0, 160000.0))])  # fmt: skip
+def test_limits_of_a_known_ligament_hold_what_is_published_of_it(drawn, times, limits):
+    named = dataclasses.replace(strong(drawn, times), groups=(("ACL", ("ACL", "PCL")),))
+    assert structure_range(named, ("ACL", "PCL"), (300.0, 10000.0)) == pytest.approx(limits)
+
+
+@pytest.mark.parametrize(("value", "limits"), [(100.0, (25.0, 10000.0)), (300.0, (300.0, 10000.0)),
+                                               (20000.0, (300.0, 80000.0))])  # fmt: skip
+def test_a_single_line_beyond_the_usual_limits_is_within_its_own(drawn, value, limits):
+    knee = with_values(drawn, {"LCL.stiffness": value})
+    assert structure_range(knee, ("LCL",), (300.0, 10000.0)) == limits
 
 
 def test_widths_in_proportion_are_of_the_sum(drawn):

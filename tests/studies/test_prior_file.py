@@ -1,11 +1,13 @@
 """What a study takes from the prior of a cohort, and what stiffness means in either."""
 
+import shutil
+
 import numpy as np
 import pytest
 import yaml
 
-from kneejax.files import InputProblem, write_poses
-from kneejax.parameters import MEANING, DoubtfulValue, UnsuitableData
+from kneejax.files import InputProblem, bundled_path, write_poses
+from kneejax.parameters import MEANING, Assumption, DoubtfulValue, UnsuitableData
 from kneejax.studies import Map, Study, fingerprint, read_study
 
 #: ACL and MCL of this knee are two and three lines: 9840 and 8000 N.
@@ -25,6 +27,7 @@ def study(tmp_path):
         if kept is not None:
             (tmp_path / "prior.yaml").write_text(yaml.safe_dump(kept))
             document["prior"] = "prior.yaml"
+        document = {name: value for name, value in document.items() if value is not None}
         path = tmp_path / "study.yaml"
         path.write_text(yaml.safe_dump(document))
         return read_study(path)
@@ -76,3 +79,26 @@ def test_kept_parts_of_maps_are_of_one_meaning(study, monkeypatch):
     now = fingerprint(read, question)
     monkeypatch.setattr("kneejax.studies._maps.MEANING", {})
     assert now != fingerprint(read, question)
+
+
+END = "LCL.femoral_attachment"
+
+
+def test_attachments_of_a_knee_file_are_as_exact_as_they_are_digitised(study, tmp_path):
+    """Freed without a prior they get one, which a study states otherwise or turns off."""
+    own = shutil.copy(bundled_path("knees", KNEE), tmp_path / "mine.yaml")
+    freed = {"knee": own.name, "parameters": ["LCL.stiffness", END]}
+    axes = [f"{END}.{axis}" for axis in ("anterior", "superior", "lateral")]
+    found = study(**freed)
+    with pytest.warns(Assumption, match=f"{END}: free without a prior; a standard deviation of 2"):
+        believed = found.believed
+    assert believed == dict.fromkeys(axes, 2.0) and found.prior == {}
+    with pytest.warns(Assumption, match="prior"):
+        again = found.replace(attachment_sd_mm=1.0).believed
+    assert again == dict.fromkeys(axes, 1.0)
+    assert study(**freed, prior={END: 3.0}).believed == {END: 3.0}
+    assert study(**freed, attachment_sd_mm=0).believed == {}
+    # A bundled knee is not one's own.
+    assert study(**freed | {"knee": KNEE}).believed == {}
+    with pytest.warns(DoubtfulValue, match="none counts unless noise_mm and noise_deg"):
+        assert study(**freed, noise_mm=0.5, noise_deg=None).believed == {}

@@ -45,7 +45,7 @@ def test_a_column_of_the_other_sense_is_named_before_the_fit(columns, said, tmp_
     ("rows", "counted_from", "said"),
     [
         # Each reading is the only one at its flexion.
-        ([(29.8, -90.0, -4.0), (30.4, 90.0, 5.8)], "offset_each_flexion",
+        ([(29.8, -90.0, -4.0), (31.4, 90.0, 5.8)], "offset_each_flexion",
          r"anterior under one load at 29.8 degrees: expected readings under two loads or more"),
         # Two readings of the same state differ by noise alone.
         ([(30.0, 90.0, 4.0), (30.0, 90.0, 4.4), (60.0, 90.0, 3.0), (60.0, 0.0, 0.0)],
@@ -62,3 +62,33 @@ def test_constants_that_absorb_all_that_was_read_are_refused(tmp_path, rows, cou
     item = {"name": "drawer", "file": file, "counted_from": counted_from}
     with pytest.raises(InputProblem, match=rf"tests\[0\].counted_from: {said}"):
         study(tmp_path, [item])
+
+
+def test_trials_whose_flexions_differ_by_degrees_share_a_constant_as_stated(tmp_path):
+    """A robot's anterior and posterior trials are seldom at quite the same flexion."""
+    rows = [(28.1, -90.0, -4.0), (31.9, 90.0, 5.8), (58.0, -90.0, -2.0), (61.5, 90.0, 3.0)]
+    table(tmp_path, rows=rows)
+    item = {"name": "drawer", "file": "drawer.csv", "counted_from": "offset_each_flexion"}
+    with pytest.raises(InputProblem, match=r"within 1 degrees \(within_deg\) share one"):
+        study(tmp_path, [item])
+    (test,) = study(tmp_path, [item | {"within_deg": 4}]).tests
+    assert test.groups.tolist() == [0, 0, 1, 1]
+    # Each row is computed at the flexion that it has.
+    assert test.bent_deg.tolist() == [28.1, 31.9, 58.0, 61.5]
+    assert test.curve_deg.tolist() == [30.0, 30.0, 59.8, 59.8]
+    with pytest.raises(InputProblem, match=r"within_deg: 40.*between 0 and 15 degrees"):
+        study(tmp_path, [item | {"within_deg": 40}])
+
+
+def test_opposite_trials_are_paired_within_the_stated_flexion(tmp_path):
+    table(tmp_path, rows=[(28.1, -90.0, -4.0), (31.9, 90.0, 5.8)])
+    item = {"name": "drawer", "file": "drawer.csv", "counted_from": "opposite"}
+    with pytest.raises(InputProblem, match=r"1 degree of its flexion \(within_deg\)"):
+        study(tmp_path, [item])
+    assert study(tmp_path, [item | {"within_deg": 4}]).tests[0].partner.tolist() == [0, 0]
+
+
+def test_the_least_load_of_a_curve_may_be_at_another_flexion(tmp_path):
+    table(tmp_path, rows=[(29.6, -90.0, -4.0), (30.0, 0.0, 0.5), (30.5, 90.0, 5.8)])
+    item = {"name": "drawer", "file": "drawer.csv", "counted_from": "least_load"}
+    assert study(tmp_path, [item]).tests[0].partner.tolist() == [1, 1, 1]

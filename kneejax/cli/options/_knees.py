@@ -26,6 +26,7 @@ COMPUTED = Only(
     lambda asked: asked.motion is not None,
     "--motion with it: coordinates that OpenSim computes forces for",
 )
+RECORDED = Only(lambda asked: asked.motion is None, "FILES with it; OpenSim reads --motion itself")
 PLANNED = Only(
     lambda asked: asked.plan is None,
     "no --plan with it: a plan states its knee, and which ligament is torn",
@@ -268,6 +269,9 @@ class Activity(Drawn):
         "body of the model; found from its joints if not given", None
     )
     tibia: Annotated[str | None, Form("BODY")] = meaning("likewise; both or none", None)
+    called: Annotated[dict[str, str], RECORDED, Form("NAME=OTHER")] = meaning(
+        "what the files call a coordinate, a muscle or a body of the model; may be repeated", {}
+    )
     knee: Annotated[Knee | None, PLANNED, Group("Knee")] = meaning(
         f"{KNEE} (default: lenhart2015_reduced)", None
     )

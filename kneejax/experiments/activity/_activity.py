@@ -138,7 +138,8 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
         near: of a like knee under the same record, as the intact one of a knee that was cut. A
             loose knee may have two stable balances: that is reported to which the intact knee comes
             when it is cut while the loads act, and the other one named. Where the search for an
-            instant finds nothing, it begins at that knee's balance too.
+            instant finds nothing, it begins at that knee's balance too. Without it that is reported
+            to which the knee comes from its unloaded balance when the loads grow.
 
     Returns:
         The balances. Its motion is differentiable by every number of the knee; the record holds.

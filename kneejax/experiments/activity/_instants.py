@@ -17,6 +17,7 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator
 
 from kneejax.experiments._branches import (
+    APART_MM,
     GUESSED,
     changed_in_steps,
     follow_second,
@@ -95,6 +96,8 @@ class Instants:
         found.other = np.full_like(found.nodes["q"], np.nan)
         if near is not None and before is not None:
             found._from_before(before)
+        elif near is None:
+            found._from_unloaded(anchors)
         return found
 
     def motion(self, knee: Knee, load_cases: LoadCases) -> Motion:
@@ -136,27 +139,69 @@ class Instants:
         found = changed_in_steps(before, self.knee, at, begin) if len(rows) else None
         if found is None:
             return
-        own = {name: values[rows] for name, values in self.nodes.items()}
-        apart = second_of(at, own, found)
-        taken = apart & self._known(rows)
+        apart = second_of(at, {name: values[rows] for name, values in self.nodes.items()}, found)
         second = {x: np.full_like(self.nodes[x], np.nan) for x in GUESSED}
         for name, values in second.items():
             values[rows[apart]] = found[name][apart]
-            values[rows[taken]] = own[name][taken]
+        taken = apart & self._known(rows)
+        self._exchange(rows[taken], {x: values[taken] for x, values in found.items()}, second)
+        self._follow(second)
+
+    def _from_unloaded(self, anchors: np.ndarray) -> None:
+        """Report the balances to which the path from the unloaded knee leads where two are known.
+
+        A second one is looked for where that path leads elsewhere than the neighbours in time,
+        half-way between anchors, and on both sides of each jump in time.
+        """
+        second = {x: np.full_like(self.nodes[x], np.nan) for x in GUESSED}
+        own = np.setdiff1d((anchors[:-1] + anchors[1:]) // 2, anchors)
+        path = self._by_unloaded_path(own)
+        apart = second_of(self._at(own), {x: self.nodes[x][own] for x in ("q", "status")}, path)
+        for name, values in second.items():
+            values[own[apart]] = path[name][apart]
+        self._follow(second)
+        rows = np.flatnonzero(~np.isnan(second["q"]).any(axis=1))
+        units = np.array(scales(self.load_cases.free))
+        path = self._by_unloaded_path(rows)
+        to_main, to_second = (
+            np.abs((path["q"] - x["q"][rows]) / units).max(axis=1)
+            for x in (self.nodes, second)
+        )
+        ends = converged(path["status"]) & (to_second < np.minimum(to_main, APART_MM))
+        self._exchange(rows[ends], {x: values[ends] for x, values in path.items()}, second)
+
+    def _by_unloaded_path(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Balances to which paths of their own lead, and `reached`."""
+        if not len(rows):
+            return {name: values[:0] for name, values in self.nodes.items()} | {"reached": rows}
+        path = balance_one(self.knee, self._at(rows))
+        return path.in_nodes() | {"reached": np.asarray(path.reached[0])}
+
+    def _exchange(
+        self, rows: np.ndarray, found: dict[str, np.ndarray], second: dict[str, np.ndarray]
+    ) -> None:
+        """Report what was found at some instants; what was reported there is second if stable."""
+        stable = np.asarray(sound(self.nodes["status"][rows]))
+        for name, values in second.items():
+            values[rows] = np.nan
+            values[rows[stable]] = self.nodes[name][rows[stable]]
         for name, values in self.nodes.items():
-            values[rows[taken]] = found[name][taken]
-        self.reached[rows[taken]] = found["reached"][taken]
-        unsound = taken & ~np.asarray(sound(own["status"]))
-        second["q"][rows[unsound]] = np.nan
+            values[rows] = found[name]
+        self.reached[rows] = found["reached"]
+
+    def _follow(self, second: dict[str, np.ndarray]) -> None:
+        """Follow second balances in time, from both sides of each jump too, and keep them."""
         in_time = np.arange(len(self.reached))[None]
         follow_second(self.knee, self.load_cases, self.nodes, second, in_time)
         self.other = second["q"]
 
     def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
         """Find some near where they are expected."""
+        self._take(rows, self._searched(rows, begin))
+
+    def _searched(self, rows: np.ndarray, begin: list[np.ndarray]) -> Equilibria:
         q, contact_points = (np.asarray(x)[None] for x in begin)
-        found = balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, contact_points)
-        self._take(rows, found)
+        return balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, contact_points)
 
     def _take(self, rows: np.ndarray, found: Equilibria) -> None:
         """Write down what was found."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -22,7 +23,7 @@ COUNTED_FROM = {
     "intact": "changes from the unloaded pose of the same flexion before anything was cut",
     "least_load": "poses; the one under the least load of the same flexion counts as zero",
     "opposite": "poses; each under a positive load less the one under the opposite load, within "
-    "5 % of the load and 1 degree of flexion",
+    "5 % of it",
     "offset": "poses; each coordinate is off by an unknown constant, the same in all of the test",
     "offset_each_flexion": "the same, with constants of its own at each flexion",
     "absolute": "poses in the model's own frame",
@@ -41,8 +42,8 @@ READINGS = {
 WITHOUT_LOADS = ("offset", "absolute", "extension")
 #: Part of the largest load of a curve under which its neutral pose may have been measured.
 _NEARLY_ZERO = 0.1
-#: Part of a load by which its opposite may differ, and degrees by which their flexion may.
-_PAIRED, _PAIRED_DEG = 0.05, 1.0
+#: Part of a load by which its opposite may differ.
+_PAIRED = 0.05
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -75,6 +76,8 @@ class MeasuredTest:
             default (`weights_by_load`).
         frames: when rows were seen and what moved, of a knee in motion; None where the knee was in
             balance in each row.
+        within_deg: by which flexions of what counts as one flexion may differ, of a curve or of
+            trials in opposite senses. Each row is computed at the flexion that it has.
 
     Raises:
         ValueError: what is missing or does not fit, with its row.
@@ -104,19 +107,18 @@ class MeasuredTest:
     sd_strain: float | None = None
     weight: np.ndarray | None = None
     frames: Frames | None = None
+    within_deg: float = 1.0
 
     def __post_init__(self) -> None:
         flexion = np.atleast_1d(np.asarray(self.flexion_deg, float))
-        loads = {name: np.asarray(sizes, float) for name, sizes in self.loads.items()}
         observed = np.asarray(self.observed, float)
-        readings = {name: np.asarray(sizes, float) for name, sizes in self.readings.items()}
-        tensions = {name: np.asarray(sizes, float) for name, sizes in self.tensions.items()}
-        given = {
-            "flexion_deg": flexion, "loads": loads, "observed": observed, "readings": readings,
-            "tensions": tensions, "cut": tuple(self.cut),
-        }  # fmt: skip
-        for name, value in given.items():
-            object.__setattr__(self, name, value)
+        loads, readings, tensions = (
+            {name: np.asarray(sizes, float) for name, sizes in every.items()}
+            for every in (self.loads, self.readings, self.tensions)
+        )
+        given = {"flexion_deg": flexion, "loads": loads, "observed": observed,
+                 "readings": readings, "tensions": tensions, "cut": tuple(self.cut)}  # fmt: skip
+        self.__dict__.update(given)
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise WrongValue("loads", repr(unknown[0]), f"of {', '.join(NAMED_LOADS)}")
@@ -124,10 +126,11 @@ class MeasuredTest:
         shape = len(flexion), 5
         if observed.shape != shape:
             raise WrongValue("observed", str(observed.shape), str(shape))
-        for field, every in (("loads", loads), ("tensions", tensions)):
-            for name, sizes in every.items():
-                if sizes.shape != shape[:1]:
-                    raise WrongValue(f"{field}.{name}", str(sizes.shape), str(shape[:1]))
+        acting = {f"{field}.{name}": sizes for field in ("loads", "tensions")
+                  for name, sizes in given[field].items()}  # fmt: skip
+        for name, sizes in acting.items():
+            if sizes.shape != shape[:1]:
+                raise WrongValue(name, str(sizes.shape), str(shape[:1]))
         if self.axes not in AXES:
             raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
@@ -164,8 +167,7 @@ class MeasuredTest:
     def _check_weight(self, shape: tuple[int]) -> None:
         if self.weight is None:
             return
-        weight = np.asarray(self.weight, float)
-        object.__setattr__(self, "weight", weight)
+        self.__dict__["weight"] = weight = np.asarray(self.weight, float)
         if weight.shape != shape:
             raise WrongValue("weight", str(weight.shape), str(shape))
         if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
@@ -213,15 +215,14 @@ class MeasuredTest:
                         "counted_from",
                         f"{name} under one load{where}",
                         f"readings under two loads or more for each constant of "
-                        f"{self.counted_from}, which otherwise absorbs them",
+                        f"{self.counted_from}, which otherwise absorbs them; flexions within "
+                        f"{self.within_deg:g} degrees (within_deg) share one",
                     )
         left = partner != np.arange(len(partner))
         beside = any(name not in seen for name in self.readings)
         if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
-            found = f"{self.counted_from} and no other row"
-            raise WrongValue(
-                "counted_from", found, "rows beside those that others are counted from"
-            )
+            found, expected = f"{self.counted_from} and no other row", "rows beside those"
+            raise WrongValue("counted_from", found, f"{expected} that others are counted from")
 
     @property
     def bent_deg(self) -> np.ndarray:
@@ -262,10 +263,27 @@ class MeasuredTest:
             under = np.flatnonzero(driving > 0)
             partner[under] = [self._opposite(row, driving) for row in under]
             return partner
-        for flexion in np.unique(self.flexion_deg):
-            own = np.flatnonzero(self.flexion_deg == flexion)
+        for own in (np.flatnonzero(self.curve == k) for k in np.unique(self.curve)):
             partner[own] = self._least(own, driving)
         return partner
+
+    @functools.cached_property
+    def curve(self) -> np.ndarray:
+        """Number of the curve that each row is of, from the least flexion, `(n,)`: of one are rows
+        within `within_deg` of the least flexion among them."""
+        angles, at = np.unique(self.flexion_deg, return_inverse=True)
+        begins = [angles[0]]
+        for angle in angles[1:]:
+            begins.append(angle if angle - begins[-1] > self.within_deg + 1e-9 else begins[-1])
+        return np.unique(begins, return_inverse=True)[1][at]
+
+    @property
+    def curve_deg(self) -> np.ndarray:
+        """Flexion of the curve that each row is of, `(n,)`: what its rows have, or their mean to a
+        tenth of a degree where they differ."""
+        curves = [self.flexion_deg[self.curve == k] for k in range(self.curve.max() + 1)]
+        at = [own[0] if not np.ptp(own) else np.round(own.mean(), 1) for own in curves]
+        return np.array(at)[self.curve]
 
     @property
     def counts_from_rest(self) -> bool:
@@ -276,27 +294,27 @@ class MeasuredTest:
     def groups(self) -> np.ndarray:
         """Rows that share unknown constants: a number each, `(n,)`, -1 where there are none."""
         if self.counted_from == "offset_each_flexion":
-            return np.unique(self.flexion_deg, return_inverse=True)[1]
+            return self.curve
         return np.full(len(self.flexion_deg), 0 if self.counted_from == "offset" else -1)
 
     def _opposite(self, row: int, driving: np.ndarray) -> int:
         """Row under the opposite load, at nearly the same flexion."""
         # Of both tolerances the part that each row takes up; robots repeat neither exactly.
         off = np.abs(driving + driving[row]) / (_PAIRED * driving[row])
-        apart = np.abs(self.flexion_deg - self.flexion_deg[row]) / _PAIRED_DEG
+        apart = np.abs(self.flexion_deg - self.flexion_deg[row]) / max(self.within_deg, 1e-9)
         fits = (off <= 1.0) & (apart <= 1.0)
         if fits.any():
             return int(np.argmin(np.where(fits, off + apart, np.inf)))
         near = int(np.argmin(np.where(driving < 0, np.maximum(off, apart), np.inf)))
-        other = "no row has a load of the opposite sense"
-        if driving[near] < 0:
-            at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
-            other = f"the nearest is row {near + 1}, {at}"
+        at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
+        other = f"the nearest is row {near + 1}, {at}"
+        other = other if driving[near] < 0 else "no row has a load of the opposite sense"
         raise WrongValue(
             f"row {row + 1}",
             f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees",
-            f"a row under the opposite load, within {100 * _PAIRED:g} % of it and {_PAIRED_DEG:g} "
-            f"degree of its flexion, since it is counted from opposite; {other}",
+            f"a row under the opposite load, within {100 * _PAIRED:g} % of it and "
+            f"{self.within_deg:g} degree{'s' * (self.within_deg != 1.0)} of its flexion "
+            f"(within_deg), since it is counted from opposite; {other}",
         )
 
     def _least(self, own: np.ndarray, driving: np.ndarray) -> int:

@@ -155,8 +155,6 @@ def _displacement(name: str, kind: Ready, load: float | None, moved: Mapping[str
     return moved[wanted]
 
 
-#: Rows whose flexion differs by less are of one curve, degrees.
-_SAME_DEG = 1.0
 #: Of the work over that of a curve in which load and displacement are in proportion; below minus
 #: this a curve falls, whatever its noise.
 _FALLS = 0.7
@@ -200,14 +198,10 @@ def against_load(test: MeasuredTest) -> AgainstLoad | None:
     changing = any(np.ptp(pull) > 0 for pull in test.tensions.values())
     if test.frames is not None or changing or not test.loads:
         return None
-    left = np.argsort(test.flexion_deg, kind="stable")
-    while len(left):
-        near = test.flexion_deg[left] - test.flexion_deg[left[0]] <= _SAME_DEG
-        found = _falls(test, left[near])
-        if found is not None:
-            return found
-        left = left[~near]
-    return None
+    curve = test.curve
+    order = np.argsort(test.flexion_deg, kind="stable")
+    every = (_falls(test, order[curve[order] == number]) for number in np.unique(curve))
+    return next((found for found in every if found is not None), None)
 
 
 def _falls(test: MeasuredTest, rows: np.ndarray) -> AgainstLoad | None:

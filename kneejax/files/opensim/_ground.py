@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -57,10 +57,12 @@ class ExternalLoads:
     doubts: tuple[str, ...]  # what looks wrong in the file, a sentence each
 
 
-def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalLoads:
+def read_external_loads(
+    path: str | os.PathLike[str], model: Model, called: Mapping[str, str] | None = None
+) -> ExternalLoads:
     """Read which force acts on which body of a model, and the table that it names.
 
-    The table is sought beside the file.
+    The table is sought beside the file; `called` says by which names the file has bodies.
 
     Raises:
         InputProblem: the file or its table cannot be read, or a body or column does not exist.
@@ -74,7 +76,7 @@ def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalL
         raise file.problem(top, "datafile", "missing", "the table of forces")
     table = read_storage(Path(path).parent / word)
     found = [
-        _force(file, e, model, table) for e in top.inside("objects")
+        _force(file, e, model, table, called or {}) for e in top.inside("objects")
         if e.tag == "ExternalForce" and e.word("isDisabled").lower() != "true"
         and e.word("appliesForce").lower() != "false"
     ]
@@ -83,10 +85,15 @@ def read_external_loads(path: str | os.PathLike[str], model: Model) -> ExternalL
     return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
 
 
-def _force(file: XmlFile, element: Element, model: Model, table: Storage) -> ExternalForce:
+def _force(
+    file: XmlFile, element: Element, model: Model, table: Storage, called: Mapping[str, str]
+) -> ExternalForce:
+    back = {own: name for name, own in called.items()}
+
     def body(tag: str, usual: str = "") -> str:
         word = element.word(tag, default=usual)
-        name = model.named(word.rsplit("/", 1)[-1])
+        last = word.rsplit("/", 1)[-1]
+        name = model.named(back.get(last, last))
         if not name:
             expected = "a body of the model"
             raise file.problem(element, tag, word or "missing", expected, model.bodies)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,13 +31,15 @@ from kneejax.files.opensim._joints import (
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._muscles import Crossing, crossing, muscles_of, tension_of_ligament
-from kneejax.files.reading import InputProblem, counted
+from kneejax.files.reading import InputProblem, counted, nearest_name
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord, MovingMass, Muscles, wrench_in_frame
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4
+#: Columns of a table of no known kind that are named.
+_SHOWN = 4
 _AXES = tuple(f"{kind}{axis}" for kind in "fmp" for axis in "xyz")
 
 
@@ -69,6 +71,7 @@ def read_activity(
     instants: int | None = None,
     femur: str | None = None,
     tibia: str | None = None,
+    called: Mapping[str, str] | None = None,
 ) -> LegRecord:
     """Read a recorded movement, without OpenSim.
 
@@ -86,6 +89,7 @@ def read_activity(
         instants: how many, evenly spaced; by default the rows of the coarsest table.
         femur: body of the model that is the femur, with `tibia`; by default found by names.
         tibia: likewise.
+        called: coordinate, muscle or body of the model -> what the files call it.
 
     Returns:
         What acted on the leg below the knee: its weight and inertia, the ground, muscles.
@@ -98,7 +102,7 @@ def read_activity(
         raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
-    given = sorted_files(model, bones, files)
+    given = sorted_files(model, bones, files, called)
     time = common_times(given.tables, instants)
     shifts = frames
     if not isinstance(shifts, Registration):
@@ -137,18 +141,21 @@ def read_activity(
 
 
 def sorted_files(
-    model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]]
-) -> RecordedFiles:
+    model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]],
+    called: Mapping[str, str] | None = None,
+) -> RecordedFiles:  # fmt: skip
     """Each file by what it has."""
     kinds: dict[str, Any] = {}
+    called = called or {}
+    _check_called(model, called)
     flexion = flexion_coordinate(model, bones)
     muscles = {e.name for e in model.muscles()}
     for path in files:
         file = os.fspath(path)
         if Path(path).suffix.lower() == ".xml":
-            kind, value = "external loads", read_external_loads(path, model)
+            kind, value = "external loads", read_external_loads(path, model, called)
         else:
-            value = read_storage(path)
+            value = read_storage(path).renamed(called)
             words = {last_word(name) for name in value.columns}
             on_tibia = f"_on_{bones.tibia}_in_".lower()
             if flexion in words:
@@ -158,11 +165,15 @@ def sorted_files(
             elif any(on_tibia in name.lower() for name in value.columns):
                 kind = "joint reactions"
             else:
+                near = nearest_name(flexion, words)
+                so = f" (--called {flexion}={near})" if near else ""
                 expected = (
-                    f"a table with the coordinate {flexion}, with forces of the model's muscles, "
-                    f"or with reactions on {bones.tibia}; forces of the ground come with their .xml"
+                    f"a table with the coordinate {flexion}{so}, with forces of the model's "
+                    f"muscles, or with reactions on {bones.tibia}; forces of the ground come with "
+                    "their .xml"
                 )
-                raise InputProblem(file, "columns", next(iter(value.columns)), expected, [flexion])
+                found = ", ".join([*words][:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
+                raise InputProblem(file, "columns", found, expected, flexion if near else None)
         if kind in kinds:
             raise InputProblem(file, "file", f"a second table of {kind}", "one of each kind")
         kinds[kind] = value
@@ -174,6 +185,16 @@ def sorted_files(
         raise InputProblem("FILES", "muscle forces", "missing", expected)
     order = ("coordinates", "muscle forces", "external loads", "joint reactions")
     return RecordedFiles(*(kinds.get(kind) for kind in order))
+
+
+def _check_called(model: Model, called: Mapping[str, str]) -> None:
+    """What files have by other names is there in the model."""
+    known = {*(c.name for c in coordinates_of(read_joints(model))), *model.bodies,
+             *(e.name for e in model.muscles())}  # fmt: skip
+    for name in called:
+        if name not in known:
+            expected = f"a coordinate, a muscle or a body of {model.name}"
+            raise InputProblem("--called", "name", name, expected, known)
 
 
 def moved_around(

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from kneejax.files.reading import InputProblem, plain_number
-from kneejax.files.tables._tables import Table, pose_range
+from kneejax.files.tables._headers import MOST_MOMENT_NM, by_headers, header_meaning
+from kneejax.files.tables._tables import Table, assumed, columns_missing, pose_range
 from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, OTHER_COLUMNS, convert_table
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 
 #: What sounds like a load, so that leaving it out must be said.
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
-#: Moments of which no knee has had more, N m; N mm are a thousand times as large.
-_MOST_MOMENT_NM = 100.0
 #: Names of columns that a table may have, beside those of parts.
 _KNOWN = (*NAMED_LOADS, *COLUMNS, *OTHER_COLUMNS, "weight", "time_s")
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
@@ -213,6 +212,7 @@ def read_lab_table(
     ignore: tuple[str, ...] = (),
     *,
     unloaded: bool = False,
+    about: str = "",
 ) -> LabTable:
     """Read a test under load from a CSV table.
 
@@ -228,10 +228,17 @@ def read_lab_table(
         convention: of the translations. Any but `grood-suntay` needs all six columns of a pose.
         ignore: columns that sound like loads and shall not count.
         unloaded: whether the table may be of a motion without loads.
+        about: what is tested, in words: a load without a direction, as `Applied Load (N)`, is that
+            of a drawer, AP, torsion, IE, varus, VV or axial test, here or in the file's name.
 
     Raises:
         InputProblem: the file cannot be read; a column is missing, or sounds like a load and is
-            not used; a cell is not a number or out of range; moments look like N mm.
+            not used; a cell is not a number or out of range; moments look like N mm, lengths like
+            metres, angles like radians; `InputProblems` where several are.
+
+    Warns:
+        Assumption: columns that are recognised by their headers, `JCS Valgus [deg]`, and units
+            that are judged by the size of numbers.
 
     Example:
         >>> import tempfile
@@ -243,14 +250,17 @@ def read_lab_table(
         >>> read.loads["anterior_N"].tolist(), read.observed[0, 2].item()
         ([90.0], 4.5)
     """
-    file = os.fspath(path)
-    named = _named(file, dict(columns or {}))
-    table = Table.read(file, [column for column, _ in named.values()])
+    table = Table.read(path)
+    named, sure = _named(table, dict(columns or {}))
     for own in table.header:
         name = _ALSO.get(own, own)
         if own not in ignore and (name in _KNOWN or _is_reading(name)):
             named.setdefault(name, (own, 1.0))
-    _check_header(table, named, flexion_deg, ignore, unloaded)
+    known = COLUMNS if flexion_deg is None else COLUMNS[1:]
+    about = f"{os.path.basename(table.file)} {about}"
+    found, phrases, unused = by_headers(table, named, ignore, about, (*known, *NAMED_LOADS))
+    named |= found
+    _check_header(table, named, {*(columns or ())}, flexion_deg, {*ignore, *unused}, unloaded)
 
     def column(name: str, allowed: Range, empty: bool = False) -> np.ndarray:
         own, factor = named[name]
@@ -262,15 +272,21 @@ def read_lab_table(
     weight, time_s = (
         column(name, RANGES[name]) if name in named else None for name in ("weight", TIME)
     )
-    table.mistakes.check()
     for name, size in loads.items():
-        if name.endswith("_Nm") and np.abs(size).max() > _MOST_MOMENT_NM:
+        if name.endswith("_Nm") and np.abs(size).max(initial=0.0) > MOST_MOMENT_NM:
             own, _ = named[name]
-            expected = f"N m, at most {_MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
-            raise InputProblem(file, own, f"up to {np.abs(size).max():g}", expected)
+            expected = f"N m, at most {MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
+            most = f"up to {np.abs(size).max():g}"
+            table.mistakes.append(InputProblem(table.file, own, most, expected))
+    table.mistakes.check()
     observed = np.full((len(table.rows), len(COLUMNS)), np.nan)
     for place, name in enumerate(COLUMNS):
         observed[:, place] = poses.get(name, np.nan)
+    doubted = observed.copy()
+    doubted[:, [name in sure or name in found for name in COLUMNS]] = np.nan
+    table.check_units(doubted, [named.get(name, (name,))[0] for name in COLUMNS], least_deg=1.0)
+    table.mistakes.check()
+    assumed(table.file, phrases)
     if flexion_deg is not None:
         observed[:, 0] = flexion_deg
     observed = _clinical(table, observed, convention)
@@ -290,47 +306,67 @@ def _range(name: str) -> Range:
 
 
 def _check_header(
-    table: Table, named, flexion_deg: float | None, ignore, unloaded: bool
+    table: Table, named, mapped: set[str], flexion_deg: float | None, ignore, unloaded: bool
 ) -> None:
-    """A load, a coordinate and a flexion; nothing that sounds like a load is left over."""
+    """A load, a coordinate and a flexion; nothing that sounds like a load is left over. What a
+    study maps counts as there: if it is not, that is a mistake of its own."""
     file, header = table.file, table.header
     used = {column for column, _ in named.values()}
+    there, loads_left = {*named, *mapped}, False
     for own in header:
         if own not in used and own not in ignore and _LOAD.search(own):
             expected = "a column that is used (columns:) or left out on purpose (ignore:)"
             meant = load_opposite_to(own)
             near = f"columns: {{{meant}: -{own}}}" if meant else None
-            raise InputProblem(file, "header", own, expected, near)
-    read = any(_is_reading(name) for name in named)
+            said = header_meaning(own)
+            if said is not None and said.nameless:
+                loads_left = True
+                known = ", ".join(x for x in NAMED_LOADS if x.endswith(f"_{said.unit}"))
+                expected = (
+                    "its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, or "
+                    f'"{own}" under columns, for one of {known}'
+                )
+            table.mistakes.append(InputProblem(file, "header", own, expected, near))
+    read = any(_is_reading(name) for name in there)
     for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
-        spared = unloaded if what == "load" else read
-        if not spared and not any(name in named for name in known):
-            raise InputProblem(file, "header", f"no {what}", f"one of {', '.join(known)}")
-    if flexion_deg is None and COLUMNS[0] not in named:
+        spared = (unloaded or loads_left) if what == "load" else read
+        if not spared and not any(name in there for name in known):
+            expected = f"one of {', '.join(known)}"
+            table.mistakes.append(InputProblem(file, "header", f"no {what}", expected))
+    if flexion_deg is None and COLUMNS[0] not in there:
         expected = f"this column among {', '.join(header)}, or at_deg of the test"
-        raise InputProblem(file, COLUMNS[0], "missing", expected)
+        table.mistakes.append(InputProblem(file, COLUMNS[0], "missing", expected))
 
 
-def _named(file: str, columns: dict[str, str]) -> dict[str, tuple[str, float]]:
-    """Name -> column of the file and the factor that it is multiplied with."""
-    found = {}
+def _named(
+    table: Table, columns: dict[str, str]
+) -> tuple[dict[str, tuple[str, float]], set[str]]:
+    """Name -> column of the file and the factor that it is multiplied with, and names whose factor
+    is stated; mistakes are added to the table's."""
+    found, sure = {}, set()
     for name, said in columns.items():
         if name not in _KNOWN and not _is_reading(name):
             expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
             meant = load_opposite_to(name)
             near = f"{meant}: -{said.strip()}" if meant else _KNOWN
-            raise InputProblem(file, "columns", name, expected, near)
+            table.mistakes.append(InputProblem(table.file, "columns", name, expected, near))
+            continue
         factor, own = 1.0, said.strip()
         if match := re.fullmatch(r"([-+.\w]+)\s*\*\s*(.+)", own):
             stated, own = plain_number(match[1]), match[2]
             if stated is None or not math.isfinite(stated) or stated == 0.0:
                 expected = "a factor before the *, as in 0.001 * Torque [Nmm]"
-                raise InputProblem(file, f"columns.{name}", said, expected)
+                wrong = InputProblem(table.file, f"columns.{name}", said, expected)
+                table.mistakes.append(wrong)
+                continue
             factor = stated
+            sure.add(name)
         elif own.startswith("-"):
             factor, own = -1.0, own[1:].strip()
         found[name] = own, factor
-    return found
+    sought = [own for own, _ in found.values()]
+    table.mistakes.extend(columns_missing(table.file, table.header, sought))
+    return {x: own for x, own in found.items() if own[0] in table.header}, sure
 
 
 def _clinical(table: Table, observed: np.ndarray, convention: str) -> np.ndarray:

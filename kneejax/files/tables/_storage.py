@@ -6,7 +6,7 @@ import dataclasses
 import math
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
@@ -56,6 +56,20 @@ class Storage:
             expected = f"{what} of the {counted(len(self.columns), 'column')} of this table"
             raise InputProblem(self.file, "columns", name, expected, self.columns)
         return self.columns[name]
+
+    def renamed(self, called: Mapping[str, str]) -> Storage:
+        """The same with other names of coordinates, muscles, and bodies of joint reactions.
+
+        Args:
+            called: name -> what this table calls it.
+        """
+        back, columns = {own: name for name, own in called.items()}, {}
+        for column, values in self.columns.items():
+            for own, name in back.items():
+                for word in ("on", "in"):
+                    column = column.replace(f"_{word}_{own}_", f"_{word}_{name}_")
+            columns[back.get(last_word(column), column)] = values
+        return dataclasses.replace(self, columns=columns)
 
     def at(self, time: np.ndarray, names: Sequence[str], degree: int = _DEGREE) -> np.ndarray:
         """Columns at other times, by splines through the rows.

@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
@@ -14,14 +15,14 @@ import numpy as np
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, counted, nearest_name, plain_number
+from kneejax.files.tables._headers import METRES_BELOW, by_headers
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
+from kneejax.parameters import Assumption
 
 #: How a text begins that spreadsheets take for a formula (OWASP, CSV injection), with the wide
 #: characters that some of them take for the same.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-# No knee moves less than this in mm; one given in metres does.
-_METRES_BELOW = 0.1
 #: Columns of the patellofemoral joint, as laboratories call them.
 _OF_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
 
@@ -62,8 +63,13 @@ def read_poses(
         if name not in COLUMNS:
             expected = f"the package's columns {', '.join(COLUMNS)}"
             raise InputProblem(file, "columns", name, expected, COLUMNS)
-    sought = [names.get(name, name) for name in COLUMNS]
-    read = Table.read(file, sought)
+    read = Table.read(file)
+    own = {name: names.get(name, name) for name in COLUMNS}
+    named = {name: (x, 1.0) for name, x in own.items() if x in read.header or name in names}
+    found, phrases, _ = by_headers(read, named, known=COLUMNS)
+    named |= found
+    read.check_columns([named.get(name, (name,))[0] for name in COLUMNS])
+    ordered = [(name, named[name]) for name in COLUMNS]
     said_of_rows = read.cells("convention") if "convention" in read.header else []
     for number, (_, said) in enumerate(said_of_rows, 1):
         if said != convention:
@@ -71,8 +77,12 @@ def read_poses(
             if said in CONVENTIONS:
                 expected += f"; give --convention {said}, in a study convention: {said}"
             raise InputProblem(file, f"row {number}, convention", said, expected)
-    table = read.columns(dict(zip(COLUMNS, sought, strict=True)))
-    _check_units(file, table, sought)
+    columns_read = [read.column(x, pose_range(name), factor) for name, (x, factor) in ordered]
+    read.mistakes.check()
+    table = np.stack(columns_read, axis=1)
+    read.check_units(table, [x for _, (x, _) in ordered])
+    read.mistakes.check()
+    assumed(file, phrases)
     return convert_table(table, convention, FEMORAL)
 
 
@@ -118,6 +128,35 @@ class Table(NamedTuple):
         file = os.fspath(path)
         return cls(file, *read_rows(file, sought), Mistakes(file))
 
+    def sizes(self, name: str) -> np.ndarray:
+        """The finite numbers of a column, whatever else stands in it."""
+        numbers = [plain_number(cell) for _, cell in self.cells(name)]
+        return np.array([x for x in numbers if x is not None and math.isfinite(x)] or [0.0])
+
+    def check_columns(self, sought: Sequence[str]) -> None:
+        """Refuse a table that lacks some columns, or has one of them twice, with all mistakes."""
+        self.mistakes.extend(columns_missing(self.file, self.header, sought))
+        self.mistakes.check()
+
+    def check_units(self, poses: np.ndarray, names: Sequence[str], least_deg: float = 0.5) -> None:
+        """Suspect metres and radians among poses `(n, 6)` of columns of these names; NaN where
+        there is nothing to doubt; flexions in radians span some degrees more than `least_deg`."""
+        shifts, turns = (np.abs(poses[:, own]) for own in (slice(3, 6), slice(1, 3)))
+        largest = np.nanmax(shifts, initial=0.0)
+        if 0 < largest < METRES_BELOW:
+            doubted = [x for x, own in zip(names[3:], shifts.T, strict=True) if np.nansum(own)]
+            what = "translations in mm; metres are suspected"
+            self.mistakes.append(
+                InputProblem(self.file, ", ".join(doubted), f"at most {largest:.3g}", what)
+            )
+        flexion = poses[:, 0][np.isfinite(poses[:, 0])]
+        if len(flexion) <= 3 or np.ptp(flexion) < least_deg or flexion.max() > 3.2:
+            return
+        if np.nanmax(turns, initial=0.0) <= 1.6 and np.any(flexion != np.round(flexion)):
+            said = f"{flexion.min():.3g} to {flexion.max():.3g}"
+            what = "angles in degrees; radians are suspected"
+            self.mistakes.append(InputProblem(self.file, names[0], said, what))
+
     def cells(self, name: str) -> list[tuple[str, str]]:
         """Place and text of each cell of a column."""
         k = self.header.index(name)
@@ -154,6 +193,12 @@ class Table(NamedTuple):
         found = [self.column(own, pose_range(name)) for name, own in names.items()]
         self.mistakes.check()
         return np.stack(found, axis=1)
+
+
+def assumed(file: str, phrases: Sequence[str]) -> None:
+    """Say what was assumed of a table's columns."""
+    if phrases:
+        warnings.warn(f"{file}: columns by their headers: {'; '.join(phrases)}", Assumption, 3)
 
 
 def pose_range(column: str) -> Range:
@@ -273,50 +318,44 @@ def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[i
     header = [name.strip() for name in lines[0][1]]
     if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
         raise InputProblem(file, "header", header[0], "columns separated by commas")
-    for name in sought:
-        _check_column(file, header, name, sought)
-    rows = lines[1:]
+    mistakes, rows = Mistakes(file), lines[1:]
+    mistakes += columns_missing(file, header, sought)
     if not rows:
-        raise InputProblem(file, "rows", "none", "at least one row under the header")
+        expected = "at least one row under the header"
+        mistakes.append(InputProblem(file, "rows", "none", expected))
     for number, (line, cells) in enumerate(rows, 1):
         if len(cells) != len(header):
             place = f"row {number} (line {line})"
             expected = f"{counted(len(header), 'cell')}, as in the header"
-            raise InputProblem(file, place, counted(len(cells), "cell"), expected)
+            mistakes.append(InputProblem(file, place, counted(len(cells), "cell"), expected))
+            twice = [name for name in header if name not in sought]
+            mistakes += columns_missing(file, header, twice)
+            break
+    mistakes.check()
     return header, rows
 
 
-def _check_column(file: str, header: list[str], name: str, sought: Sequence[str]) -> None:
-    count = header.count(name)
-    if count > 1:
-        raise InputProblem(file, name, f"{count} columns", "one column of this name")
-    if count == 0:
+def columns_missing(file: str, header: list[str], sought: Sequence[str]) -> list[InputProblem]:
+    """What is wrong with the columns that a table needs: one of them twice; all that are missing,
+    in one sentence."""
+    found = []
+    for name in dict.fromkeys(sought):
+        if (count := header.count(name)) > 1:
+            found.append(InputProblem(file, name, f"{count} columns", "one column of this name"))
+    missing = [name for name in dict.fromkeys(sought) if name not in header]
+    near = {}
+    for name in missing:
         # A column that is needed itself is no misspelling of another, nor is one of another joint.
         joint = bool(_OF_PATELLA.search(name))
         others = [x for x in header if x not in sought and bool(_OF_PATELLA.search(x)) == joint]
-        found = nearest_name(name, others)
-        what = f"this column among {', '.join(header)}"
-        raise InputProblem(file, name, "missing", what, found)
-
-
-def _check_units(file: str, table: np.ndarray, names: list[str]) -> None:
-    largest = np.abs(table[:, 3:]).max()
-    if 0 < largest < _METRES_BELOW:
-        raise InputProblem(
-            file,
-            ", ".join(names[3:]),
-            f"at most {largest:.3g}",
-            "translations in mm; metres are suspected",
-        )
-    flexion, turns = table[:, 0], np.abs(table[:, 1:3])
-    looks_radian = flexion.max() <= 3.2 and np.ptp(flexion) >= 0.5 and turns.max() <= 1.6
-    if len(table) > 3 and looks_radian and np.any(flexion != np.round(flexion)):
-        raise InputProblem(
-            file,
-            names[0],
-            f"{flexion.min():.3g} to {flexion.max():.3g}",
-            "angles in degrees; radians are suspected",
-        )
+        if nearest := nearest_name(name, others):
+            near[name] = nearest
+    if missing:
+        one = len(missing) == 1
+        what = f"{'this column' if one else 'these columns'} among {', '.join(header)}"
+        meant = ", ".join(near.values() if one else (f"{x} by {y}" for x, y in near.items()))
+        found.append(InputProblem(file, ", ".join(missing), "missing", what, meant or None))
+    return found
 
 
 def _check_convention(file: str, place: str, convention: str) -> None:

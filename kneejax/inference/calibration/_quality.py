@@ -138,14 +138,14 @@ class FittedTest:
 
         Args:
             name: one of `compared`, or a free coordinate.
-            flexion_deg: of the rows that count; all by default.
+            flexion_deg: of the curve whose rows count (`MeasuredTest.curve_deg`); all by default.
         """
         if name not in self.compared:
             return np.nan
         measured, fitted = self.compared[name]
         own = fitted - measured
         if flexion_deg is not None:
-            own = own[self.test.flexion_deg == flexion_deg]
+            own = own[self.test.curve_deg == flexion_deg]
         known = own[np.isfinite(own)]
         return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
 

@@ -55,6 +55,25 @@ def test_a_leg_that_stands_on_its_foot_is_what_is_below_the_knee(named, tmp_path
     assert record.doubts == ()
 
 
+def test_files_may_have_other_names_than_the_model(tmp_path, knee):
+    folder = written(tmp_path)
+    swing = read(folder, knee)
+    changed(folder / "angles.mot", "knee_angle_r", "knee_flexion_r")
+    changed(folder / "pulls.sto", "hams_r", "hamstrings_r")
+    changed(folder / "floor.xml", "tibia_r", "shank_r")
+    with pytest.raises(InputProblem, match="[(]--called knee_angle_r=knee_flexion_r[)]"):
+        read(folder, knee)
+    called = {"knee_angle_r": "knee_flexion_r", "hams_r": "hamstrings_r"}
+    with pytest.raises(InputProblem, match="applied_to_body: shank_r: expected a body"):
+        read(folder, knee, called=called)
+    record = read(folder, knee, called=called | {"tibia_r": "shank_r"})
+    np.testing.assert_array_equal(record.pose, swing.pose)
+    for name, acting in swing.acting.items():
+        np.testing.assert_array_equal(record.acting[name], acting)
+    with pytest.raises(InputProblem, match="--called: name: knee_angel_r.*mean knee_angle_r"):
+        read(folder, knee, called={"knee_angel_r": "knee_flexion_r"})
+
+
 def test_without_external_loads_none_act(tmp_path, knee):
     record = read(written(tmp_path), knee, files=("angles.mot", "pulls.sto"))
     assert not record.ground_N.any() and not record.acting["ground"].any()

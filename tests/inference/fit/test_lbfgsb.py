@@ -13,7 +13,7 @@ import kneejax as kj
 from kneejax.inference import Ending, synthetic_motion
 from kneejax.inference.fit import _lbfgsb
 from kneejax.inference.fit._lbfgsb import minimise_bounded
-from kneejax.parameters import UnsuitableData
+from kneejax.numerics import MissingPackage
 
 
 @pytest.mark.long
@@ -66,7 +66,7 @@ def test_a_start_where_the_function_is_not_finite_is_reported():
 
 def test_a_missing_jaxopt_is_named(monkeypatch):
     monkeypatch.setitem(sys.modules, "jaxopt", None)
-    with pytest.raises(UnsuitableData, match="pip install"):
+    with pytest.raises(MissingPackage, match="lbfgsb needs jaxopt.*pip install"):
         minimise_bounded(lambda x: (0.0, x), np.zeros(1), -np.ones(1), np.ones(1))
 
 

@@ -1,0 +1,208 @@
+"""Columns of a robot's table by the words and units of their headers, as in `JCS Valgus [deg]`.
+
+Open Knee(s) (simVITRO) writes `Knee JCS Medial [mm]`, `Knee JCS Flexion [deg]`,
+`JCS Load Anterior Drawer [N]`, `JCS Load External Rotation Torque [Nm]`; KneeHub
+`Internal Rotation (deg)`, `Applied Load (N)`. A header says the sense in which its numbers rise,
+of the tibia: motions as well as loads.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import COLUMNS, COORDINATES
+from kneejax.mechanics import NAMED_LOADS
+
+#: Unit of a header -> that of the package, and the factor that leads to it.
+_UNITS = {
+    "mm": ("mm", 1.0), "cm": ("mm", 10.0), "m": ("mm", 1000.0),
+    "deg": ("deg", 1.0), "degree": ("deg", 1.0), "degrees": ("deg", 1.0), "°": ("deg", 1.0),
+    "rad": ("deg", math.degrees(1.0)), "radian": ("deg", math.degrees(1.0)),
+    "radians": ("deg", math.degrees(1.0)),
+    "n": ("N", 1.0), "kn": ("N", 1000.0), "nm": ("Nm", 1.0), "ncm": ("Nm", 0.01),
+    "nmm": ("Nm", 0.001),
+}  # fmt: skip
+#: Words that say that a column is a load.
+_LOAD = {"load", "force", "torque", "moment", "shear", "drawer"}
+#: Other words that a header may have; any else is of something else (a patella, a set point).
+_BESIDE = _LOAD | {
+    "knee", "jcs", "gs", "joint", "tibiofemoral", "tf", "tibia", "tibial", "angle", "rotation",
+    "translation", "displacement", "position", "applied", "actual", "measured", "right", "left",
+}  # fmt: skip
+#: Words of what is tested -> the load that such a test applies, in its positive sense.
+_TESTED = {"ap": "anterior_N", "drawer": "anterior_N", "lachman": "anterior_N",
+           "axial": "compression_N", "vv": "varus_Nm", "ie": "internal_Nm",
+           "torsion": "internal_Nm"}  # fmt: skip
+#: Unit -> what it is called.
+_WORDS = {"mm": "mm", "deg": "degrees", "N": "N", "Nm": "N m"}
+#: mm below which all translations of a table are metres: no knee moves less.
+METRES_BELOW = 0.1
+#: N m that no knee has had; N mm are a thousand times as large.
+MOST_MOMENT_NM = 100.0
+
+
+class _Sense(NamedTuple):
+    """What a word says: column of a motion, name of a load (none of flexion's), and the sign."""
+
+    motion: str
+    load: str
+    sign: float
+
+
+def _senses() -> dict[str, _Sense]:
+    found = {"flexion": _Sense(COLUMNS[0], "", 1.0), "extension": _Sense(COLUMNS[0], "", -1.0)}
+    for load in NAMED_LOADS.values():
+        motion = next(COORDINATES[x].column for x in load.also_called if x in COORDINATES)
+        for word in {*load.also_called, *load.opposite} - {*_BESIDE, *_TESTED}:
+            found[word] = _Sense(motion, load.name, -1.0 if word in load.opposite else 1.0)
+    return found | {"proximal": found["superior"], "distal": found["inferior"]}
+
+
+_SENSES = _senses()
+
+
+class Header(NamedTuple):
+    """What a header says.
+
+    Attributes:
+        own: itself.
+        name: of the package; empty for flexion's moment, and for a load without a direction.
+        factor: that leads to the package's unit and sense.
+        unit: `mm`, `deg`, `N` or `Nm`.
+        stated: whether the unit stands there.
+        nameless: whether it is a load without a direction.
+    """
+
+    own: str
+    name: str
+    factor: float
+    unit: str
+    stated: bool
+    nameless: bool = False
+
+
+def header_meaning(own: str) -> Header | None:
+    """What a header says in words and unit; None where it is of something else.
+
+    Example:
+        >>> header_meaning("JCS Load External Rotation Torque [Nm]")[1:3]
+        ('internal_Nm', -1.0)
+        >>> header_meaning("Patella Flexion [deg]")
+    """
+    match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", own)
+    text, unit = (match[1], re.sub(r"[\s.*·-]", "", match[2]).lower()) if match else (own, "")
+    words = re.split(r"[\s/-]+", text.strip().lower())
+    senses = {_SENSES[word] for word in words if word in _SENSES}
+    if not {*words} <= {*_SENSES, *_BESIDE} or len(senses) > 1 or (match and unit not in _UNITS):
+        return None
+    is_load = bool(_LOAD & {*words}) if not match else _UNITS[unit][0] in ("N", "Nm")
+    if not senses:
+        if not (match and is_load and _LOAD & {*words}):
+            return None
+        kind, factor = _UNITS[unit]
+        return Header(own, "", factor, kind, True, nameless=True)
+    (sense,) = senses
+    # One bare word is no robot's header.
+    if not match and len(words) < 2:
+        return None
+    turns = sense.motion.endswith("_deg")
+    kind = ("Nm" if turns else "N") if is_load else ("deg" if turns else "mm")
+    if match and _UNITS[unit][0] != kind:
+        return None
+    name = sense.load if is_load else sense.motion
+    return Header(own, name, sense.sign * _UNITS[unit or kind.lower()][1], kind, bool(match))
+
+
+def by_headers(
+    table, taken: Mapping[str, tuple[str, float]], ignore: Collection[str] = (), about: str = "",
+    known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
+) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
+    """Columns that their headers name, beside those that are known already.
+
+    Args:
+        table: a `Table`; what cannot be told of its columns is added to its mistakes.
+        taken: name -> column and factor of what is known.
+        ignore: columns that do not count.
+        about: what the table is of, in words, for a load without a direction.
+        known: names that count.
+
+    Returns:
+        Name -> column and factor; what was assumed, a phrase each; columns that are not used.
+    """
+    used = {column for column, _ in taken.values()} | {*ignore}
+    read = [header_meaning(own) for own in table.header if own not in used]
+    read = [_directed(one, about) for one in read if one is not None]
+    unused = [one.own for one in read if not (one.name or one.nameless)]
+    read = [one for one in read if one.name in known and one.name not in taken]
+    found: dict[str, Header] = {}
+    for one in read:
+        if one.name in found:
+            both = f"{found[one.name].own} and {one.own}"
+            expected = f"one column of {one.name} (columns:), the other left out (ignore:)"
+            table.mistakes.append(InputProblem(table.file, "header", both, expected))
+        found.setdefault(one.name, one)
+    phrases = [f"{name} from {_times(one)}" for name, one in found.items() if one.stated]
+    for unit in _WORDS:
+        without = [one for one in found.values() if one.unit == unit and not one.stated]
+        if without and (judged := _by_size(table, without, found.get(COLUMNS[0]))) is not None:
+            factor, words = judged
+            phrases.append(words)
+            found |= {one.name: one._replace(factor=factor * one.factor) for one in without}
+    phrases += [f"{own} is not used, since flexion is prescribed" for own in unused]
+    return {name: (one.own, one.factor) for name, one in found.items()}, phrases, unused
+
+
+def _directed(one: Header, about: str) -> Header:
+    """A load without a direction takes that of the test, where its name says one."""
+    if not one.nameless:
+        return one
+    words = re.findall(r"[a-z]+", about.lower())
+    said = {(_SENSES[word].load, _SENSES[word].sign) for word in words if word in _SENSES}
+    said |= {(_TESTED[word], 0.0) for word in words if word in _TESTED}
+    said = {(load, sign) for load, sign in said if load.endswith(f"_{one.unit}")}
+    if len({load for load, _ in said}) != 1:
+        return one
+    backwards = 1.0 not in {sign for _, sign in said} and -1.0 in {sign for _, sign in said}
+    (load, _), *_ = said
+    return one._replace(name=load, factor=-one.factor if backwards else one.factor)
+
+
+def _times(one: Header) -> str:
+    """A column and its factor as `columns:` of a test says them."""
+    if abs(one.factor) == 1.0:
+        return f"{'-' if one.factor < 0 else ''}{one.own}"
+    return f"{one.factor:.7g} * {one.own}"
+
+
+def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[float, str] | None:
+    """The factor of columns of one kind whose unit is not stated, by the size of their numbers,
+    and what that assumes; None where it cannot be told."""
+    unit, factor = columns[0].unit, 1.0
+    words = _WORDS[unit]
+    largest = max(np.abs(table.sizes(one.own)).max(initial=0.0) for one in columns)
+    if unit == "mm" and largest < METRES_BELOW:
+        words, factor = "metres", 1000.0
+    elif unit == "Nm" and largest > MOST_MOMENT_NM:
+        words, factor = "N mm", 0.001
+    elif unit == "deg" and largest <= math.pi:
+        bent = table.sizes(flexion.own) if flexion and not flexion.stated else np.zeros(1)
+        if np.ptp(bent) < 0.5 or (bent == np.round(bent)).all():
+            one = columns[0]
+            ways = " or ".join(
+                f'"{one.factor * times:.7g} * {one.own}"' for times in (1.0, math.degrees(1.0))
+            )
+            table.mistakes.append(InputProblem(
+                table.file, one.own, f"up to {largest:.3g}",
+                f"its unit: degrees and radians cannot be told apart; write {one.name}: {ways} "
+                "under columns",
+            ))  # fmt: skip
+            return None
+        words, factor = "radians", math.degrees(1.0)
+    named = ", ".join(f"{one.name} from {_times(one)}" for one in columns)
+    return factor, f"{named} ({words}, by their size: up to {largest:.3g})"
