@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kneejax.geometry import COORDINATES, Placement, Pose, State
+from kneejax.geometry import COORDINATES, ZERO, Matrix, Placement, Pose, State, Vector
 from kneejax.mechanics import InertiaOfStep, Mass, TimeStep, add_lane_axis
 from tests.dynamics.massed import SHANK, bare
 
@@ -32,7 +32,7 @@ def test_a_step_pulls_every_point_of_a_bone_to_where_it_is_expected(rng, central
 
     def sum_over_points(x):
         there = State.of({}, jnp.asarray(x)).tibia.placement
-        off = [np.subtract(there.apply(tuple(p)), expected.apply(tuple(p))) for p in points]
+        off = [np.array([*(there.apply(p) - expected.apply(p))]) for p in points]
         return 0.5e-3 * 300.0**2 * each * np.sum(np.square(off))
 
     knee = dataclasses.replace(bare(), step=TimeStep((step,)))
@@ -49,10 +49,10 @@ def test_kinetic_energy_is_that_of_points_that_move(rng):
     still = Pose.from_table([0.0] * 6).placement
     velocity = jax.tree.map(lambda _: jnp.asarray(rng.normal()), still)
     points, each = points_of(SHANK)
-    speeds = [np.square(velocity.apply(tuple(p))).sum() for p in points]
+    speeds = [sum(c**2 for c in velocity.apply(p)) for p in points]
     assert float(SHANK.kinetic_energy(velocity)) == pytest.approx(0.5e-3 * each * sum(speeds))
     # 2 kg at 3 m/s are 9 J.
-    one = Placement(((0.0,) * 3,) * 3, (3000.0, 0.0, 0.0))
+    one = Placement(Matrix(ZERO, ZERO, ZERO), Vector(3000.0, 0.0, 0.0))
     still = Mass(2.0, [0.0] * 3, np.zeros((3, 3)))
     assert float(still.kinetic_energy(one)) == pytest.approx(9000.0)
 
