@@ -154,6 +154,12 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
 
     Raises:
         UnknownParameter: naming the nearest known name; also if one number is chosen twice.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> kj.select(knee, ["PCL.stiffness", "ACL.stiffness"]).names
+        ('PCL.stiffness', 'ACL.stiffness')
     """
     ligaments, chosen = knee.ligaments.names, {}
     fibres = (*ligaments, *(name for name, _ in knee.groups))
@@ -267,6 +273,12 @@ def with_values(knee: Knee, values: dict[str, float]) -> Knee:
         UnknownParameter: the knee has no such parameter, or a slack length has two values.
         Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
             such a knee, as in a knee file.
+
+    Example:
+        >>> import kneejax as kj
+        >>> weak = kj.with_values(kj.load_knee("four_ligament"), {"ACL.stiffness": 300.0})
+        >>> float(kj.select(weak, ["ACL.stiffness"]).read(weak)[0])
+        300.0
     """
     _check_one_slack(knee, values)
     for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
