@@ -364,7 +364,7 @@ def _copy_notebook(source: Path, target: Path) -> None:
             for kind in [k for k in data if "plotly" in k or "widget" in k or "javascript" in k]:
                 del data[kind]
             html = "".join(data.get("text/html", ""))
-            if "<script" in html:
+            if "<script" in html or "<style" in html:  # their colours know no dark page
                 del data["text/html"]
             if data or "text" in output:
                 kept.append(output)
