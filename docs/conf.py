@@ -46,7 +46,6 @@ napoleon_google_docstring = True
 napoleon_numpy_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
-python_maximum_signature_line_length = 80
 toc_object_entries_show_parents = "hide"
 suppress_warnings = ["mystnb.unknown_mime_type", "config.cache", "ref.python"]
 linkcheck_timeout = 20
