@@ -31,20 +31,20 @@ from kneejax.statics import Status
 
 #: Room -> what it is about, in the order of the reference.
 ROOMS = {
-    "kneejax.files": "Files: knees, tables, models of other programs",
-    "kneejax.experiments": "Experiments: motion, laxity, extensor mechanism, activities",
-    "kneejax.studies": "Studies: what is fitted to what",
-    "kneejax.inference": "Inference: fits, limits, sensitivity, design",
-    "kneejax.planning": "Planning a reconstruction",
-    "kneejax.cohorts": "Cohorts",
-    "kneejax.joints": "Simple joints",
-    "kneejax.report": "Reports and figures",
-    "kneejax.parameters": "Parameters: select, set, cut",
-    "kneejax.statics": "Equilibrium",
-    "kneejax.dynamics": "Dynamics",
-    "kneejax.mechanics": "Mechanics: ligaments, contact, loads",
-    "kneejax.geometry": "Geometry: poses, surfaces, fibre paths",
-    "kneejax.numerics": "Numerics",
+    "kneejax.files": "Knees, tables, models of other programs",
+    "kneejax.experiments": "Motion, laxity, extensor mechanism, activities",
+    "kneejax.studies": "What is fitted to what",
+    "kneejax.inference": "Fits, limits, sensitivity, design",
+    "kneejax.planning": "Reconstructions",
+    "kneejax.cohorts": "Many knees",
+    "kneejax.joints": "Hinges and moving axes",
+    "kneejax.report": "Pages and figures",
+    "kneejax.parameters": "Select, set, cut",
+    "kneejax.statics": "Equilibria and their statuses",
+    "kneejax.dynamics": "Motion through time",
+    "kneejax.mechanics": "Ligaments, contact, loads",
+    "kneejax.geometry": "Poses, surfaces, fibre paths",
+    "kneejax.numerics": "Configuring JAX, compiling",
 }
 _FILES = """# File formats
 
