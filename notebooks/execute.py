@@ -1,12 +1,14 @@
 """Execute every notebook of this folder, and fail on the first error.
 
-Usage: `python notebooks/execute.py [NAME.ipynb ...]`. With `KNEEJAX_NOTEBOOK_QUICK=1` the
-notebooks use fewer poses. The files themselves stay as they are, without outputs.
+Usage: `python notebooks/execute.py [--out FOLDER] [NAME.ipynb ...]`. With
+`KNEEJAX_NOTEBOOK_QUICK=1` the notebooks use fewer poses. The files themselves stay as they are,
+without outputs; `--out` writes copies with outputs, which `docs/conf.py` shows on the site
+(`KNEEJAX_NOTEBOOKS=FOLDER`).
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 import time
 from pathlib import Path
 
@@ -18,8 +20,15 @@ FOLDER = Path(__file__).resolve().parent
 TIMEOUT_S = 600
 
 
-def main(names: list[str]) -> int:
+def main() -> int:
     """Execute notebooks and report each; returns the exit status."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, help="folder for copies with outputs")
+    parser.add_argument("names", nargs="*", metavar="NAME.ipynb")
+    asked = parser.parse_args()
+    names = asked.names
+    if asked.out is not None:
+        asked.out.mkdir(parents=True, exist_ok=True)
     paths = [FOLDER / Path(name).name for name in names] or sorted(FOLDER.glob("*.ipynb"))
     failed = 0
     for path in paths:
@@ -34,6 +43,8 @@ def main(names: list[str]) -> int:
         try:
             client.execute()
             verdict = "passed"
+            if asked.out is not None:
+                nbformat.write(notebook, asked.out / path.name)
         except CellExecutionError as error:
             failed += 1
             verdict = f"FAILED\n{error}"
@@ -42,4 +53,4 @@ def main(names: list[str]) -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main(sys.argv[1:]))
+    raise SystemExit(main())

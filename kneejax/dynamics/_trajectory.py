@@ -89,6 +89,13 @@ class Trajectory(eqx.Module):
         held: coordinate, or `QUADRICEPS`, -> its value at all moments.
         error_mm: how far poses are from those of ever shorter steps, by doubling them, at worst
             (rotations at 30 mm); NaN where nobody asked (`move_within`).
+
+    Example:
+        `kj.move` makes one; it compiles for long. What it holds:
+
+        >>> import kneejax as kj
+        >>> list(kj.Trajectory.__dataclass_fields__)[:4]
+        ['time_s', 'q', 'rate', 'status']
     """
 
     time_s: Array

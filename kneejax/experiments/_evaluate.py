@@ -65,6 +65,15 @@ class Mechanics(eqx.Module):
         displacement: of the tibia from the reference pose, degrees and mm, `(poses, 5)`; see
             `kneejax.mechanics.displacement`.
         ligament_force: of each on its second bone in tibia axes, `(poses, ligaments, 3)`, N.
+
+    Example:
+        `kj.evaluate` makes them of poses:
+
+        >>> import kneejax as kj
+        >>> poses = kj.Pose.from_table([[0, 0, 0, 0, 0.5, 0]])
+        >>> found = kj.evaluate(kj.load_knee("four_ligament"), poses)
+        >>> found.contact_force.shape
+        (1, 2, 3)
     """
 
     length: Array

@@ -67,6 +67,14 @@ def fit_joints(
         UnsuitableAxis: the points make no transverse axis.
 
     Source: paper 5, section 2.5.
+
+    Example:
+        >>> import kneejax as kj
+        >>> poses = [[0.0, 0, 0, 0, 0, 0], [45.0, 0, 0, 1, 0, 0], [90.0, 0, 0, 2, 0, 0]]
+        >>> ends = [[[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], [[-4.0, 0.0, -40.0], [-4.0, 0.0, 40.0]]]
+        >>> found = kj.fit_joints(poses, ends, [[-2.0, 0.0, -40.0], [-2.0, 0.0, 40.0]])
+        >>> found.rows, found.rmse.shape
+        ((0, 2), (2, 5))
     """
     table = np.asarray(poses, float).reshape(-1, 6)
     rows = calibration_rows(table, at_deg)

@@ -206,6 +206,11 @@ def hinge(femoral: ArrayLike, pose: Pose) -> Joint:
 
     Raises:
         UnsuitableAxis: the points do not make a transverse axis.
+
+    Example:
+        >>> joint = hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], Pose.from_table(jnp.zeros(6)))
+        >>> float(joint.pose([jnp.pi / 2]).to_table()[0, 0].round(1))
+        90.0
     """
     femoral = jnp.asarray(femoral, float)
     return _calibrated(femoral[None], jax.tree.map(lambda x: jnp.asarray(x)[None], pose), "linear")
@@ -226,6 +231,12 @@ def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
         ValueError: there are not two poses.
 
     Source: paper 5, section 2.5.
+
+    Example:
+        >>> poses = Pose.from_table([[0.0, 0, 0, 0, 0, 0], [90.0, 0, 0, 2.0, 0, 0]])
+        >>> ends = [[[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], [[-4.0, 0.0, -40.0], [-4.0, 0.0, 40.0]]]
+        >>> float(moving_axis(ends, poses).pose([jnp.pi / 2]).to_table()[0, 3].round(1))
+        2.0
     """
     femoral = jnp.asarray(femoral, float)
     if jnp.shape(femoral) != (2, 2, 3) or jnp.shape(poses.flexion) != (2,):
@@ -248,6 +259,12 @@ def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "mono
     Raises:
         UnsuitableAxis: flexion does not increase, or the points do not make a transverse axis.
         ValueError: shapes differ.
+
+    Example:
+        >>> poses = Pose.from_table([[x, 0, 0, 0, 0, 0] for x in (0.0, 45.0, 90.0)])
+        >>> joint = generalised_axis(3 * [[[0, 0, -40.0], [0, 0, 40.0]]], poses)
+        >>> float(joint.pose([0.5]).to_table()[0, 1].round(3)) + 0.0
+        0.0
     """
     return _calibrated(jnp.asarray(femoral, float), poses, interpolation)
 

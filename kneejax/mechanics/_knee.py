@@ -65,6 +65,12 @@ class Knee(eqx.Module):
         side: `right` or `left`, the side it was read from.
         step: inertia and dampers of a step through time; None of a knee at rest.
         foundations: of the contacts over points, where they have been placed for many poses.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> knee.name, knee.contact_names
+        ('four_ligament', ('medial', 'lateral'))
     """
 
     ligaments: Ligaments

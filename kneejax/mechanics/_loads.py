@@ -48,6 +48,11 @@ class Load(eqx.Module):
         point_in: the bone in whose frame the point is given, and to which it is fixed.
         name: what reports call it.
         bone: on which it acts.
+
+    Example:
+        >>> from kneejax import Load
+        >>> Load(force=(0.0, 90.0, 0.0), axes="grood_suntay", name="pull").axes
+        'grood_suntay'
     """
 
     force: Array

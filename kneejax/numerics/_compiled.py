@@ -49,6 +49,13 @@ def use_shared_fusion() -> bool:
 
     Returns:
         Whether the setting is in force; False if JAX has begun to compute without it.
+
+    Example:
+        In a process that has computed already it is too late; `kj.configure()` calls it in time.
+
+        >>> import kneejax as kj
+        >>> kj.use_shared_fusion() in (True, False)
+        True
     """
     flags = os.environ.get("XLA_FLAGS", "")
     if _SHARED_FUSION in flags:

@@ -155,6 +155,12 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
 
     Raises:
         UnknownParameter: naming the nearest known name; also if one number is chosen twice.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> kj.select(knee, ["PCL.stiffness", "ACL.stiffness"]).names
+        ('PCL.stiffness', 'ACL.stiffness')
     """
     ligaments, chosen = knee.ligaments.names, {}
     fibres = (*ligaments, *(name for name, _ in knee.groups))

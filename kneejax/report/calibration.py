@@ -187,6 +187,14 @@ def write_report(
 
     Returns:
         `report.html`, which needs no other file, then `figures/NAME.png`.
+
+    Example:
+        After `fit = kj.calibrate(study)`, call `kj.write_report(fit, "folder")`. What it takes:
+
+        >>> import inspect
+        >>> from kneejax import write_report
+        >>> [*inspect.signature(write_report).parameters]
+        ['calibration', 'folder', 'svg', 'figures']
     """
     return write_page(calibration_answer(calibration), folder, svg=svg, figures=figures,
                       settings=calibration.settings, versions=calibration.versions,

@@ -27,6 +27,11 @@ class Status(enum.IntEnum):
     Attributes:
         fault: what is wrong with the pose; empty where nothing is.
         advice: what to try next.
+
+    Example:
+        >>> from kneejax import Status
+        >>> Status.TOO_DEEP.converged, Status["UNSTABLE"].word
+        (False, 'unstable')
     """
 
     BALANCED = 0, "", ""

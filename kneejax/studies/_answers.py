@@ -170,6 +170,16 @@ def identify(
     Raises:
         InputProblem: a field is out of range.
         UnsuitableData: too few data or candidates, no pose that balances.
+
+    Example:
+        `kj.identify(study, next_tests=2)` compiles for long; options are checked at once:
+
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.identify(kj.read_study("passive_flexion"), next_tests=-1)
+        ... except kj.InputProblem as problem:
+        ...     print(problem)
+        next_tests: next_tests: -1: expected a whole number from 1 to 1000
     """
     options = options or Identify(**fields)
     check(_a_study(study), options)
@@ -215,6 +225,16 @@ def sensitivity(
         InputProblem: a field is out of range, or the study has loads or tests.
         UnknownParameter: a name that the knee does not have, or that is not free.
         UnsuitableData: too few samples, or a package that is not installed.
+
+    Example:
+        `kj.sensitivity(study)` compiles for long; options are checked at once:
+
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.sensitivity(kj.read_study("passive_flexion"), scale="percents")
+        ... except kj.InputProblem as problem:
+        ...     print(problem)
+        scale: scale: percents: expected one of prior, percent; did you mean percent?
     """
     options = options or Sensitivity(**fields)
     check(_a_study(study), options)

@@ -50,6 +50,17 @@ def sensitivity_map(
         InputProblem: a field is out of range, or no pair is named.
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: the knee balances at no measured flexion.
+
+    Example:
+        `kj.sensitivity_map(study, pair=[("ACL.stiffness", "PCL.stiffness")])` compiles for
+        long; options are checked at once:
+
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.sensitivity_map(kj.read_study("passive_flexion"))
+        ... except kj.InputProblem as problem:
+        ...     print(problem)
+        pair: parameters: none: expected two, e.g. ACL.stiffness PCL.stiffness; or all pairs
     """
     options = options or Map(**fields)
     check_map(study, options)

@@ -56,7 +56,13 @@ def _line(value: Any, allowed: Range | None) -> tuple[float, ...] | None:
 
 
 class Identify(Options):
-    """Asks what the data can tell, what they cannot, and what should be measured next."""
+    """Asks what the data can tell, what they cannot, and what should be measured next.
+
+    Example:
+        >>> from kneejax import Identify
+        >>> Identify(next_tests=2).next_tests
+        2
+    """
 
     noise_mm: Annotated[float, _noise("noise_mm")] | None = meaning(
         "standard deviation of measured positions; the study's otherwise", None
@@ -89,7 +95,13 @@ class Identify(Options):
 
 
 class Map(Options):
-    """Asks how the objective looks over pairs of parameters."""
+    """Asks how the objective looks over pairs of parameters.
+
+    Example:
+        >>> from kneejax import Map
+        >>> Map(pair=[("ACL.stiffness", "PCL.stiffness")], grid=(21, 21)).grid
+        (21, 21)
+    """
 
     pair: Annotated[tuple[tuple[Text, Text], ...], entries("pairs", empty=True)] = meaning(
         "two parameters, the first along x", ()
@@ -102,7 +114,13 @@ class Map(Options):
 
 
 class Sensitivity(Options):
-    """Asks what each parameter does to the motion."""
+    """Asks what each parameter does to the motion.
+
+    Example:
+        >>> from kneejax import Sensitivity
+        >>> Sensitivity(scale="percent").scale
+        'percent'
+    """
 
     sweep: Annotated[
         dict[str, tuple[float, ...] | None], PlainValidator(reading.by_parameter(_line))

@@ -205,7 +205,14 @@ class Measured(Part):
 
 
 class Synthetic(Part):
-    """Poses that the model itself makes, with noise, to see whether they lead back."""
+    """Poses that the model itself makes, with noise, to see whether they lead back.
+
+    Example:
+        >>> from kneejax import Synthetic
+        >>> made = Synthetic(parameters={"ACL.stiffness": 4000.0}, flexion_deg="0:90:30")
+        >>> made.flexion_deg.tolist()
+        [0.0, 30.0, 60.0, 90.0]
+    """
 
     parameters: Values = meaning("parameter -> value that makes the data")
     flexion_deg: Angles = meaning("prescribed angles, or a text such as 0:120:5")

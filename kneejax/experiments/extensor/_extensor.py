@@ -285,6 +285,13 @@ def isometric_extension(
 
     Returns:
         Poses in rows of angles, for each all pulls in their order.
+
+    Example:
+        It compiles for long; the knee it needs has a patella:
+
+        >>> import kneejax as kj
+        >>> kj.load_knee_file("four_ligament").has_patella
+        True
     """
     angles, pulls = (np.atleast_1d(np.asarray(x, float)) for x in (flexion_deg, quadriceps_N))
     every = np.repeat(angles, len(pulls)), np.tile(pulls, len(angles))

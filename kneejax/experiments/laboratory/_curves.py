@@ -37,6 +37,13 @@ class Curves:
         intact: neutral poses of the knee before it was cut, from which displacements are counted;
             None where they are counted from the knee's own.
         intact_rows: of these, one for each flexion, `(flexions,)`.
+
+    Example:
+        `kj.load_curves` makes them; it compiles for long. What they hold:
+
+        >>> import kneejax as kj
+        >>> list(kj.Curves.__dataclass_fields__)[:2]
+        ['test', 'motion']
     """
 
     test: LabTest

@@ -36,6 +36,15 @@ class Laxity:
         held_negative: the same of the negative load, negative.
         counted_from: of `positive` and `negative`, one of `kneejax.experiments.COUNTED_FROM`.
         status: the worst of all steps.
+
+    Example:
+        `kj.laxity` makes them of the curves of a test. By hand:
+
+        >>> from kneejax import Laxity, Status
+        >>> one = Laxity("drawer", 30.0, "anterior", 9.0, 5.0, -4.0, 0.0, 20.0, 60.0, "mm",
+        ...              90.0, -90.0, "own", Status.BALANCED)
+        >>> one.range, one.unit
+        (9.0, 'mm')
     """
 
     test: str

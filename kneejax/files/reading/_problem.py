@@ -30,6 +30,11 @@ class InputProblem(ValueError):
         value: what stands there.
         expected: what should stand there.
         nearest: the nearest known name, or None.
+
+    Example:
+        >>> from kneejax import InputProblem
+        >>> print(InputProblem("knee.yaml", "side", "rigth", "right or left", "right"))
+        knee.yaml: side: rigth: expected right or left; did you mean right?
     """
 
     def __init__(

@@ -191,6 +191,13 @@ class Calibration:
         versions: package -> version.
         settings: everything needed to run it again.
         start_tests: tests under load, each beside what the start's knee does.
+
+    Example:
+        `kj.calibrate(study)` makes one, in seconds, and `fit` is its answer; what it holds:
+
+        >>> import kneejax as kj
+        >>> sorted(kj.Calibration.__dataclass_fields__)[:3]
+        ['contacts', 'fits', 'knee']
     """
 
     title: str

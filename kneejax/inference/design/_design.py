@@ -118,6 +118,13 @@ def design_tests(
     Raises:
         UnsuitableData: an unknown criterion, fewer candidates that balance than tests wanted, a
             prior without width, parameters that are not those of the information.
+
+    Example:
+        Of a study, `kj.identify(study, next_tests=3)` gathers what it needs. Candidates:
+
+        >>> from kneejax.inference import usual_candidates
+        >>> usual_candidates()[0].name
+        'no load'
     """
     tests = tuple(usual_candidates() if candidates is None else candidates)
     noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)

@@ -101,6 +101,16 @@ def local_sensitivity(
     Raises:
         UnknownParameter: a name that the knee does not have.
         UnsuitableData: an unknown scale, a prior of zero width, or a per cent that means nothing.
+
+    Example:
+        It compiles for long; names are checked at once:
+
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.local_sensitivity(kj.load_knee("four_ligament"), ["ACL.stifness"], [0.0, 30.0])
+        ... except Exception as problem:
+        ...     print(problem)
+        unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?
     """
     selection = select(knee, tuple(parameters))
     values = np.asarray(selection.read(knee))
@@ -237,6 +247,16 @@ def sweep(
             distinct numbers.
 
     Source: paper 1, sections 3.1 and 3.2.
+
+    Example:
+        It compiles for long; names are checked at once:
+
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.sweep(kj.load_knee("four_ligament"), ["ACL.stifness"], [0.0, 30.0])
+        ... except Exception as problem:
+        ...     print(problem)
+        unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?
     """
     selection, values = sweep_values(knee, parameters, count)
     if isinstance(load_cases, LoadCases):

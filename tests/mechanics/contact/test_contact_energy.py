@@ -117,7 +117,7 @@ def test_the_force_on_a_tilted_plane_acts_along_its_normal(femoral):
     normal = np.array([float(c) for c in plane.frame.placement.turn((0.0, 1.0, 0.0))])
 
     def of_shift(shift):
-        return contact.energy(geo.Placement(None, (shift[0], shift[1], shift[2])))
+        return contact.energy(geo.Placement(None, geo.Vector(shift[0], shift[1], shift[2])))
 
     shift = jnp.asarray(-24.0 * normal)
     force = -np.asarray(jax.jit(jax.grad(of_shift))(shift))
@@ -129,7 +129,7 @@ def test_the_force_between_two_spheres_acts_along_the_line_of_their_centres():
     contact = Contact(geo.Sphere(25.0), geo.Sphere(35.0))
     shift = jnp.array([3.0, -58.0, 5.0])
     force = -np.asarray(
-        jax.jit(jax.grad(lambda s: contact.energy(geo.Placement(None, (s[0], s[1], s[2])))))(shift)
+        jax.jit(jax.grad(lambda s: contact.energy(geo.Placement(None, geo.Vector(s[0], s[1], s[2])))))(shift)
     )
     line = np.asarray(shift) / np.linalg.norm(shift)
     np.testing.assert_allclose(np.cross(force, line), 0.0, atol=1e-9 * abs(force).max())
@@ -203,5 +203,5 @@ def test_beyond_the_layer_the_energy_is_not_a_number_in_that_lane_only():
     heights = jnp.array([-29.0, -26.5, -28.0])
     zero = jnp.zeros(3)
     laned = jax.tree.map(lambda x: x[..., None], contact)
-    values = np.asarray(laned.energy(geo.Placement(None, (zero, heights, zero))))
+    values = np.asarray(laned.energy(geo.Placement(None, geo.Vector(zero, heights, zero))))
     assert np.isnan(values[1]) and np.isfinite(values[[0, 2]]).all()

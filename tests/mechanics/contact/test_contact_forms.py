@@ -36,7 +36,7 @@ every_law = pytest.mark.parametrize("law", cartilage_law.LAWS)
 def energy_and_force(contact, y):
     """Energy, and the force that lifts the femur (N), of a tibia shifted to height `y`."""
     return jax.value_and_grad(
-        lambda h: contact.energy(geo.Placement(None, (jnp.zeros(()), h, jnp.zeros(()))))
+        lambda h: contact.energy(geo.Placement(None, geo.Vector(jnp.zeros(()), h, jnp.zeros(()))))
     )(y)
 
 

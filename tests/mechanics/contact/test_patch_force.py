@@ -124,7 +124,7 @@ def _angles(r):
 
 def test_a_sphere_on_a_plane_pushes_along_the_normal_through_its_centre():
     contact = Contact(geo.Sphere(30.0), geo.Plane())
-    tibia = geo.Placement(None, (jnp.asarray(3.0), jnp.asarray(-29.0), jnp.asarray(-4.0)))
+    tibia = geo.Placement(None, geo.Vector(jnp.asarray(3.0), jnp.asarray(-29.0), jnp.asarray(-4.0)))
     wrench = wrench_at(contact, tibia)
     np.testing.assert_allclose(np.array(wrench.force)[[0, 2]], 0.0, atol=1e-9)
     # The tibia's origin is 3 mm ahead of and 4 mm inside the sphere's centre.

@@ -1,0 +1,77 @@
+"""The site: `sphinx-build -W docs FOLDER`. Pages in `docs/generated` are made from the code."""
+
+import importlib.metadata
+import os
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+
+import kneejax  # noqa: E402
+
+kneejax.configure()
+
+import site_pages  # noqa: E402
+
+# Executed notebooks, where `notebooks/execute.py --out FOLDER` has written them.
+notebooks = Path(os.environ.get("KNEEJAX_NOTEBOOKS", HERE.parent / "notebooks"))
+site_pages.write_all(HERE / "generated", notebooks)
+
+project = "kneejax"
+author = "The kneejax contributors"
+copyright = author
+release = version = importlib.metadata.version("kneejax")
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+]
+exclude_patterns = ["_build", "figures/*.md"]
+# Notebooks are executed once, by notebooks/execute.py; the site shows what came out.
+nb_execution_mode = "off"
+nb_ipywidgets_js = {}
+myst_enable_extensions = ["colon_fence", "deflist", "attrs_inline"]
+myst_heading_anchors = 4
+# Signatures in docstrings are words and formulas in single backticks.
+default_role = "code"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_member_order = "bysource"
+autodoc_preserve_defaults = True
+autodoc_inherit_docstrings = False
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+toc_object_entries_show_parents = "hide"
+suppress_warnings = ["mystnb.unknown_mime_type", "config.cache", "ref.python"]
+linkcheck_timeout = 20
+
+html_theme = "pydata_sphinx_theme"
+html_title = "kneejax"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_theme_options = {
+    "show_nav_level": 1,
+    "navigation_depth": 2,
+    "header_links_before_dropdown": 6,
+    "show_prev_next": False,
+    "secondary_sidebar_items": ["page-toc"],
+    "navbar_align": "left",
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+copybutton_exclude = ".linenos, .gp, .go"
+
+
+def setup(app):
+    """Docstrings are plain text with backticks: what RST would read as markup is escaped."""
+    app.connect("autodoc-process-docstring", site_pages.plain_docstring)
+    app.connect("autodoc-skip-member", site_pages.skip_member)
