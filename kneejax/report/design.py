@@ -10,9 +10,9 @@ from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
-from kneejax.report.look.page import prose
+from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
-from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after, wrapped
+from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
 from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
 from kneejax.statics import Status
 
@@ -192,18 +192,11 @@ def next_tests_table(design: Design) -> Table:
     return Table([Column(name) for name in columns], rows)
 
 
-def design_text(design: Design) -> str:
-    """Say on a terminal which tests to make next, and why."""
-    lines = [*wrapped(f"What to measure next: {goal_words(design)}"), ""]
-    for step, sentence in enumerate(design_words(design), 1):
-        lines += wrapped(sentence, f"{step}. ")
-    for table in design_tables(design):
-        lines += ["", f"{table.title}:", table.terminal()]
-    notes = design_notes(design)
-    lines += [""] * bool(notes)
-    for note in notes:
-        lines += wrapped(note, "note: ")
-    return "\n".join(lines)
+def design_section(design: Design) -> Section:
+    """Which tests to make next, and why."""
+    text = [f"What to measure next: {goal_words(design)}", *design_words(design),
+            *design_notes(design), *paragraphs("design.file") * bool(design.chosen)]  # fmt: skip
+    return Section("Tests to make next", text, design_tables(design), ["next_tests"], printed=True)
 
 
 def goal_words(design: Design) -> str:

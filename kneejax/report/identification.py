@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,6 @@ from kneejax.report.look.tables import (
     listed,
     number,
     with_error,
-    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -41,10 +39,6 @@ _COLUMNS = ("name", "value", "unit", "lower", "upper", "at_bound", "standard_err
             "profile_high", "profile_low_open", "profile_high_open", "posterior_mean",
             "posterior_sd", "posterior_low", "posterior_high", "r_hat", "effective_sample_size",
             "interval", "determined", "reason")  # fmt: skip
-_TO_MEASURE = (
-    "To be measured: next_tests.csv. Filled in, it is a test of the study:\n"
-    "  tests: [{name: next, file: next_tests.csv, counted_from: absolute}]"
-)
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
@@ -64,16 +58,12 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     lost = [row[0] for row in every.rows if not row[-2]]
     sentence = f"The data determine {len(names) - len(lost)} of {len(names)} parameters"
     sentence += f", not {listed(lost, 6)}." if lost else "."
-    told, doubts, known = _agreement(found, sampled), fit_doubts(found), _shown(found, sampled)
+    told, known = _agreement(found, sampled), _shown(found, sampled)
+    summed = sums_in_words(found.problem.knee, names)
     sections = [
-        Section("Limits by profile", [_fit_words(found), *told], drawings=["profiles"]),
-        Section("What the data determine by curvature",
-                [prose("curvature"), *curvature.information_words(information),
-                 *curvature.information_notes(information)], [], ["spectrum", "correlation"]),
-        Section("Tests to make next",
-                [f"What to measure next: {planned.goal_words(design)}",
-                 *planned.design_words(design), *planned.design_notes(design)],
-                planned.design_tables(design), ["next_tests"]),
+        Section("Limits by profile", [_fit_words(found), *told, *[summed] * bool(summed)],
+                drawings=["profiles"], printed=True),
+        curvature.information_section(information), planned.design_section(design),
     ]  # fmt: skip
     tables = {"parameters": every, "profiles": _profiles_table(found),
               "candidates": planned.candidates_table(design)}  # fmt: skip
@@ -84,20 +74,10 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
                 "spectrum": Drawing(spectrum_figure, information),
                 "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
                 "next_tests": Drawing(planned.candidates_figure, design)}  # fmt: skip
-    estimates = [*wrapped(_fit_words(found)), "", known.fitting("times_better", "scale").terminal(),
-                 *wrapped(sums_in_words(found.problem.knee, names)), *[""] * bool(told or doubts)]
-    estimates += [line for note in told for line in wrapped(note, "note: ")]
-    estimates += [line for doubt in doubts for line in wrapped(doubt, "warning: ")]
-    text = [f"{study.title} (knee {study.knee.name})", "\n".join(estimates)]
-    text.append(curvature.information_text(information, table=False))
     if sampled is not None:
         tables["posterior"] = posterior.draws_table(sampled)
-        words = [f"{posterior.sampling_words(sampled)}.", *posterior.posterior_doubts(sampled)]
-        drawn, table = posterior.posterior_drawings(sampled), posterior.posterior_table(sampled)
-        sections.append(Section("Posterior", words, [table], [*drawn]))
-        drawings |= drawn
-        text.append(posterior.posterior_summary(sampled))
-    text += [planned.design_text(design), *[_TO_MEASURE] * bool(design.chosen)]
+        drawings |= posterior.posterior_drawings(sampled)
+        sections.insert(2, posterior.posterior_section(sampled))
     return Answer(
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
@@ -105,7 +85,7 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         verdict=became.verdict, badge=became.value,
         sentence=" ".join([sentence, *planned.design_words(design)[:1]]), tables=tables,
         main=[known, planned.profit_table(design)], drawings=drawings, doubts=_doubts(answer),
-        sections=sections, text="\n\n".join(text), document=_document(answer, every, options),
+        sections=sections, document=_document(answer, every, options),
     )
 
 
@@ -201,7 +181,7 @@ def _shown(found: Identification, sampled: Posterior | None) -> Table:
         cells[1] = with_error(row[1], row[2])[0]
         cells[-1] = curvature.remark(own["determined"], own["at_bound"])
         rows.append(cells)
-    return dataclasses.replace(table, columns=columns, rows=rows)
+    return Table(columns, rows, spare=("times_better", "scale"))
 
 
 def _profiles_table(found: Identification) -> Table:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.quantities import quantity_of
-from kneejax.report.look.page import prose
+from kneejax.report.look.page import Section, prose
 from kneejax.report.look.tables import (
     NONE,
     Column,
@@ -18,7 +18,6 @@ from kneejax.report.look.tables import (
     short,
     trimmed,
     unit_after,
-    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -32,9 +31,6 @@ _NEARLY = 5.0
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
-#: Columns of a table of what the data determine of each parameter.
-INFORMATION_COLUMNS = ("name", "value", "standard_error", "unit", "scale", "times_better",
-                       "determined", "at_bound", "reason", "remark")  # fmt: skip
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -125,18 +121,11 @@ def information_words(found: Information) -> list[str]:
     return words
 
 
-def information_text(found: Information, *, table: bool = True) -> str:
-    """What the data determine and what not, for a terminal."""
-    about = f"{found.data} measured numbers, {len(found.names)} parameters"
-    lines = wrapped(f"What the data determine ({about}). {prose('curvature')}")
-    lines += ["", information_table(found).terminal(), ""] if table else [""]
-    for sentence in information_words(found):
-        lines += wrapped(sentence)
-    for sentence in filter(None, reason_words(found)):
-        lines += wrapped(sentence, "warning: ")
-    for note in information_notes(found):
-        lines += wrapped(note, "note: ")
-    return "\n".join(lines)
+def information_section(found: Information) -> Section:
+    """What the data determine and what not, with the spectrum and the correlations."""
+    text = [prose("curvature"), *information_words(found), *information_notes(found)]
+    return Section("What the data determine by curvature", text,
+                   drawings=["spectrum", "correlation"], printed=True)  # fmt: skip
 
 
 def information_notes(found: Information) -> list[str]:
