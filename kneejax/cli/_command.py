@@ -321,7 +321,11 @@ def _shown(value: Any) -> Any:
 def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
     bundled, files = marks(field, Bundled), marks(field, File)
     named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
-    if not (bundled or files) or any(c in value for c in "*?[") or os.path.exists(folder / value):
+    if not (bundled or files) or any(c in value for c in "*?["):
+        return
+    if os.path.exists(folder / value):
+        if bundled and bundled[0].kind == "studies":
+            _check_study(os.fspath(folder / value), bundled[0].others)
         return
     if gone and not named:
         expected = f"a file that is still there; {folder / value} is gone"
@@ -334,3 +338,12 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
     from kneejax.files.reading import neighbour
 
     raise InputProblem(value, "file", "missing", files[0].kind, neighbour(folder / value))
+
+
+def _check_study(value: str, others: bool) -> None:
+    """Refuse a study for what its fields say, before JAX is imported."""
+    from kneejax.cohorts import is_cohort
+    from kneejax.studies import check_study_file
+
+    if value.lower().endswith((".yaml", ".yml")) and not (others and is_cohort(value)):
+        check_study_file(value)

@@ -25,7 +25,6 @@ from kneejax.files import (
     study_path,
 )
 from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
-from kneejax.files.tables import read_rows
 from kneejax.studies import STUDY_FIELDS, Study, study_of
 
 _COHORT_FILE, _STUDY_FILE = "cohort.yaml", "study.yaml"
@@ -222,6 +221,8 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
         rows = whole.knees
     else:
+        from kneejax.files.tables import read_rows  # imports JAX
+
         header, lines = read_rows(os.fspath(whole.knees), ["name"])
         places = [f"{whole.knees}: row {number}" for number in range(1, len(lines) + 1)]
         cells = [dict(zip(header, texts, strict=True)) for _, texts in lines]

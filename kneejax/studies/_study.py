@@ -74,11 +74,7 @@ class Study(StudyFields):
     ) -> None:
         """Check fields by themselves, then read what they name, then check them with the knee."""
         fields, context = plain(fields), {"folder": folder}
-        with mistakes.gathered():
-            fill(self, fields, context)
-        if not mistakes:
-            check_fields(self, mistakes)
-        mistakes.check()
+        self._fill_alone(fields, mistakes, folder)
         said, objects = objects_of(self, fields, mistakes)
         mistakes.check()
         with mistakes.gathered():
@@ -86,6 +82,14 @@ class Study(StudyFields):
         mistakes.check()
         self._origin, self._file = {**(origin or {}), **said}, mistakes.file
         _check_with_knee(self, mistakes)
+        mistakes.check()
+
+    def _fill_alone(self, fields: dict[str, Any], mistakes: Mistakes, folder: Path) -> None:
+        """Check fields by themselves and with each other; nothing that they name is read."""
+        with mistakes.gathered():
+            fill(self, fields, {"folder": folder})
+        if not mistakes:
+            check_fields(self, mistakes)
         mistakes.check()
 
     def replace(self, **changes: Any) -> Study:
@@ -277,6 +281,8 @@ def _check_free(study: Study, selection: Selection) -> None:
 
 def _check_tests(study: Study, mistakes: Mistakes) -> None:
     """Of tests no two have one name, and none is better known than the poses can say."""
+    if not study.tests:  # importing takes longer than everything else here
+        return
     from kneejax.inference.fit import check_readable
     from kneejax.parameters import cut
 
@@ -373,6 +379,22 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     return study_of(document, os.fspath(path), path.parent)
 
 
+def check_study_file(name_or_path: str | os.PathLike[str]) -> None:
+    """Refuse a study file for what its fields say, before JAX is imported to read what they name.
+
+    Args:
+        name_or_path: as of `read_study`.
+
+    Raises:
+        InputProblem: a field is missing, unknown or out of range; `InputProblems` where several
+            are.
+    """
+    document, path = named_document("studies", name_or_path)
+    mistakes = Mistakes(os.fspath(path))
+    fields = _without_empty(document, mistakes)
+    Study.__new__(Study)._fill_alone(plain(fields), mistakes, path.parent)
+
+
 def study_of(document: Any, file: str, folder: Path) -> Study:
     """Make a study of what a file says.
 
@@ -384,13 +406,18 @@ def study_of(document: Any, file: str, folder: Path) -> Study:
     Returns:
         The study, checked whole; it raises as `read_study` does.
     """
-    mistakes, fields = Mistakes(file), document
-    if isinstance(fields, dict):
-        for name in [name for name, value in fields.items() if value is None or value == []]:
-            needed = Study.model_fields.get(name)
-            if name in STUDY_FIELDS and not (needed and needed.is_required()):
-                mistakes.keep(wrong(fields[name], "a value, or this field left out", at=name))
-                fields = {key: value for key, value in fields.items() if key != name}
-    study = Study.__new__(Study)
-    study._fill(fields, mistakes, folder)
+    mistakes, study = Mistakes(file), Study.__new__(Study)
+    study._fill(_without_empty(document, mistakes), mistakes, folder)
     return study
+
+
+def _without_empty(document: Any, mistakes: Mistakes) -> Any:
+    """The fields of a file without those that are empty, which are mistakes."""
+    if not isinstance(document, dict):
+        return document
+    needed = {name for name, field in Study.model_fields.items() if field.is_required()}
+    empty = [name for name, value in document.items()
+             if name in STUDY_FIELDS and name not in needed and (value is None or value == [])]
+    for name in empty:
+        mistakes.keep(wrong(document[name], "a value, or this field left out", at=name))
+    return {name: value for name, value in document.items() if name not in empty}

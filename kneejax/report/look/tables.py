@@ -253,10 +253,11 @@ class Table:
         """
         flat: dict[str | Column, Any] = {}
         for key, values in columns.items():
-            names, parts = [key], [values]
-            if not isinstance(key, str | Column):
-                names, parts = key, np.moveaxis(np.asarray(values), -1, 0)
-            flat |= {name: _cells(x) for name, x in zip(names, parts, strict=True)}
+            if isinstance(key, str | Column):
+                flat[key] = _cells(values)
+                continue
+            parts = np.moveaxis(np.asarray(values), -1, 0)
+            flat |= {name: part.tolist() for name, part in zip(key, parts, strict=True)}
         count = next((len(x) for x in flat.values() if isinstance(x, list)), 1)
         lists = {key: x if isinstance(x, list) else [x] * count for key, x in flat.items()}
         heads = [
