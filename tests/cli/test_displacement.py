@@ -7,7 +7,6 @@ import pytest
 
 from kneejax.geometry import CONVENTION_WORDS, CONVENTIONS, convert_table
 from kneejax.report.flexion import displacement
-
 from kneejax.report.pose_tables import change_table, pose_table
 from kneejax.statics import Status
 
