@@ -10,6 +10,7 @@ import dataclasses
 import glob
 import os
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -230,11 +231,12 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         rows = [{k: x.strip() if k == "name" else _value(x) for k, x in one.items() if x.strip()}
                 for one in cells]  # fmt: skip
     for place, row in zip(places, rows, strict=True):
-        name = row.get("name", "")
-        place = f"{place} ({name})" if name else place
+        name = str(row.get("name", ""))
+        # A name that is too long is refused below; here it only says which row is meant.
+        place = f"{place} ({textwrap.shorten(name, 60, placeholder='...')})" if name else place
         with mistakes.gathered():
             known, document = _overlaid(place, row, template, folder, own.parent, whole.about)
-            yield str(name), document, place, folder, known
+            yield name, document, place, folder, known
 
 
 def _value(cell: str) -> Any:

@@ -158,7 +158,7 @@ def _branches(
     file = Table(columns, [row[: len(columns)] for row in whole.rows])
     said = "No other stable balance was found at any of these angles."
     if rows:
-        said = "Besides these, the knee also balances at:"
+        said = "There are other stable equilibria:"
     return file, Table(whole.columns, rows), said
 
 

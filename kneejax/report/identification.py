@@ -208,7 +208,7 @@ def _why(found: Identification, i: int) -> str:
         return f"{name} is known from its prior alone: the data do not narrow it."
     if interval is not None and interval.kind is IntervalKind.NOT_COMPUTED:
         return f"The 95 % limits of {name} could not be computed: {interval.reason}."
-    usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
+    usual = f"{name} is not determined: other parameters compensate whatever its bounds allow."
     return curvature.reason_words(found.information)[i] or usual
 
 

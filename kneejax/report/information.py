@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 _NAMED, _MOST = 0.3, 3
 # What is left out may widen the standard error of the rest this many times, and is else mentioned.
 _NEARLY = 5.0
-# A column that others reproduce within this part of its length is made up for exactly.
+# A column that others reproduce within this part of its length is compensated exactly.
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
@@ -244,7 +244,7 @@ def _reason(found: Information, row: int) -> str:
 
 
 def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarray) -> str:
-    """Which other parameters make up for a change of one, and how well.
+    """Which other parameters compensate a change of one, and how well.
 
     How well is said by all others together, free to move anywhere. Who, by the least movement that
     does it: in a spectrum over decades, the weakest would else carry the largest numbers.
@@ -257,10 +257,10 @@ def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarr
     part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
     who = joined([plain(names[int(others[i])]) for i in order])
-    verb = "make" if len(order) > 1 else "makes"
+    verb = "compensate" if len(order) > 1 else "compensates"
     percent = 100.0 * (1.0 - left)
     much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
-    return f"{who} {verb} up for it {much}"
+    return f"{who} {verb} it {much}"
 
 
 def _named(vector: np.ndarray) -> list[int]:

@@ -56,7 +56,7 @@ def _line(value: Any, allowed: Range | None) -> tuple[float, ...] | None:
 
 
 class Identify(Options):
-    """Asks what the data can tell, what they cannot, and what should be measured next."""
+    """Asks what the data determine, what they do not, and what should be measured next."""
 
     noise_mm: Annotated[float, _noise("noise_mm")] | None = meaning(
         "standard deviation of measured positions; the study's otherwise", None

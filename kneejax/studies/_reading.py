@@ -222,7 +222,7 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
         table, observed = _that_count(test, table, observed)
     tensions, readings = _pulls(table, lines)
     if test.weight and table.weight is not None:
-        raise test.wrong("weight", "this field left out: the table has a column weight")
+        raise test.wrong("weight", "to omit this field: the table has a column weight")
     frames = None
     if test.in_time is not None:
         if table.time_s is None:
@@ -354,12 +354,12 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
     published = published_motions()
     for field in _OF_OWN_TABLES:
         if field in given and not (field == "ignore" and name in published):
-            raise test.wrong(field, f"this field left out: {name} comes with the package")
+            raise test.wrong(field, f"to omit this field: {name} comes with the package")
     if name not in published:
         return published_laxity(test, bundled_bands(name=name))
     for field in ("load", "counted_from"):
         if field in given:
-            raise test.wrong(field, f"this field left out: {name} says it itself")
+            raise test.wrong(field, f"to omit this field: {name} says it itself")
     own = published[name]
     table = read_lab_table(own.path, own.columns, ignore=test.ignore, unloaded=True)
     return table, own.counted_from

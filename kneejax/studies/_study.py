@@ -419,5 +419,5 @@ def _without_empty(document: Any, mistakes: Mistakes) -> Any:
     empty = [name for name, value in document.items()
              if name in STUDY_FIELDS and name not in needed and (value is None or value == [])]
     for name in empty:
-        mistakes.keep(wrong(document[name], "a value, or this field left out", at=name))
+        mistakes.keep(wrong(document[name], "a value (or omit the field)", at=name))
     return {name: value for name, value in document.items() if name not in empty}
