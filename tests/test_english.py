@@ -38,8 +38,8 @@ PATTERN = re.compile(rf"\b(?:{'|'.join(BANNED)})\b", re.IGNORECASE)
 
 def sentences():
     """Place -> text: pages of the documentation, prose, messages, help, public docstrings."""
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
-    for path in sorted([*pages, *(ROOT / "kneejax").rglob("*.toml"), *ROOT.glob("kneejax/**/*.j2")]):
+    pages = [ROOT / "README.md", *ROOT.glob("docs/*.md"), *ROOT.glob("kneejax/**/*.toml")]
+    for path in sorted([*pages, *ROOT.glob("kneejax/**/*.j2")]):
         for number, text in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
             yield f"{path.relative_to(ROOT)}:{number}", text
     for path in sorted((ROOT / "kneejax").rglob("*.py")):

@@ -74,7 +74,7 @@ def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
     if ("S" in procedures) != bool(study.stages):
         refuse("procedures", [*procedures], "S among procedures and stages, or neither")
     if study.starts > 1 and "III" not in procedures:
-        refuse("starts", study.starts, "1: only procedure III has several starts")
+        refuse("starts", study.starts, "1, since multistart needs procedure III")
     known = ["poses"] * bool(given) + [test.name for test in study.tests]
     for number, stage in enumerate(study.stages):
         for i, name in enumerate(stage.data):

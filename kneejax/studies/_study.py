@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from kneejax.parameters import Selection
     from kneejax.statics import Status
 
-
 #: Free numbers beyond which a study is doubted.
 _MANY = 40
 
@@ -222,25 +221,12 @@ class Study(StudyFields):
         selection = select(knee, self.parameters)
         _check_free(self, selection)
         return CalibrationProblem.of(
-            knee,
-            selection,
-            self.poses(),
-            bounds=self.bounds,
-            noise=self.scatter,
-            offsets=self.frame_offset,
-            loads=self.acting,
-            tests=self.tests,
-            prior=self.prior,
-            procedures=self.procedures,
-            stages=self.stages,
-            starts=self.starts,
-            seed=self.seed,
-            method=self.method,
-            cycles=self.cycles,
-            truth=self.truth,
-            title=self.title,
+            knee, selection, self.poses(), bounds=self.bounds, noise=self.scatter,
+            offsets=self.frame_offset, loads=self.acting, tests=self.tests, prior=self.prior,
+            procedures=self.procedures, stages=self.stages, starts=self.starts, seed=self.seed,
+            method=self.method, cycles=self.cycles, truth=self.truth, title=self.title,
             settings=self.settings(),
-        )
+        )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Everything needed to run the study again, as plain numbers and words."""
@@ -310,19 +296,13 @@ def _check_tests(study: Study, mistakes: Mistakes) -> None:
 
 def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     """Names, bounds and data that must suit the knee."""
+    from kneejax import parameters
     from kneejax.numerics import check_installed
-    from kneejax.parameters import (
-        doubt_prior,
-        select,
-        start_within,
-        stated,
-        stated_bounds,
-        with_values,
-    )
 
+    count = len(study.flexion_deg)
     for name, sizes in study.loads.items():
-        if len(sizes) not in (1, len(study.flexion_deg)):
-            expected = f"one for all poses, or {len(study.flexion_deg)}, one for each"
+        if len(sizes) not in (1, count):
+            expected = f"one for all poses, or {count}, one for each"
             mistakes.keep(InputProblem("", f"loads.{name}", f"{len(sizes)} sizes", expected))
     _check_tests(study, mistakes)
     if study.prior and None in study.noise:
@@ -331,24 +311,24 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     bounded = [name for name in study.bounds if name not in FIBRE_QUANTITIES]
     for name in dict.fromkeys((*study.parameters, *study.truth, *study.start, *bounded)):
         with mistakes.gathered():
-            select(study.knee, [name])
+            parameters.select(study.knee, [name])
     mistakes.check()
-    with mistakes.gathered():
-        # Of these, too, a value may lead to a knee that there is not.
-        with_values(study.knee, study.truth)
+    with mistakes.gathered():  # of these, too, a value may be impossible
+        parameters.with_values(study.knee, study.truth)
     with mistakes.gathered():
         knee, selection = study.knee_at_start, study.selection
-        start_within(knee, selection, *stated_bounds(knee, selection, study.bounds))
-        deviations = stated(selection, study.prior, "prior")
+        ends = parameters.stated_bounds(knee, selection, study.bounds)
+        parameters.start_within(knee, selection, *ends)
+        deviations = parameters.stated(selection, study.prior, "prior")
         for name, sd in zip(selection.names, deviations, strict=True):
             if sd is not None:
-                doubt_prior(knee, name, sd)
+                parameters.doubt_prior(knee, name, sd)
         for number, stage in enumerate(study.stages):
             for name in stage.parameters:
                 alone = dataclasses.replace(stage, parameters=(name,))
                 if not any(map(alone.frees, selection.names)):
-                    place, expected = f"stages[{number}].parameters", "of the parameters that"
-                    raise InputProblem("", place, name, f"{expected} the study frees")
+                    place = f"stages[{number}].parameters"
+                    raise InputProblem("", place, name, "one of the study's free parameters")
     with mistakes.gathered():
         if study.method == "lbfgsb":
             check_installed("jaxopt", "lbfgsb")
@@ -396,15 +376,12 @@ def check_study_file(name_or_path: str | os.PathLike[str]) -> None:
 
 
 def study_of(document: Any, file: str, folder: Path) -> Study:
-    """Make a study of what a file says.
+    """Make a study of everything that a file says; it raises as `read_study` does.
 
     Args:
-        document: everything that the file says.
+        document: what it says.
         file: where, for errors.
         folder: to which paths in it are relative.
-
-    Returns:
-        The study, checked whole; it raises as `read_study` does.
     """
     mistakes, study = Mistakes(file), Study.__new__(Study)
     study._fill(_without_empty(document, mistakes), mistakes, folder)
