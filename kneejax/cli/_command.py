@@ -324,7 +324,7 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
     if not (bundled or files) or any(c in value for c in "*?["):
         return
     if os.path.exists(folder / value):
-        if bundled and bundled[0].kind == "studies":
+        if bundled and bundled[0].kind == "studies" and os.path.isfile(folder / value):
             _check_study(os.fspath(folder / value), bundled[0].others)
         return
     if gone and not named:

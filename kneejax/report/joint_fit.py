@@ -197,7 +197,9 @@ def joint_fit_answer(
     Returns:
         The answer; its tables are poses, hinge_poses, knee_poses of a contact knee, and facets.
     """
-    kind = "moving axis" if len(fit.rows) == 2 else f"axis through {len(fit.rows)} poses"
+    article, kind = "a", "moving axis"
+    if len(fit.rows) > 2:
+        article, kind = "an", f"axis through {len(fit.rows)} poses"
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
     moved = fit.moving, fit.hinge
     heads = tuple(pose_columns())
@@ -227,7 +229,7 @@ def joint_fit_answer(
             for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)}  # fmt: skip
     return Answer(
         title=f"Simple joints of {name if status else 'measured poses'}",
-        asked=f"How closely a {kind} and a hinge follow {over}.",
+        asked=f"How closely {article} {kind} and a hinge follow {over}.",
         sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
         f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
         f"{worst[1, 1]:.2f} mm.",

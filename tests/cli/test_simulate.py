@@ -68,7 +68,7 @@ def test_a_lost_pose_says_how_far_it_was_and_what_was_in_the_way(
     assert main([*asked, "--out", str(tmp_path)]) == 1
     (pose,) = rows(tmp_path / "poses.csv")
     printed = capsys.readouterr().out
-    assert pose["status"] == status.word and status.sentence in printed
+    assert pose["status"] == status.word and status.sentence in " ".join(printed.split())
     (line,) = [line for line in printed.splitlines() if line.startswith(f"  at {flexion}: ")]
     assert told in line
 
