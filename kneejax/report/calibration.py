@@ -109,10 +109,8 @@ def calibration_answer(calibration: Calibration) -> Answer:
         e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
         for e in fit.estimates
     )
-    searched = [
-        f"{f'Procedure {one.procedure}' if several else 'Search'}: "
-        f"{verdicts.search(calibration, one)}." for one in calibration.fits
-    ]  # fmt: skip
+    searched = [f"Procedure {one.procedure}: " * several + f"{verdicts.search(calibration, one)}."
+                for one in calibration.fits]  # fmt: skip
     searched += [*filter(None, map(verdicts.starts_words, calibration.fits)), *compared]
     if several:
         others = [one.procedure for one in calibration.fits[1:]]
@@ -135,7 +133,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
                 ["tests"] * bool(len(calibration.measured)), printed=True),
         Section("Procedures" if several else "Search", searched, [procedures_table(calibration)],
                 ["convergence"], printed=True),
-        Section("Sums of squares", tables=[_objectives(calibration)]),
+        Section("Sums of squares", [prose("objectives")], [_objectives(calibration)]),
         Section("Correlation", drawings=["correlation"]),
         Section("Forces", drawings=["ligament_forces"]),
         Section("Notes", verdicts.calibration_notes(calibration)),

@@ -63,8 +63,8 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
         drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
         sections=[Section("Over flexion", drawings=over_flexion),
-                  Section("One parameter at a time", [prose("swept")], [swept], every_sweep,
-                          printed=True)],
+                  Section("Sweeps", tables=[swept], printed=True),
+                  Section("One parameter at a time", [prose("swept")], drawings=every_sweep)],
         document=_document(found, options, doubts),
     )
 

@@ -166,7 +166,7 @@ class Answer:
         lines += [""] * bool(self.doubts)
         for doubt in self.doubts:
             first, *details = doubt.split("\n")
-            lines += [*wrapped(first, "warning: "), *details]
+            lines += [*wrapped(first.strip(), "warning: "), *details]
         return "\n".join(lines)
 
     def json(self) -> str:
