@@ -88,6 +88,11 @@ class File:
     kind: str
 
 
+@dataclasses.dataclass(frozen=True)
+class Angles:
+    """Angles of flexion: first:last:step or a,b,c."""
+
+
 def option_name(field: str) -> str:
     """`force_N` -> `force-N`."""
     return field.replace("_", "-")
@@ -319,6 +324,10 @@ def _shown(value: Any) -> Any:
 
 
 def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
+    if marks(field, Angles):
+        from kneejax.files import parse_flexion
+
+        parse_flexion(value)
     bundled, files = marks(field, Bundled), marks(field, File)
     named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
     if not (bundled or files) or any(c in value for c in "*?["):
