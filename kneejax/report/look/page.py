@@ -107,6 +107,14 @@ class Answer:
         ...                main=["laxity"])
         >>> "<td class=\\"n\\">9.800</td>" in found.page({})
         True
+        >>> print(found.terminal())
+        Drawer of a knee
+        How far 100 N move it.
+        <BLANKLINE>
+        flexion  range
+            deg     mm
+              0  6.100
+          30.00  9.800
     """
 
     title: str
