@@ -41,11 +41,11 @@ def test_other_balances_are_printed_written_and_recorded(two_balances, tmp_path,
     assert float(other["adduction_deg"]) == 9.0 and other["starts"] == "24"
     assert json.loads((tmp_path / "settings.json").read_text())["branches"] is True
     printed = capsys.readouterr().out
-    assert "Besides these, the knee also balances at:" in printed and "branches.csv" in printed
+    assert "There are other stable equilibria:" in printed and "branches.csv" in printed
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Passive flexion of four_ligament" in page and "1 pose passes every check" in page
-    # What was found besides is folded below the picture.
-    assert page.index("<svg") < page.index("<details") < page.index("the knee also balances at")
+    # What else was found is folded below the picture.
+    assert page.index("<svg") < page.index("<details") < page.index("There are other stable equilibria")
 
 
 def test_without_the_option_nobody_looks_for_others(two_balances, tmp_path):
