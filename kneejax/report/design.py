@@ -154,8 +154,6 @@ def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
     return rows, places
 
 
-#: Columns of a table of all candidates.
-CANDIDATE_COLUMNS = ("name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen")
 _SHOWN = 8
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
@@ -170,15 +168,14 @@ def gain_words(criterion: str) -> str:
 
 def candidates_table(design: Design) -> Table:
     """What each candidate would add, the table of candidates.csv."""
+    tests = design.candidates
     place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
-    rows = [
-        [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
-        + [Status(status).word, float(gain), place.get(row)]
-        for row, (test, status, gain) in enumerate(
-            zip(design.candidates, design.status, design.gains, strict=True)
-        )
-    ]
-    return Table([Column(name) for name in CANDIDATE_COLUMNS], rows)
+    return Table.of({
+        "name": [one.name for one in tests], "flexion_deg": [one.flexion_deg for one in tests],
+        **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
+        "status": [Status(status).word for status in design.status], "gain": design.gains,
+        "chosen": [place.get(row) for row in range(len(tests))],
+    })  # fmt: skip
 
 
 def next_tests_table(design: Design) -> Table:

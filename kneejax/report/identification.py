@@ -34,11 +34,10 @@ if TYPE_CHECKING:
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
-#: Columns of parameters.csv.
-_COLUMNS = ("name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
-            "profile_high", "profile_low_open", "profile_high_open", "posterior_mean",
-            "posterior_sd", "posterior_low", "posterior_high", "r_hat", "effective_sample_size",
-            "interval", "determined", "reason")  # fmt: skip
+#: Columns of a posterior in parameters.csv.
+_MOMENTS = ("posterior_mean", "posterior_sd")
+_ENDS = ("posterior_low", "posterior_high")
+_QUALITY = ("r_hat", "effective_sample_size")
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
@@ -137,28 +136,27 @@ def _document(answer: Identified, every: Table, options: Mapping[str, Any]) -> d
 
 def identified_table(found: Identification, sampled: Posterior | None = None) -> Table:
     """The table of parameters.csv: limits by curvature, profile and posterior."""
-    by_name = {profile.name: profile for profile in found.profiles}
-    ends = None if sampled is None else sampled.quantiles((0.025, 0.975))
-    rows = []
-    for i, name in enumerate(found.selection.names):
-        profile, interval = by_name.get(name), _interval(found, i)
-        followed: list[Any] = [None] * 4
-        if profile:
-            followed = [profile.low, profile.high, profile.low_open, profile.high_open]
-        drawn: list[Any] = [None] * 6
-        if sampled is not None and ends is not None:
-            moments = (sampled.mean[i], sampled.sd[i], *ends[i])
-            drawn = [*moments, sampled.r_hat[i], sampled.effective_sample_size[i]]
-        known = _determined(found, i)
-        rows.append(
-            [name, float(found.values[i]), found.selection.unit(i), float(found.lower[i]),
-             float(found.upper[i]), bool(found.at_bound[i]),
-             float(found.information.standard_error[i]), *followed,
-             *(None if x is None else float(x) for x in drawn),
-             None if interval is None else interval.kind.value, known,
-             "" if known else _why(found, i)]
-        )  # fmt: skip
-    return Table([Column(name) for name in _COLUMNS], rows)
+    names, profiles = found.selection.names, {one.name: one for one in found.profiles}
+    known = [_determined(found, i) for i in range(len(names))]
+    intervals = [_interval(found, i) for i in range(len(names))]
+    drawn: dict[Any, Any] = dict.fromkeys((*_MOMENTS, *_ENDS, *_QUALITY))
+    if sampled is not None:
+        drawn = {
+            _MOMENTS: np.stack([sampled.mean, sampled.sd], axis=1),
+            _ENDS: sampled.quantiles((0.025, 0.975)),
+            _QUALITY: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
+        }
+    return Table.of({
+        "name": names, "value": found.values,
+        "unit": [found.selection.unit(i) for i in range(len(names))], "lower": found.lower,
+        "upper": found.upper, "at_bound": found.at_bound,
+        "standard_error": found.information.standard_error,
+        **{f"profile_{field}": [getattr(profiles.get(name), field, None) for name in names]
+           for field in ("low", "high", "low_open", "high_open")},
+        **drawn, "interval": [None if one is None else one.kind.value for one in intervals],
+        "determined": known,
+        "reason": ["" if sure else _why(found, i) for i, sure in enumerate(known)],
+    })  # fmt: skip
 
 
 def _shown(found: Identification, sampled: Posterior | None) -> Table:
@@ -189,7 +187,7 @@ def _profiles_table(found: Identification) -> Table:
     columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
     rows = [[one.name, value, rise, *others] for one in found.profiles
             for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
-    return Table([Column(name) for name in columns], rows)
+    return Table([*map(Column, columns)], rows)
 
 
 def _interval(found: Identification, i: int) -> Interval | None:

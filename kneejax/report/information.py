@@ -83,25 +83,20 @@ def reason_words(found: Information) -> list[str]:
 
 def information_table(found: Information) -> Table:
     """What the data determine of each parameter, by curvature."""
-    reasons = reason_words(found)
-    rows = [
-        [name, float(found.values[i]), float(found.standard_error[i]),
-         quantity_of(name).unit, float(found.scale[i]),
-         float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
-         bool(found.at_bound[i]), reasons[i],
-         remark(bool(found.determined[i]), bool(found.at_bound[i]))]
-        for i, name in enumerate(found.names)
-    ]  # fmt: skip
-    columns = [
-        Column("name", "parameter", words=True), Column("value"),
+    determined, at_bound = found.determined.tolist(), found.at_bound.tolist()
+    hidden = {"determined": determined, "at_bound": at_bound, "reason": reason_words(found)}
+    return Table.of({
+        Column("name", "parameter", words=True): found.names, Column("value"): found.values,
         Column("standard_error", "std. error",
-               lambda error: "unlimited" if np.isinf(error) else number(error, 2)),
-        Column("unit", words=True), Column("scale", "prior SD", lambda scale: trimmed(scale, 3)),
-        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE),
-        *(Column(name, shown=False) for name in ("determined", "at_bound", "reason")),
-        Column("remark", " ", words=True),
-    ]  # fmt: skip
-    return Table(columns, rows)
+               lambda error: "unlimited" if np.isinf(error) else number(error, 2)):
+            found.standard_error,
+        Column("unit", words=True): [quantity_of(name).unit for name in found.names],
+        Column("scale", "prior SD", lambda scale: trimmed(scale, 3)): found.scale,
+        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE):
+            found.scale / found.standard_error,
+        **{Column(name, shown=False): cells for name, cells in hidden.items()},
+        Column("remark", " ", words=True): [*map(remark, determined, at_bound)],
+    })  # fmt: skip
 
 
 def remark(determined: bool, at_bound: bool) -> str:
