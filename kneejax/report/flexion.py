@@ -93,7 +93,7 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
         main=[_summary(knee, table, found, status)], doubts=doubts,
         sections=[Section("Ligaments", tables=["ligaments"]),
                   Section("Contact", tables=["contact"])],
-        text=[f"{count} pose{'s' * (count != 1)}. {_sound(status)}."],
+        text=[f"{_sound(status)}."],
     )
 
 
