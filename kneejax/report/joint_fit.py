@@ -214,7 +214,7 @@ def joint_fit_answer(
     errors = Table(
         [Column("joint", " ", words=True), *_error_columns()],
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
-        f"RMSE over {over}, degrees and mm:",
+        f"RMSE over {over}, degrees and mm",
     )
     said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees.",
             f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees."]  # fmt: skip
