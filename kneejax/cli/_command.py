@@ -342,7 +342,13 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
     if bundled:
         from kneejax.files import named_path
 
-        named_path(bundled[0].kind, value)
+        try:
+            named_path(bundled[0].kind, value)
+        except InputProblem as problem:
+            if not gone:
+                raise
+            expected, near = problem.expected, problem.nearest
+            raise InputProblem(gone, field.alias or "", value, expected, near) from None
         return
     from kneejax.files.reading import neighbour
 
