@@ -45,7 +45,7 @@ record part by part: first at the recorded poses, where nothing is solved, then 
 balance. The record is itself computed. Agreement says that two programs make the same mechanics of
 the same files; it does not say that a living knee does the same.
 
-Everything below is made anew by `python docs/make_lenhart2015_validation.py`: no number is typed
+Everything below is made by `python docs/make_lenhart2015_validation.py`: no number is typed
 in."""
 
 

@@ -31,7 +31,7 @@ def run(arguments: Calibrate) -> int:
     arguments.results.check_free(*FILES)
     reading = time.perf_counter() - begun
     # XLA compiles without holding Python: what comes last is imported beside the search.
-    threading.Thread(target=importlib.import_module, args=("kneejax.report",)).start()
+    threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
     with stages_on_terminal("calibration") as progress:
         result = studies.calibrate(study, progress=progress)
     seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}

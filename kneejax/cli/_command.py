@@ -88,6 +88,11 @@ class File:
     kind: str
 
 
+@dataclasses.dataclass(frozen=True)
+class Angles:
+    """Angles of flexion: first:last:step or a,b,c."""
+
+
 def option_name(field: str) -> str:
     """`force_N` -> `force-N`."""
     return field.replace("_", "-")
@@ -319,9 +324,17 @@ def _shown(value: Any) -> Any:
 
 
 def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
+    if marks(field, Angles):
+        from kneejax.files import parse_flexion
+
+        parse_flexion(value)
     bundled, files = marks(field, Bundled), marks(field, File)
     named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
-    if not (bundled or files) or any(c in value for c in "*?[") or os.path.exists(folder / value):
+    if not (bundled or files) or any(c in value for c in "*?["):
+        return
+    if os.path.exists(folder / value):
+        if bundled and bundled[0].kind == "studies" and os.path.isfile(folder / value):
+            _check_study(os.fspath(folder / value), bundled[0].others)
         return
     if gone and not named:
         expected = f"a file that is still there; {folder / value} is gone"
@@ -329,8 +342,23 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
     if bundled:
         from kneejax.files import named_path
 
-        named_path(bundled[0].kind, value)
+        try:
+            named_path(bundled[0].kind, value)
+        except InputProblem as problem:
+            if not gone:
+                raise
+            expected, near = problem.expected, problem.nearest
+            raise InputProblem(gone, field.alias or "", value, expected, near) from None
         return
     from kneejax.files.reading import neighbour
 
     raise InputProblem(value, "file", "missing", files[0].kind, neighbour(folder / value))
+
+
+def _check_study(value: str, others: bool) -> None:
+    """Refuse a study for what its fields say, before JAX is imported."""
+    from kneejax.cohorts import is_cohort
+    from kneejax.studies import check_study_file
+
+    if value.lower().endswith((".yaml", ".yml")) and not (others and is_cohort(value)):
+        check_study_file(value)

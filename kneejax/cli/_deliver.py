@@ -76,8 +76,7 @@ def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
     """Print what was found and where it stands; the exit status comes back."""
     from kneejax.report.look import wrapped
 
-    if answer.text:
-        print(answer.text)
+    print(answer.terminal())
     files = ["report.html", *(f"{name}.csv" for name in answer.tables), *written]
     files += ["result.json"] * (answer.document is not None) + ["settings.json"]
     files += ["figures/"] * bool(answer.drawings)

@@ -1,29 +1,36 @@
 """Cohorts: many studies as one, read and checked whole, divided into tasks, brought together."""
 
-from kneejax.cohorts._on_cluster import local_workers as local_workers
-from kneejax.cohorts._on_cluster import on_workers as on_workers
-from kneejax.cohorts._on_cluster import workers_of as workers_of
-from kneejax.cohorts._plan import KneeDone as KneeDone
-from kneejax.cohorts._plan import Task as Task
-from kneejax.cohorts._plan import Work as Work
-from kneejax.cohorts._plan import bootstraps as bootstraps
-from kneejax.cohorts._plan import check_bootstraps as check_bootstraps
-from kneejax.cohorts._plan import in_process as in_process
-from kneejax.cohorts._plan import plan as plan
-from kneejax.cohorts._plan import shard_of as shard_of
-from kneejax.cohorts._plan import structures as structures
-from kneejax.cohorts._reading import Cohort as Cohort
-from kneejax.cohorts._reading import CohortProblems as CohortProblems
-from kneejax.cohorts._reading import Member as Member
-from kneejax.cohorts._reading import is_cohort as is_cohort
-from kneejax.cohorts._reading import read_cohort as read_cohort
-from kneejax.cohorts._summary import CohortSummary as CohortSummary
-from kneejax.cohorts._summary import KneeAnswer as KneeAnswer
-from kneejax.cohorts._summary import next_prior as next_prior
-from kneejax.cohorts._summary import read_answers as read_answers
-from kneejax.cohorts._summary import summed_up as summed_up
-from kneejax.cohorts._summary import to_dataset as to_dataset
-from kneejax.cohorts._synthesise import MadeUpKnee as MadeUpKnee
-from kneejax.cohorts._synthesise import Protocol as Protocol
-from kneejax.cohorts._synthesise import Spread as Spread
-from kneejax.cohorts._synthesise import synthesise as synthesise
+from typing import TYPE_CHECKING
+
+from kneejax._lazy import lazy_imports
+
+if TYPE_CHECKING:
+    from kneejax.cohorts._on_cluster import local_workers as local_workers
+    from kneejax.cohorts._on_cluster import on_workers as on_workers
+    from kneejax.cohorts._on_cluster import workers_of as workers_of
+    from kneejax.cohorts._plan import KneeDone as KneeDone
+    from kneejax.cohorts._plan import Task as Task
+    from kneejax.cohorts._plan import Work as Work
+    from kneejax.cohorts._plan import bootstraps as bootstraps
+    from kneejax.cohorts._plan import check_bootstraps as check_bootstraps
+    from kneejax.cohorts._plan import in_process as in_process
+    from kneejax.cohorts._plan import plan as plan
+    from kneejax.cohorts._plan import shard_of as shard_of
+    from kneejax.cohorts._plan import structures as structures
+    from kneejax.cohorts._reading import Cohort as Cohort
+    from kneejax.cohorts._reading import CohortProblems as CohortProblems
+    from kneejax.cohorts._reading import Member as Member
+    from kneejax.cohorts._reading import is_cohort as is_cohort
+    from kneejax.cohorts._reading import read_cohort as read_cohort
+    from kneejax.cohorts._summary import CohortSummary as CohortSummary
+    from kneejax.cohorts._summary import KneeAnswer as KneeAnswer
+    from kneejax.cohorts._summary import next_prior as next_prior
+    from kneejax.cohorts._summary import read_answers as read_answers
+    from kneejax.cohorts._summary import summed_up as summed_up
+    from kneejax.cohorts._summary import to_dataset as to_dataset
+    from kneejax.cohorts._synthesise import MadeUpKnee as MadeUpKnee
+    from kneejax.cohorts._synthesise import Protocol as Protocol
+    from kneejax.cohorts._synthesise import Spread as Spread
+    from kneejax.cohorts._synthesise import synthesise as synthesise
+else:
+    lazy_imports(globals())

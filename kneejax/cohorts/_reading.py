@@ -10,6 +10,7 @@ import dataclasses
 import glob
 import os
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -25,7 +26,6 @@ from kneejax.files import (
     study_path,
 )
 from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
-from kneejax.files.tables import read_rows
 from kneejax.studies import STUDY_FIELDS, Study, study_of
 
 _COHORT_FILE, _STUDY_FILE = "cohort.yaml", "study.yaml"
@@ -222,6 +222,8 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
         rows = whole.knees
     else:
+        from kneejax.files.tables import read_rows  # imports JAX
+
         header, lines = read_rows(os.fspath(whole.knees), ["name"])
         places = [f"{whole.knees}: row {number}" for number in range(1, len(lines) + 1)]
         cells = [dict(zip(header, texts, strict=True)) for _, texts in lines]
@@ -229,11 +231,12 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         rows = [{k: x.strip() if k == "name" else _value(x) for k, x in one.items() if x.strip()}
                 for one in cells]  # fmt: skip
     for place, row in zip(places, rows, strict=True):
-        name = row.get("name", "")
-        place = f"{place} ({name})" if name else place
+        name = str(row.get("name", ""))
+        # A name that is too long is refused below; here it only says which row is meant.
+        place = f"{place} ({textwrap.shorten(name, 60, placeholder='...')})" if name else place
         with mistakes.gathered():
             known, document = _overlaid(place, row, template, folder, own.parent, whole.about)
-            yield str(name), document, place, folder, known
+            yield name, document, place, folder, known
 
 
 def _value(cell: str) -> Any:

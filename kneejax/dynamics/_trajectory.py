@@ -202,14 +202,14 @@ def move(
         start: all coordinates at the start, rad and mm, `(6 bodies,)`.
         time_s: at which the motion is asked for, rising, the start first; or the steps themselves.
         rate: of the coordinates at the start, rad/s and mm/s.
-        pull_N: of the quadriceps at the start besides its tension at rest, where a motor gives it
-            its length.
-        loads: over time, besides those of the knee.
+        pull_N: of the quadriceps at the start in addition to its tension at rest, where a motor
+            gives it its length.
+        loads: over time, in addition to those of the knee.
         held: names of coordinates that stay where they are, or name -> a function of time, s, on
             which it is led, rad or mm (the start is taken from `start`). With `QUADRICEPS` a
             motor gives that muscle its length (`kneejax.mechanics.Cable`); its pull is a result.
         within: steps between two of the times.
-        progress: is told how many steps are done.
+        progress: called with how many steps are done.
 
     Returns:
         The motion, differentiable by every number of the knee, by start, rates and loads, forward

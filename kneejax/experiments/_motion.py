@@ -250,9 +250,9 @@ def passive_flexion(
 
     Every angle is reached from the reference pose in strides of 5 degrees, and there the loads grow
     from nothing, one after the other. So no pose depends on which others were asked for, and a load
-    beyond which the knee gives way is told (`reached`). A coordinate that is held is taken where
-    the loaded knee has it and moved to its value along a straight line, as a machine moves it; a
-    flexion that is free is let go where the knee was loaded.
+    beyond which the knee gives way is reported (`reached`). A coordinate that is held is taken
+    where the loaded knee has it and moved to its value along a straight line, as a machine moves
+    it; a flexion that is free is let go where the knee was loaded.
 
     Args:
         knee: any knee; the loads that it carries itself act from the beginning.

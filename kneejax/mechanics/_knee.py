@@ -58,7 +58,7 @@ class Knee(eqx.Module):
         lines: lines of constant tension whose upper end may travel with flexion, or other parts
             that pull by a potential between two bones.
         reference_pose: of the tibia, where reference strains and reference lengths are stated.
-        other_bones: bone -> its pose there, of those that move besides the tibia.
+        other_bones: bone -> its pose there, of those that move in addition to the tibia.
         muscles: lines of given tension along courses; None without any.
         groups: names that stand for several fibres each.
         name: of the knee.

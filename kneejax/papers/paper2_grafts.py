@@ -136,7 +136,7 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
     return {
         "2.9": Finding(
             ordered,
-            f"from front and medial by way of the lateral side: {listed(moved)}. A hamstring graft "
+            f"from front and medial through the lateral side: {listed(moved)}. A hamstring graft "
             f"in place of both bundles, under 80 N: {listed(planned)}",
             "" if ordered else "the best and the worst corner depend on where the bundle begins on "
             "the femur and on what holds the knee beside it, neither of which is printed; the "

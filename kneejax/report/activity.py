@@ -1,33 +1,35 @@
-"""What a recorded movement does to a knee, or to several, as an answer."""
+"""What a recorded movement does to a knee, or to several, as an answer.
+
+Figures are in the layout of papers on gait; grafts in several places are as in paper 2, Figure 7.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import Activity, Cycle, Round, with_flips
-from kneejax.geometry import (
-    BODIES,
-    COLUMNS,
-    COORDINATES,
-    FEMORAL,
-    FREE_COORDINATES,
-    convert_table,
-    coordinate,
-)
+from kneejax.geometry import BODIES, COLUMNS, COORDINATES, FEMORAL, FREE_COORDINATES, coordinate
 from kneejax.report import doubts as faults
 from kneejax.report import pose_tables
-from kneejax.report.activity_figures import activity_figure, graft_pulls, places_figure
-from kneejax.report.look.page import Answer, Drawing, Section, Verdict
-from kneejax.report.look.tables import NONE, Column, Table, listed, text_of
+from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, part_styles, shades
+from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
+from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.tables import NONE, Column, Table, listed
+from kneejax.report.panels import draw_named, mark_edge, panel_grid
 from kneejax.statics import Status
 
+_STYLES = ((BLUE, "-"), (VERMILLION, (0, (4, 1.5))))
+_MOST_LIGAMENTS, _MOST_MUSCLES, _SMALL = 5, 4, 0.05
+#: Columns of a table of poses.
+_TURN, _FORWARD = 2, 3
+_PLACES = {0: (BLACK, (0, (4, 1.5)), 1.6), 1: (VERMILLION, "-", 1.0), 2: (BLUE, "-", 1.2)}
 #: A knee whose residual is larger does not agree with the record, N m.
 _LARGE_NM = 5.0
-_DIRECTIONS = ("anterior", "superior", "lateral")
-_MOMENTS = ("adduction", "internal_rotation", "extension")
 
 
 def activity_answer(
@@ -57,10 +59,7 @@ def activity_answer(
         own = [*faults.status_doubts(status[name], words[name], *places), *_second(one)]
         own += [*_unexplained(one)]
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
-    tables = {"activity": _activity_table(found, status, words, cycle, convention),
-              "forces": _of_knees(found, _ligament_table),
-              "contact": _of_knees(found, _contact_table),
-              "residual": _of_knees(found, _residual_table)}  # fmt: skip
+    tables = _tables(found, status, words, cycle, convention)
     several, alone = len(found) > 2, len(found) == 1
     ranges, compared = _ranges(found), place_table(found)
     drawings = {"activity": Drawing(activity_figure, dict([*found.items()][:2]), cycle, title)}
@@ -72,30 +71,27 @@ def activity_answer(
         times = np.round(record.time_s, 3)
         forces = pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s")
         peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
-    sections = [Section("Range of each coordinate", tables=[ranges] if not alone else []),
-                Section("Largest forces", tables=peaks),
+    sections = [Section("Range of each coordinate", tables=[ranges] if not alone else [],
+                        printed=not several),
+                Section("Largest forces", tables=peaks, printed=not several),
                 Section("All coordinates and forces", drawings=["activity"] if several else [])]
     sections = [part for part in sections if part.tables or part.drawings]
     if rounds:
         tables["rounds"] = round_table(rounds)
-        sections.append(Section("Rounds with OpenSim", tables=["rounds"]))
+        sections.append(Section("Rounds with OpenSim", tables=["rounds"], printed=True))
     time = record.time_s
-    spoken = [f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"]
-    if record.mass_kg:
-        spoken.append(f"Leg below the knee: {record.mass_kg:.2f} kg.")
-    spoken += record.notes
-    shown = [compared] if several else [*[compared] * (not alone), ranges, *peaks]
-    shown += [tables["rounds"]] if rounds else []
+    instants = f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"
+    spoken = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
+    spoken = [f"{instants}.", *spoken, *record.notes]
     lost = any((x != Status.BALANCED).any() for x in status.values())
     second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
     return Answer(
-        title=title, asked=f"What the recorded loads and muscles do to the knee at {spoken[0]}.",
+        title=title, asked=f"What the recorded loads and muscles do to the knee at {instants}.",
         verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
         pose_tables.verdict_of(np.concatenate([*status.values()])),
         sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
         drawings=drawings, picture="places" if several else "activity", doubts=doubts,
-        sections=[*sections, Section("The record", spoken)],
-        text="\n".join([*spoken, text_of(*shown), *doubts]),
+        sections=[*sections, Section("The record", spoken, printed=True)],
         exit_status=int(bool(record.doubts) or lost or second),
     )
 
@@ -103,10 +99,11 @@ def activity_answer(
 def _words(one: Activity) -> tuple[str, ...]:
     """What is wrong at each instant, or known of another balance there."""
     here = np.asarray(one.motion.to_table())
-    others = [faults.second_balance(other, own) if np.isfinite(other).all() else ""
-              for other, own in zip(one.other, here, strict=True)]  # fmt: skip
-    also = zip(faults.search_words(one.motion), others, strict=True)
-    said = ["; ".join(filter(None, pair)) for pair in also]
+    said = [
+        "; ".join(filter(None, [found, faults.second_balance(other, own)
+                                if np.isfinite(other).all() else ""]))
+        for found, other, own in zip(faults.search_words(one.motion), one.other, here, strict=True)
+    ]  # fmt: skip
     return faults.pose_words(one.motion.knee, one.mechanics, said)
 
 
@@ -119,50 +116,34 @@ def _second(one: Activity) -> Iterator[str]:
     runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
     time = one.record.time_s
     spans = [f"{time[r[0]]:g}" + (f" to {time[r[-1]]:g}" if len(r) > 1 else "") for r in runs]
-    yield (
-        f"{listed(spans, 8)} s ({len(rows)} of {len(time)} instants): a second stable balance "
-        "exists, and the loads alone do not decide between them: reported is that to which the "
-        "path from the unloaded intact knee leads, cut while they act if it is; what the other is "
-        "stands in the column doubt"
-    )
-
-
-def _residual(one: Activity) -> tuple[float, float]:
-    """Moment that holds flexion, N m: root of the mean square, and the largest."""
-    if not one.holds.any():
-        return np.nan, np.nan
-    moment = np.asarray(one.residual_Nm)
-    return float(np.sqrt(np.nanmean(moment**2))), float(np.nanmax(np.abs(moment)))
+    yield prose("activity.second", spans=listed(spans, 8), count=len(rows), all=len(time))
 
 
 def _unexplained(one: Activity) -> Iterator[str]:
-    rms, most = _residual(one)
+    moment = np.asarray(one.residual_Nm)
+    rms = np.sqrt(np.nanmean(moment**2)) if one.holds.any() else np.nan
     if rms > _LARGE_NM:
-        yield (
-            f"flexion is held by a moment of {rms:.1f} N m rms, at most {most:.1f}: so much is not "
-            "explained by muscles, ligaments, contact and what acts on the leg together"
-        )
+        yield prose("activity.unexplained", rms=f"{rms:.1f}", most=f"{np.nanmax(abs(moment)):.1f}")
 
 
-def _peak(values: np.ndarray) -> float:
-    """The largest number; NaN where there is none."""
-    return float(np.nanmax(values)) if np.isfinite(values).any() else np.nan
+def _poses(found: Mapping[str, Activity]) -> dict[str, np.ndarray]:
+    return {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
 
 
 def _ranges(found: Mapping[str, Activity]) -> Table:
     """Least and most of each coordinate, and how far it is from the record's."""
     rows = []
     for name, one in found.items():
-        table = np.asarray(one.motion.to_table())
-        for k, which in enumerate(COORDINATES if one.holds.any() else ()):
-            away = table[:, k] - one.record.pose[:, k]
-            rms = np.sqrt(np.nanmean(away**2)) if one.record.same_frames and k else np.nan
-            ends = np.nanmin(table[:, k]), np.nanmax(table[:, k])
-            rows.append([name, coordinate(which).axis_label, *ends, rms])
-        if one.holds.any():
-            moment = np.asarray(one.residual_Nm)
-            ends = np.nanmin(moment), np.nanmax(moment)
-            rows.append([name, "Moment that holds flexion, N m", *ends, _residual(one)[0]])
+        if not one.holds.any():
+            continue
+        table, moment = np.asarray(one.motion.to_table()), np.asarray(one.residual_Nm)
+        away = (table - one.record.pose) if one.record.same_frames else np.full_like(table, np.nan)
+        away[:, 0] = np.nan
+        labels = [coordinate(which).axis_label for which in COORDINATES]
+        for label, values, off in (*zip(labels, table.T, away.T, strict=True),
+                                   ("Moment that holds flexion, N m", moment, moment)):  # fmt: skip
+            rms = np.sqrt(np.nanmean(off**2)) if np.isfinite(off).any() else np.nan
+            rows.append([name, label, np.nanmin(values), np.nanmax(values), rms])
     same = any(one.record.same_frames for one in found.values())
     columns = [
         Column("knee", words=True), Column("coordinate", " ", words=True),
@@ -182,10 +163,10 @@ def _sentence(found: Mapping[str, Activity]) -> str:
         f"All contacts together carry up to {contact[row]:.0f} N, at "
         f"{first.record.time_s[row]:.2f} s, in the intact knee."
     )
-    tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
+    tables = _poses(found)
     intact = next(iter(tables.values()))
     for name, table in [*tables.items()][1:3]:
-        away = np.abs(table - intact)[:, [3, 2]]
+        away = np.abs(table - intact)[:, [_FORWARD, _TURN]]
         if np.isfinite(away).any():
             far, turned = np.nanmax(away, axis=0)
             words += (
@@ -197,97 +178,215 @@ def _sentence(found: Mapping[str, Activity]) -> str:
 
 def place_table(found: Mapping[str, Activity]) -> Table:
     """Peaks and distances from the intact knee, one row a knee: places.csv."""
-    pulls = graft_pulls(found)
-    tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
+    pulls, tables = graft_pulls(found), _poses(found)
     intact, rows = next(iter(tables.values())), []
     for name, one in found.items():
-        away = (tables[name] - intact)[:, [3, 2]]
+        away = (tables[name] - intact)[:, [_FORWARD, _TURN]]
         away = away[np.isfinite(away).all(axis=1)]
         rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
-        peaks = [_peak(x) for x in (*pulls[name], pose_tables.contact_forces(one.mechanics))]
+        peaks = [float(np.nanmax(x)) if np.isfinite(x).any() else np.nan
+                 for x in (*pulls[name], pose_tables.contact_forces(one.mechanics))]  # fmt: skip
         torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
         rows.append([name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms])
     columns = [
-        Column("knee", words=True), Column("in_balance", show=str),
-        Column("overstretched", show=str),
+        Column("knee", words=True), Column("in_balance"), Column("overstretched"),
         Column("graft_peak_N", "ligament or graft, N", ".0f"),
         Column("graft_peak_strain", "strain, %", lambda x: f"{100 * x:.1f}" if x == x else NONE),
         Column("contact_peak_N", "contact, N", ".0f"),
         Column("anterior_rms_from_intact_mm", "forwards, mm", ".2f"),
         Column("internal_rotation_rms_from_intact_deg", "inwards, deg", ".2f"),
     ]  # fmt: skip
-    note = (
-        f"Of {len(next(iter(found.values())).holds)} instants. Peaks; forwards and inwards: rms "
-        "distance of the tibia from that of the intact knee."
-    )
-    return Table(columns, rows, note=note)
+    return Table(columns, rows, note=prose("activity.places", count=len(intact)))
 
 
 def round_table(rounds: Sequence[Round]) -> Table:
     """How far the knee's secondary motion is off the one that OpenSim's model had: rounds.csv."""
+    rows = [
+        [one.number, coordinate(name).column, rms, largest, left, *one.holds, one.moment_Nm,
+         one.reaction_N]
+        for one in rounds
+        for name, rms, largest, left in zip(FREE_COORDINATES, *one.residual, one.left, strict=True)
+    ]  # fmt: skip
     names = ("round", "coordinate", "residual_rms", "residual_largest", "left_by_splines_rms",
              "balanced_instants", "instants", "moment_Nm_rms", "reaction_N_rms")  # fmt: skip
-    whole = ("round", "coordinate", "balanced_instants", "instants")
-    rows = []
-    for one in rounds:
-        rms, largest = one.residual
-        for k, name in enumerate(FREE_COORDINATES):
-            rows.append([one.number, coordinate(name).column, rms[k], largest[k], one.left[k],
-                         *one.holds, one.moment_Nm, one.reaction_N])  # fmt: skip
-    columns = [Column(x, show=str if x in whole else ".2f", words=x == "coordinate")
-               for x in names]  # fmt: skip
+    columns = [Column(name, show=".2f", words=name == "coordinate") for name in names]
     note = "Of the knee from the motion that OpenSim's model had, root of the mean square and most."
     return Table(columns, rows, "Rounds with OpenSim", note)
 
 
-def _activity_table(found: Mapping[str, Activity], status, words, cycle: Cycle, convention: str):
-    """Poses of the knee and of the record, at each instant of each knee: activity.csv."""
-    knee = next(iter(found.values())).motion.knee
-    others = [x.column for body in knee.other_bones for x in BODIES[body].values()]
-    extra = [] if convention == FEMORAL else ["convention"]
-    header = ["knee", "time_s", "cycle_percent", *COLUMNS, *(f"record_{name}" for name in COLUMNS),
-              *others, "quadriceps_N", "residual_flexion_Nm", "status", "doubt", *extra]
+def _tables(found, status, words, cycle: Cycle, convention: str) -> dict[str, Table]:
+    """Rows of each instant of each knee: poses, ligaments, contacts, and what acts on the tibia."""
     # A record of no gait has no part of a cycle.
     percent = cycle.percent if cycle.is_gait else np.full(len(cycle.percent), np.nan)
-    rows = []
+    axes = *pose_tables.along("{}_N"), *pose_tables.about("{}_Nmm")
+    made: dict[str, Table] = {}
     for name, one in found.items():
-        poses = np.asarray(one.motion.to_table()), one.record.pose
+        knee, record, told = one.motion.knee, one.record, one.mechanics
         states = one.motion.equilibrium.state.poses
-        numbers = np.column_stack(
-            [one.record.time_s, percent, *(convert_table(x, FEMORAL, convention) for x in poses),
-             *(np.asarray(states[body].to_table()) for body in knee.other_bones),
-             one.record.quadriceps_N, one.residual_Nm]
-        )  # fmt: skip
-        for row, word, doubt in zip(numbers.tolist(), status[name], words[name], strict=True):
-            rows.append([name, *row, Status(int(word)).word, doubt, *[convention] * len(extra)])
-    return Table([Column(x) for x in header], rows)
+        poses, extra = pose_tables.in_convention(one.motion.to_table(), convention)
+        recorded, _ = pose_tables.in_convention(record.pose, convention)
+        keys = {"knee": [name] * len(percent), "time_s": record.time_s}
+        parts = {**one.acting, **one.held, "left over": one.left_over}
+        own = {
+            "activity": Table.of({
+                **keys, "cycle_percent": percent, COLUMNS: poses,
+                tuple(f"record_{x}" for x in COLUMNS): recorded,
+                **{tuple(x.column for x in BODIES[body].values()): states[body].to_table()
+                   for body in knee.other_bones},
+                "quadriceps_N": record.quadriceps_N, "residual_flexion_Nm": one.residual_Nm,
+                "status": pose_tables.words_of(status[name]), "doubt": words[name], **extra,
+            }),
+            "forces": pose_tables.part_table(keys, "ligament", knee.ligaments.names,
+                                             {"force_N": told.tension, "strain": told.strain}),
+            "contact": pose_tables.part_table(keys, "contact", knee.contact_names, {
+                "force_N": pose_tables.contact_forces(told), "max_pressure_MPa": told.max_pressure,
+                "area_mm2": told.area, pose_tables.along("center_{}_mm"): told.center,
+            }),
+            "residual": pose_tables.part_table(keys, "part", [*parts],
+                                               {axes: np.stack([*parts.values()], axis=1)}),
+        }  # fmt: skip
+        for file, table in own.items():
+            before = made[file].rows if file in made else []
+            made[file] = Table(table.columns, [*before, *table.rows])
+    return made
 
 
-def _of_knees(found: Mapping[str, Activity], table: Callable[[dict, Activity], Table]) -> Table:
-    """One table of all knees, the knee in the first column."""
-    made = []
-    for name, one in found.items():
-        time = one.record.time_s
-        made.append(table({"knee": [name] * len(time), "time_s": time}, one))
-    return Table(made[0].columns, [row for each in made for row in each.rows])
+@styled
+def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
+    """Draw a movement of one knee, or of two side by side."""
+    figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
+    x, first = cycle.percent, next(iter(found.values()))
+    record, legend = first.record, {"columns": 5, "size": 6.0}
+    for k, (name, axes) in enumerate(zip(COORDINATES, panels[:6], strict=True)):
+        if record.same_frames or k == 0:
+            axes.plot(x, record.pose[:, k], color=GREY, linestyle=":", linewidth=1.4)
+        for one, (color, dashes) in zip(found.values(), _STYLES, strict=False):
+            if k or not record.same_frames:
+                table = np.asarray(one.motion.to_table())
+                axes.plot(x, table[:, k], color=color, linestyle=dashes)
+        axes.set_ylabel(coordinate(name).axis_label)
+    bundled = [pose_tables.bundle_forces(one.motion.knee, one.mechanics.tension)
+               for one in found.values()]  # fmt: skip
+    size = {name: max(np.nanmax(f[name], initial=0.0) for f in bundled) for name in bundled[0]}
+    shown = sorted(size, key=lambda name: -size[name])[:_MOST_LIGAMENTS]
+    shown = [name for name in shown if size[name] > _SMALL * size[shown[0]]]
+    styles = part_styles(bundled[0])
+    panels[9].axhline(0.0, color=GREY, linewidth=0.5)
+    for k, (one, (color, dashes)) in enumerate(zip(found.values(), _STYLES, strict=False)):
+        mark = "_" * k  # of the second knee nothing stands in the legends
+        names = [mark + name for name in one.motion.knee.contact_names]
+        for axes, values, label in (
+            (panels[6], pose_tables.contact_forces(one.mechanics), "Contact force, N"),
+            (panels[7], np.asarray(one.mechanics.max_pressure), "Peak pressure, MPa"),
+        ):
+            curves = dict(zip(names, values.T, strict=True))
+            draw_named(axes, x, curves, label, linestyle=dashes, **legend)
+        forces = {mark + name: bundled[k][name] for name in shown}
+        colors = [styles[name]["color"] for name in shown] or [GREY]
+        draw_named(panels[8], x, forces, "Ligament force, N", colors=colors, linestyle=dashes,
+                   **legend)  # fmt: skip
+        panels[9].plot(x, one.residual_Nm, color=color, linestyle=dashes)
+    panels[9].set_ylabel("Moment holding flexion, N m")
+    for axes in panels[6:9]:
+        axes.set_ylim(bottom=0.0)
+    muscles = dict(zip(record.muscles.names, np.asarray(record.muscles.tension), strict=True))
+    panels[10].set_visible(bool(muscles))
+    if muscles and record.quadriceps_N.any():
+        muscles["quadriceps"] = record.quadriceps_N
+    most = sorted(muscles, key=lambda name: -float(muscles[name].max()))[:_MOST_MUSCLES]
+    pulls = {re.sub(r"_[rl]$", "", name): muscles[name] for name in most}
+    draw_named(panels[10], x, pulls, "Muscle force, N", **legend)
+    given = record.acting.get("joint reaction")
+    force, ways, label = record.ground_N, ("X", "Y", "Z"), "Ground force, N"
+    if given is not None:
+        force, ways = given[:, :3], ("anterior", "superior", "lateral")
+        label = "Joint reaction, N"
+    draw_named(panels[11], x, dict(zip(ways, force.T, strict=True)), label, **legend)
+    for axes in panels:
+        for one, (color, _) in zip(found.values(), _STYLES, strict=False):
+            mark_edge(axes, x[~one.holds], "x", color, 0.02)
+        axes.yaxis.labelpad = 1.5
+    _over_cycle(panels, cycle, panels[9:])
+    _legend(figure, found, cycle)
+    return figure
 
 
-def _ligament_table(keys: dict, one: Activity) -> Table:
-    names, told = one.motion.knee.ligaments.names, one.mechanics
-    numbers = {"force_N": told.tension, "strain": told.strain}
-    return pose_tables.part_table(keys, "ligament", names, numbers)
+def _over_cycle(panels: Sequence[Axes], cycle: Cycle, lowest: Sequence[Axes]) -> None:
+    """Limits of the horizontal axes, their label, and where the toe leaves the ground."""
+    for axes in panels:
+        axes.set_xlim(cycle.percent[0], cycle.percent[-1])
+        if np.isfinite(cycle.toe_off):
+            axes.axvline(cycle.toe_off, color=LIGHT, linewidth=1.0, zorder=0)
+    for axes in lowest:
+        axes.set_xlabel(cycle.axis_label)
 
 
-def _contact_table(keys: dict, one: Activity) -> Table:
-    told, names = one.mechanics, one.motion.knee.contact_names
-    numbers = {"force_N": pose_tables.contact_forces(told), "max_pressure_MPa": told.max_pressure,
-               "area_mm2": told.area, tuple(f"center_{way}_mm" for way in _DIRECTIONS): told.center}
-    return pose_tables.part_table(keys, "contact", names, numbers)
+def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None:
+    from matplotlib.lines import Line2D
+
+    handles = [Line2D([], [], color=color, linestyle=dashes, label=verbatim(name))
+               for name, (color, dashes) in zip(found, _STYLES, strict=False)]  # fmt: skip
+    if next(iter(found.values())).record.same_frames:
+        handles.append(Line2D([], [], color=GREY, linestyle=":", linewidth=1.4, label="record"))
+    if np.isfinite(cycle.toe_off):
+        handles.append(Line2D([], [], color=LIGHT, label="toe off"))
+    if any(not one.holds.all() for one in found.values()):
+        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="", markersize=4,
+                              label="no balance"))  # fmt: skip
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965),
+                  ncol=len(handles), fontsize=8, frameon=False)  # fmt: skip
 
 
-def _residual_table(keys: dict, one: Activity) -> Table:
-    """What each part does to the tibia, and what all together leave over."""
-    parts = {**one.acting, **one.held, "left over": one.left_over}
-    names = [f"{x}_N" for x in _DIRECTIONS] + [f"{x}_Nmm" for x in _MOMENTS]
-    numbers = {tuple(names): np.stack([*parts.values()], axis=1)}
-    return pose_tables.part_table(keys, "part", [*parts], numbers)
+def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Force, N, and largest strain of the ligament where it acts, and of the graft elsewhere."""
+    acts = np.stack([np.asarray(one.motion.knee.ligaments.stiffness) for one in found.values()])
+    changing, answer = np.ptp(acts, axis=0) > 0, {}
+    for (name, one), stiffness in zip(found.items(), acts, strict=True):
+        rows = np.flatnonzero(changing & (stiffness > 0))
+        force, strain = (np.asarray(x)[:, rows]
+                         for x in (one.mechanics.tension, one.mechanics.strain))  # fmt: skip
+        nothing = np.full(len(force), np.nan)
+        answer[name] = (force.sum(axis=1), strain.max(axis=1)) if len(rows) else (nothing,) * 2
+    return answer
+
+
+@styled
+def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
+    """Draw what places of a graft do over a record."""
+    figure, panels = panel_grid(2, 2, 5.4, title, shared=True)
+    figure.subplots_adjust(bottom=0.2, hspace=0.12)
+    pulls = graft_pulls(found)
+    tables = _poses(found)
+    intact = next(iter(tables.values()))
+    _curves(panels[0], cycle, {name: 100 * strain for name, (_, strain) in pulls.items()})
+    _curves(panels[1], cycle, {name: force for name, (force, _) in pulls.items()})
+    for axes, column in ((panels[2], _FORWARD), (panels[3], _TURN)):
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        away = {name: table[:, column] - intact[:, column] for name, table in tables.items()}
+        _curves(axes, cycle, dict(list(away.items())[1:]), first=1)
+    _over_cycle(panels, cycle, panels[2:])
+    words = ("Strain of ligament or graft, %", "Force of ligament or graft, N",
+             "Forwards of the intact tibia, mm", "Turned inwards of it, deg")  # fmt: skip
+    own: dict[str, Any] = {}
+    for axes, label in zip(panels, words, strict=True):
+        axes.set_ylabel(label)
+        lines, names = axes.get_legend_handles_labels()
+        own |= zip(names, lines, strict=True)
+    # At how many instants a knee balances is said where that is not all of them; four such names
+    # are as wide as the figure.
+    lost = {name: "" if one.holds.all() else f" ({int(one.holds.sum())} of {len(one.holds)})"
+            for name, one in found.items()}  # fmt: skip
+    figure.legend(
+        [own[verbatim(name)] for name in found], [verbatim(x) + more for x, more in lost.items()],
+        loc="lower center", ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
+        columnspacing=1.2,
+    )  # fmt: skip
+    return figure
+
+
+def _curves(axes: Axes, cycle: Cycle, values: Mapping[str, np.ndarray], first: int = 0) -> None:
+    colours = shades(8, 0.95)
+    for k, (name, one) in enumerate(values.items(), first):
+        color, dashes, width = _PLACES.get(k, (colours[(k - 3) % 8], "-", 0.7))
+        axes.plot(cycle.percent, one, color=color, linestyle=dashes, linewidth=width,
+                  label=verbatim(name))  # fmt: skip

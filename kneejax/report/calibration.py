@@ -25,7 +25,6 @@ from kneejax.report.look.tables import (
     json_safe,
     listed,
     number,
-    wrapped,
 )
 from kneejax.report.motion_figures import ligament_forces_figure, motion_figure
 from kneejax.statics import Status
@@ -106,36 +105,40 @@ def calibration_answer(calibration: Calibration) -> Answer:
     fit, became = calibration.fit, verdicts.outcome(calibration)
     several = len(calibration.fits) > 1
     doubts, compared = verdicts.split_warnings(calibration)
-    shown = _drawings(calibration)
     quantities = dict.fromkeys(
         e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
         for e in fit.estimates
     )
-    searched = [
-        f"Procedure {one.procedure}: {verdicts.search(calibration, one)}." if several
-        else f"Search: {verdicts.search(calibration, one)}."
-        for one in calibration.fits
-    ]  # fmt: skip
-    limits = f"{verdicts.noise_words(calibration)} {prose('limits')}"
+    searched = [f"Procedure {one.procedure}: " * several + f"{verdicts.search(calibration, one)}."
+                for one in calibration.fits]  # fmt: skip
+    searched += [*filter(None, map(verdicts.starts_words, calibration.fits)), *compared]
+    if several:
+        others = [one.procedure for one in calibration.fits[1:]]
+        words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
+        searched.append(
+            f"Procedure {fit.procedure}, the first of the study, is the answer and alone decides "
+            f"the exit status ({words}); {' and '.join(others)} "
+            f"{'are' if len(others) > 1 else 'is'} there to compare."
+        )
+    noise = verdicts.noise_words(calibration)
+    summed = sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])
+    main = estimates.estimates_table(calibration, " ".join(filter(None, [noise, summed])))
+    fell = change(calibration.start_objective, fit.objective)
     sections = [
-        Section("Parameters in detail", [limits.strip(), *[prose("offsets")] * bool(fit.offsets)],
+        Section("Parameters in detail", [prose("limits"), *[prose("offsets")] * bool(fit.offsets)],
                 ["parameters", *[_side_by_side(calibration)] * several], ["parameters"]),
-        Section("Motion", [prose("motion_errors")],
-                [errors_by_coordinate(calibration), _objectives(calibration)]),
-        Section(
-            "Tests under load", [prose("test_errors")],
-            [load_tests.errors_table(calibration)], ["tests"] if len(calibration.measured) else [],
-        ),
-        Section(
-            "Procedures" if several else "Search",
-            [*searched, *filter(None, map(verdicts.starts_words, calibration.fits)), *compared],
-            [procedures_table(calibration)], ["convergence"],
-        ),
+        Section("Motion", [prose("motion_errors")], [errors_by_coordinate(calibration)],
+                printed=True),
+        Section("Tests under load", [prose("test_errors")], [load_tests.errors_table(calibration)],
+                ["tests"] * bool(len(calibration.measured)), printed=True),
+        Section("Procedures" if several else "Search", searched, [procedures_table(calibration)],
+                ["convergence"], printed=True),
+        Section("Sums of squares", [prose("objectives")], [_objectives(calibration)]),
         Section("Correlation", drawings=["correlation"]),
         Section("Forces", drawings=["ligament_forces"]),
         Section("Notes", verdicts.calibration_notes(calibration)),
     ]  # fmt: skip
-    absent = [] if len(calibration.measured) else ["Motion", "Forces"]
+    absent = [] if len(calibration.measured) else ["Motion", "Sums of squares", "Forces"]
     absent += [] if fit.tests else ["Tests under load"]
     tests = {"tests": load_tests.reading_table(calibration)} if fit.tests else {}
     made = " (synthetic)" if calibration.truth else ""
@@ -145,14 +148,14 @@ def calibration_answer(calibration: Calibration) -> Answer:
         f"{calibration.knee} follow {verdicts.data_words(calibration)}{made}?",
         verdict=became.verdict, badge=became.value, sentence=verdicts.verdict(calibration),
         tables={"parameters": estimates.parameters_table(calibration), **tests},
-        main=[estimates.estimates_table(calibration)], drawings=shown, doubts=doubts,
+        main=[main], drawings=_drawings(calibration), doubts=doubts,
         facts=[("Objective at the start", number(calibration.start_objective)),
-               ("Objective fitted", number(fit.objective)),
+               ("Objective fitted", f"{number(fit.objective)} ({fell})".removesuffix(" ()")),
                ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
                ("Time, s", number(calibration.seconds.get("total", math.nan), 3))],
         sections=[one for one in sections
                   if one.title not in absent and (one.text or one.tables or one.drawings)],
-        text=calibration_summary(calibration), document=result_document(calibration),
+        document=result_document(calibration),
     )
 
 
@@ -199,47 +202,6 @@ def write_report(
     return write_page(calibration_answer(calibration), folder, svg=svg, figures=figures,
                       settings=calibration.settings, versions=calibration.versions,
                       seconds=calibration.seconds)  # fmt: skip
-
-
-def calibration_summary(calibration: Calibration) -> str:
-    """Say on a terminal what a calibration found."""
-    fit, several = calibration.fit, len(calibration.fits) > 1
-    lines = wrapped(f"{calibration.title} (knee {calibration.knee})")
-    became = verdicts.outcome(calibration)
-    loud = became in (verdicts.Outcome.FAILED, verdicts.Outcome.POOR)
-    word = became.value.upper() if loud else became.value.lower()
-    fell = change(calibration.start_objective, fit.objective)
-    lines += wrapped(
-        f"{f'Procedure {fit.procedure}' if several else 'Calibration'} {word}: objective "
-        f"{number(calibration.start_objective)} -> {number(fit.objective)}"
-        + (f" ({fell})" if fell else "")
-        + f", {verdicts.data_words(calibration)}, "
-        + f"{number(calibration.seconds.get('total', math.nan), 3)} s"
-    )
-    lines += wrapped(f"Search: {verdicts.search(calibration, fit)}")
-    shown = estimates.estimates_table(calibration, "+-").fitting("lower upper", "start", "truth")
-    lines += ["", shown.terminal()]
-    lines += wrapped(sums_in_words(fit.motion.knee, [e.name for e in fit.estimates]))
-    said = filter(None, [verdicts.noise_words(calibration), verdicts.known_words(calibration)])
-    lines += ["", *wrapped(" ".join(said)), *wrapped(verdicts.starts_words(fit))]
-    tables = [errors_by_coordinate(calibration)] if len(calibration.measured) else []
-    tables += [load_tests.errors_table(calibration)] if fit.tests else []
-    tables += [procedures_table(calibration)] if several else []
-    for table in tables:
-        lines += ["", table.terminal()]
-    doubts = verdicts.warnings(calibration)
-    lines += [""] * bool(doubts)
-    for sentence in doubts:
-        lines += wrapped(sentence, "warning: ")
-    if several:
-        others = [fit.procedure for fit in calibration.fits[1:]]
-        words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
-        lines += ["", *wrapped(
-            f"Procedure {fit.procedure}, the first of the study, is the answer and alone decides "
-            f"the exit status ({words}); {' and '.join(others)} "
-            f"{'are' if len(others) > 1 else 'is'} there to compare."
-        )]  # fmt: skip
-    return "\n".join(lines)
 
 
 def _each_fit(calibration: Calibration) -> list[str]:

@@ -66,7 +66,7 @@ def reasons(estimate: Estimate) -> str:
     return "; ".join(words)
 
 
-def estimates_table(calibration: Calibration, sign: str = "\u00b1") -> Table:
+def estimates_table(calibration: Calibration, note: str = "") -> Table:
     """Estimates as people read them: a row for each parameter, then for each offset of a frame."""
     heads = ("parameter", "value", "std. error", "unit", "95 % limits", "", "truth", "start",
              "lower", "upper")  # fmt: skip
@@ -78,14 +78,15 @@ def estimates_table(calibration: Calibration, sign: str = "\u00b1") -> Table:
         words = [_KINDS[e.interval]] if e.interval in _KINDS else []
         words += ["at bound"] * e.at_bound
         name = e.name if e in fit.estimates else f"offset {e.name}"
-        row = [name, value, f"{sign} {error}" if sure else "", e.unit, known, ", ".join(words)]
+        row = [name, value, f"\u00b1 {error}" if sure else "", e.unit, known, ", ".join(words)]
         row += [trimmed(calibration.truth.get(e.name, math.nan))]
         rows.append([*row, trimmed(e.start), trimmed(e.lower), trimmed(e.upper)])
     seen = [i for i, head in enumerate(heads) if any(row[i] for row in rows)]
     seen = [i for i in seen if calibration.truth or heads[i] != "truth"]
     words = ("parameter", "unit", "95 % limits", "")
     columns = [Column(heads[i] or "remark", heads[i] or " ", words=heads[i] in words) for i in seen]
-    return Table(columns, [[row[i] for i in seen] for row in rows])
+    return Table(columns, [[row[i] for i in seen] for row in rows], note=note,
+                 spare=("lower upper", "start", "truth"))  # fmt: skip
 
 
 def parameter_document(e: Estimate) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def errors_table(calibration: Calibration) -> Table:
     Those of a single reading are left to tests.csv, which has the reading itself.
     """
     columns = [Column("test", "test under load", words=True), Column("coordinate", words=True),
-               Column("flexion", "flexion, deg", words=True), Column("readings", show=str),
+               Column("flexion", "flexion, deg", words=True), Column("readings"),
                Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
                Column("change", words=True)]  # fmt: skip
     rows = []

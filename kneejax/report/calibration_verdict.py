@@ -148,7 +148,7 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
                   for reason, names in failed.items()]  # fmt: skip
     sentences += [
         f"{listed(names, 40)} {'are' if len(names) > 1 else 'is'} not determined by the data: "
-        f"{reason or 'other parameters make up for whatever its bounds allow'}."
+        f"{reason or 'other parameters compensate whatever its bounds allow'}."
         for reason, names in lost.items()
     ]
     sentences += _rivals(fit) + pose_doubts(fit.motion, flexion, accepted)

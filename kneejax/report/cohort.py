@@ -17,7 +17,7 @@ from kneejax.report.calibration_verdict import Outcome
 from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Figure, readable, styled
-from kneejax.report.look.tables import NONE, Column, Table, number, plain, wrapped
+from kneejax.report.look.tables import NONE, Column, Table, number
 from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
@@ -123,18 +123,9 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
                                           summary.correlation,
                                           more="Over the knees; of logarithms for stiffness.")
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
-    lines = wrapped(f"{summary.title}: {len(summary.answers)} knees: {words}")
-    for one in failed:
-        lines += wrapped(one)
-    lines += ["", population.terminal()] if population.rows else []
-    if summary.outliers:
-        first = ", ".join(f"{one.knee} {plain(one.parameter)} ({one.deviations:+.1f} SD)"
-                          for one in summary.outliers[:5])  # fmt: skip
-        more = len(summary.outliers) - 5
-        lines += ["", *wrapped(first + f" and {more} more" * (more > 0), "outliers: ")]
     sections = [Section("Knees", tables=[each], opened=True)]
     if summary.outliers:
-        sections.append(Section("Outliers", tables=[_outlier_table(summary)]))
+        sections.append(Section("Outliers", tables=[_outlier_table(summary)], printed=True))
     if "correlation" in drawings:
         sections.append(Section("Correlation over the knees", drawings=["correlation"]))
     return Answer(
@@ -152,7 +143,7 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
             *(f"No answer: {one}" for one in failed),
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
-        sections=sections, text="\n".join(lines),
+        sections=sections,
     )  # fmt: skip
 
 
@@ -172,7 +163,7 @@ def population_table(summary: CohortSummary) -> Table:
              f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
         )  # fmt: skip
     return Table(
-        [Column("parameter", words=True), Column("knees", show=str), Column("mean"),
+        [Column("parameter", words=True), Column("knees"), Column("mean"),
          Column("mean_limits", "95 % limits"), Column("spread"),
          Column("spread_limits", "95 % limits"), Column("unit")],
         rows,

@@ -10,9 +10,9 @@ from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
-from kneejax.report.look.page import prose
+from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
-from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after, wrapped
+from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
 from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
 from kneejax.statics import Status
 
@@ -154,8 +154,6 @@ def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
     return rows, places
 
 
-#: Columns of a table of all candidates.
-CANDIDATE_COLUMNS = ("name", "flexion_deg", *NAMED_LOADS, "status", "gain", "chosen")
 _SHOWN = 8
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
@@ -170,15 +168,14 @@ def gain_words(criterion: str) -> str:
 
 def candidates_table(design: Design) -> Table:
     """What each candidate would add, the table of candidates.csv."""
+    tests = design.candidates
     place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
-    rows = [
-        [test.name, test.flexion_deg, *(test.loads[name] for name in NAMED_LOADS)]
-        + [Status(status).word, float(gain), place.get(row)]
-        for row, (test, status, gain) in enumerate(
-            zip(design.candidates, design.status, design.gains, strict=True)
-        )
-    ]
-    return Table([Column(name) for name in CANDIDATE_COLUMNS], rows)
+    return Table.of({
+        "name": [one.name for one in tests], "flexion_deg": [one.flexion_deg for one in tests],
+        **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
+        "status": [Status(status).word for status in design.status], "gain": design.gains,
+        "chosen": [place.get(row) for row in range(len(tests))],
+    })  # fmt: skip
 
 
 def next_tests_table(design: Design) -> Table:
@@ -192,18 +189,11 @@ def next_tests_table(design: Design) -> Table:
     return Table([Column(name) for name in columns], rows)
 
 
-def design_text(design: Design) -> str:
-    """Say on a terminal which tests to make next, and why."""
-    lines = [*wrapped(f"What to measure next: {goal_words(design)}"), ""]
-    for step, sentence in enumerate(design_words(design), 1):
-        lines += wrapped(sentence, f"{step}. ")
-    for table in design_tables(design):
-        lines += ["", f"{table.title}:", table.terminal()]
-    notes = design_notes(design)
-    lines += [""] * bool(notes)
-    for note in notes:
-        lines += wrapped(note, "note: ")
-    return "\n".join(lines)
+def design_section(design: Design) -> Section:
+    """Which tests to make next, and why."""
+    text = [f"What to measure next: {goal_words(design)}", *design_words(design),
+            *design_notes(design), *paragraphs("design.file") * bool(design.chosen)]  # fmt: skip
+    return Section("Tests to make next", text, design_tables(design), ["next_tests"], printed=True)
 
 
 def goal_words(design: Design) -> str:

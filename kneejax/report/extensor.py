@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
 from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
-from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles
+from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import Column, Table, columns_of
+from kneejax.report.look.tables import Table
 from kneejax.report.panels import (
     draw_ligaments,
     draw_named,
@@ -20,7 +22,14 @@ from kneejax.report.panels import (
     panel_grid,
     part_legend,
 )
-from kneejax.report.pose_tables import bundles, force_table, peak_table, verdict_of
+from kneejax.report.pose_tables import (
+    along,
+    bundles,
+    force_table,
+    peak_table,
+    verdict_of,
+    words_of,
+)
 from kneejax.statics import Status
 
 _PULL = "Quadriceps force, N"
@@ -32,8 +41,6 @@ _LEFT_NM = 1e-3
 @styled
 def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments."""
-    from matplotlib import colormaps
-
     figure, panels = panel_grid(3, 2, 7.8, title)
     flexion, pull, patella = (np.asarray(x) for x in
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
@@ -45,8 +52,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
 
     def by_flexion(axes: Axes, values, label: str) -> None:
         """A line for each flexion where several pulls were tried, else one."""
-        shades = colormaps["viridis"](np.linspace(0.0, 0.92, len(rows)))
-        for angle, own, shade in zip(angles, rows, shades, strict=False):
+        for angle, own, shade in zip(angles, rows, shades(len(rows)), strict=False):
             color = shade if len(rows) > 1 else BLUE
             axes.plot(x[own], np.asarray(values)[own], color=color, label=f"{angle:g}")
         axes.set_ylabel(label)
@@ -172,12 +178,13 @@ def extensor_answer(
         slack = zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
         notes += [_BY_LENGTH.format(*one) for one in slack]
     keys = {"flexion_deg": flexion, "quadriceps_N": pull}
-    axes = [f"{way}_N" for way in ("anterior", "superior", "lateral")]
-    on_tibia = [[*place, part, *force] for part, forces in found.forces_on_tibia.items()
-                for *place, force in zip(flexion, pull, forces, strict=True)]  # fmt: skip
+    parts = found.forces_on_tibia
+    on_tibia = {**{name: np.tile(x, len(parts)) for name, x in keys.items()},
+                "part": np.repeat([*parts], len(flexion)),
+                along("{}_N"): np.concatenate([*parts.values()])}  # fmt: skip
     tables = {"extensor": extensor_table(found, status, driven),
               "forces": force_table(knee, found.mechanics, keys),
-              "tibia_forces": Table([Column(x) for x in (*keys, "part", *axes)], on_tibia)}
+              "tibia_forces": Table.of(on_tibia)}
     peaks = peak_table(knee, found.mechanics, flexion, "at flexion, deg")
     drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
     sections = [Section("Largest forces", tables=[peaks])]
@@ -188,8 +195,7 @@ def extensor_answer(
         title=title, asked=prose(experiment), verdict=verdict_of(status),
         sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
         drawings=drawings, doubts=doubts,
-        sections=[*sections, *([Section("Notes", notes)] if notes else [])],
-        text="\n".join([title, tables["extensor"].text(), *notes, *doubts]),
+        sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)],
     )
 
 
@@ -202,23 +208,20 @@ def extensor_table(
                              (found.quadriceps_N, found.tendon_N, found.contact_N))  # fmt: skip
     here = [k for k, x in enumerate(motion.knee.contacts) if x.bodies == (FEMUR, PATELLA)]
     tibia, patella = np.asarray(motion.to_table()), np.asarray(found.patella)
-    columns = {
+    columns: dict[Any, Any] = {
         "flexion_deg": np.round(np.asarray(found.flexion_deg, float), 9), "quadriceps_N": pull,
         "quadriceps_mm": found.quadriceps_mm, "tendon_N": tendon, "patellofemoral_N": contact,
         "tendon_by_quadriceps": tendon / pull, "patellofemoral_by_quadriceps": contact / pull,
         "extension_Nm": found.extension_Nm, "weight_Nm": found.weight_Nm, "arm_mm": found.arm_mm,
         "patellofemoral_area_mm2": np.asarray(mechanics.area)[:, here].sum(axis=1),
         "patellofemoral_max_pressure_MPa": np.asarray(mechanics.max_pressure)[:, here].max(axis=1),
-        **dict(zip(COLUMNS[1:], tibia[:, 1:].T, strict=True)),
-        **dict(zip((x.column for x in BODIES[PATELLA].values()), patella.T, strict=True)),
+        COLUMNS[1:]: tibia[:, 1:], tuple(x.column for x in BODIES[PATELLA].values()): patella,
         "converged": motion.equilibrium.converged, "stable": motion.stable,
-        "status": [Status(int(x)).word for x in status],
+        "status": words_of(status),
     }  # fmt: skip
     if driven is not None:
         columns |= {"longer_mm": driven.longer_mm, "slack": driven.slack}
-    cells = zip(*(np.asarray(x).tolist() for x in columns.values()), strict=True)
-    made = columns_of([*columns], _SHOWN, ("status",))
-    return Table(made, [list(row) for row in cells], note=prose("arm"))
+    return Table.of(columns, note=prose("arm"), show=_SHOWN)
 
 
 def _sentence(experiment: str, found: Extensor, status: np.ndarray) -> str:

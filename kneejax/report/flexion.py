@@ -16,9 +16,6 @@ from kneejax.report.look.tables import Column, Table
 from kneejax.report.motion_figures import simulation_figure
 from kneejax.statics import Status, converged
 
-_WAYS = ("anterior", "superior", "lateral")
-_MOMENTS = ("adduction", "internal_rotation", "extension")
-
 
 def flexion_answer(
     name: str, motion: Motion, mechanics: Mechanics, flexion: np.ndarray, *,
@@ -44,37 +41,34 @@ def flexion_answer(
     table = np.array(motion.to_table())
     table[:, 0] = flexion
     words = faults.pose_words(knee, mechanics, faults.search_words(motion, loads))
-    more = {"converged": np.asarray(motion.equilibrium.converged).tolist(),
-            "stable": np.asarray(motion.stable).tolist(), "doubt": words}  # fmt: skip
+    more = {"converged": motion.equilibrium.converged, "stable": motion.stable, "doubt": words}
     tables = {"poses": pose_tables.pose_table(table, status, convention, more=more),
               "forces": pose_tables.force_table(knee, mechanics, {"flexion_deg": flexion})}
-    main, text = ["poses"], [f"{name}, {load_words(loads)}", tables["poses"].text()]
+    main = ["poses"]
     if unloaded is not None:
         tables["displacement"] = pose_tables.change_table(flexion, displacement(motion, unloaded))
         main.append("displacement")
-        text += ["", tables["displacement"].text()]
-    sections = [
-        Section("Largest forces", tables=[
-            pose_tables.peak_table(knee, mechanics, flexion, "at flexion, deg")])
-    ]
+    peaks = pose_tables.peak_table(knee, mechanics, flexion, "at flexion, deg")
+    sections = [Section("Largest forces", tables=[peaks])]
     if branches is not None:
         tables["branches"], others, said = _branches(branches, flexion, convention)
-        text += [said, *([others.terminal()] if others.rows else [])]
-        sections.append(Section("Other balances", [said], [others] if others.rows else []))
+        sections.append(Section("Other balances", [said], [others] * bool(others.rows),
+                                printed=True))  # fmt: skip
     places = faults.named_places([f"{x:g}" for x in flexion], "degrees")
-    doubts = [*faults.status_doubts(status, words, *places)]
-    shown = convert_table(table, FEMORAL, convention)
+    forces, contact = _forces(knee, mechanics)
     return Answer(
         title=f"Passive flexion of {name}",
         asked=f"How the tibia moves, {load_words(loads)}, at {_angles(flexion)}.",
         verdict=pose_tables.verdict_of(status),
-        sentence=_sentence(status, table, knee, mechanics, flexion), tables=tables, main=main,
+        sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
         drawings={
-            "simulation": Drawing(simulation_figure, flexion, shown, status,
-                                  *_parts(knee, mechanics), convention)
+            "simulation": Drawing(
+                simulation_figure, flexion, convert_table(table, FEMORAL, convention), status,
+                forces, dict(zip(knee.contact_names, contact.T, strict=True)), convention,
+            )
         },
-        doubts=doubts, sections=sections, text="\n".join([*text, *doubts]),
-    )
+        doubts=[*faults.status_doubts(status, words, *places)], sections=sections,
+    )  # fmt: skip
 
 
 def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer:
@@ -99,7 +93,7 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
         main=[_summary(knee, table, found, status)], doubts=doubts,
         sections=[Section("Ligaments", tables=["ligaments"]),
                   Section("Contact", tables=["contact"])],
-        text="\n".join([f"{count} pose{'s' * (count != 1)} of {knee.name}", *doubts]),
+        text=[f"{_sound(status)}."],
     )
 
 
@@ -126,7 +120,7 @@ def _sound(status: np.ndarray) -> str:
     return f"{good} of {len(status)} poses pass every check"
 
 
-def _sentence(status, table: np.ndarray, knee: Knee, mechanics: Mechanics, flexion) -> str:
+def _sentence(status, table: np.ndarray, forces: Mapping[str, np.ndarray], flexion) -> str:
     """How far the tibia moves from the first to the last balance, and what carries most."""
     known = np.flatnonzero(np.isfinite(table).all(axis=1))
     words = _sound(status) + "."
@@ -138,19 +132,17 @@ def _sentence(status, table: np.ndarray, knee: Knee, mechanics: Mechanics, flexi
             f"{abs(change[2]):.1f} degrees {'in' if change[2] >= 0 else 'out'}wards and moves "
             f"{abs(change[3]):.1f} mm {'forwards' if change[3] >= 0 else 'backwards'}."
         )
-    peaks = {n: np.nanmax(x) for n, x in pose_tables.bundle_forces(knee, mechanics.tension).items()
-             if np.isfinite(x).any()}  # fmt: skip
+    peaks = {name: np.nanmax(x) for name, x in forces.items() if np.isfinite(x).any()}
     if peaks:
         most = max(peaks, key=lambda name: peaks[name])
         words += f" Most is carried by {most}, {peaks[most]:.0f} N."
     return words
 
 
-def _parts(knee: Knee, mechanics: Mechanics):
-    forces = pose_tables.bundle_forces(knee, mechanics.tension)
-    nothing = np.zeros((len(mechanics.tension), 0))
-    drawn = np.stack([*forces.values()], axis=1) if forces else nothing
-    return [*forces], drawn, knee.contact_names, pose_tables.contact_forces(mechanics)
+def _forces(knee: Knee, mechanics: Mechanics) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """Of ligaments, fibres together, and of contacts, `(poses, contacts)`."""
+    ligaments = pose_tables.bundle_forces(knee, mechanics.tension)
+    return ligaments, pose_tables.contact_forces(mechanics)
 
 
 def _branches(
@@ -166,7 +158,7 @@ def _branches(
     file = Table(columns, [row[: len(columns)] for row in whole.rows])
     said = "No other stable balance was found at any of these angles."
     if rows:
-        said = "Besides these, the knee also balances at:"
+        said = "There are other stable equilibria:"
     return file, Table(whole.columns, rows), said
 
 
@@ -184,30 +176,31 @@ def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
     numbers = {
         "force_N": pose_tables.contact_forces(found), "area_mm2": found.area,
         "max_pressure_MPa": found.max_pressure, "mean_pressure_MPa": found.mean_pressure,
-        "max_depth_mm": found.max_depth, tuple(f"center_{x}_mm" for x in _WAYS): found.center,
-        tuple(f"force_{x}_N" for x in _WAYS): found.contact_force,
-        tuple(f"moment_{x}_Nmm" for x in _MOMENTS): found.contact_moment,
+        "max_depth_mm": found.max_depth,
+        pose_tables.along("center_{}_mm"): found.center,
+        pose_tables.along("force_{}_N"): found.contact_force,
+        pose_tables.about("moment_{}_Nmm"): found.contact_moment,
         "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
     }  # fmt: skip
-    words = {"status": [Status(int(x)).word for x in status]}
+    words = {"status": pose_tables.words_of(status)}
     keys = {"pose": range(len(status))}
     return pose_tables.part_table(keys, "contact", knee.contact_names, numbers, words)
 
 
 def _summary(knee: Knee, table: np.ndarray, found: Mechanics, status: np.ndarray) -> Table:
-    forces = pose_tables.bundle_forces(knee, found.tension)
-    contact = pose_tables.contact_forces(found)
+    forces, contact = _forces(knee, found)
+    sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
+    most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]
     pressure = np.asarray(found.max_pressure)
-    columns = [
-        Column("pose", show=str), Column("flexion_deg", "flexion, deg", ".1f"),
-        Column("ligament", "most in", words=True), Column("ligament_N", "ligament, N", ".1f"),
-        *(Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names),
-        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"), Column("status", words=True),
-    ]  # fmt: skip
-    rows = []
-    for i, outcome in enumerate(status):
-        most = max(forces, key=lambda name, i=i: np.nan_to_num(forces[name][i]), default="")
-        peak = pressure[i].max() if pressure.size else np.nan
-        rows.append([i, table[i, 0], most, forces[most][i] if most else np.nan, *contact[i], peak,
-                     Status(int(outcome)).word])  # fmt: skip
-    return Table(columns, rows, "At each pose", "Ligament forces are sums over their fibres.")
+    contacts = [Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names]
+    columns = {
+        Column("pose"): range(len(table)), Column("flexion_deg", show=".1f"): table[:, 0],
+        Column("ligament", "most in", words=True): [names[k] for k in most],
+        Column("ligament_N", show=".1f"): sizes[np.arange(len(table)), most],
+        tuple(contacts): contact,
+        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"):
+            pressure.max(axis=1) if pressure.size else np.nan,
+        "status": pose_tables.words_of(status),
+    }  # fmt: skip
+    note = "Ligament forces are sums over their fibres."
+    return Table.of(columns, "At each pose", note)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +26,6 @@ from kneejax.report.look.tables import (
     listed,
     number,
     with_error,
-    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -36,15 +34,10 @@ if TYPE_CHECKING:
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
-#: Columns of parameters.csv.
-_COLUMNS = ("name", "value", "unit", "lower", "upper", "at_bound", "standard_error", "profile_low",
-            "profile_high", "profile_low_open", "profile_high_open", "posterior_mean",
-            "posterior_sd", "posterior_low", "posterior_high", "r_hat", "effective_sample_size",
-            "interval", "determined", "reason")  # fmt: skip
-_TO_MEASURE = (
-    "To be measured: next_tests.csv. Filled in, it is a test of the study:\n"
-    "  tests: [{name: next, file: next_tests.csv, counted_from: absolute}]"
-)
+#: Columns of a posterior in parameters.csv.
+_MOMENTS = ("posterior_mean", "posterior_sd")
+_ENDS = ("posterior_low", "posterior_high")
+_QUALITY = ("r_hat", "effective_sample_size")
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
@@ -64,16 +57,12 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     lost = [row[0] for row in every.rows if not row[-2]]
     sentence = f"The data determine {len(names) - len(lost)} of {len(names)} parameters"
     sentence += f", not {listed(lost, 6)}." if lost else "."
-    told, doubts, known = _agreement(found, sampled), fit_doubts(found), _shown(found, sampled)
+    told, known = _agreement(found, sampled), _shown(found, sampled)
+    summed = sums_in_words(found.problem.knee, names)
     sections = [
-        Section("Limits by profile", [_fit_words(found), *told], drawings=["profiles"]),
-        Section("What the data determine by curvature",
-                [prose("curvature"), *curvature.information_words(information),
-                 *curvature.information_notes(information)], [], ["spectrum", "correlation"]),
-        Section("Tests to make next",
-                [f"What to measure next: {planned.goal_words(design)}",
-                 *planned.design_words(design), *planned.design_notes(design)],
-                planned.design_tables(design), ["next_tests"]),
+        Section("Limits by profile", [_fit_words(found), *told, *[summed] * bool(summed)],
+                drawings=["profiles"], printed=True),
+        curvature.information_section(information), planned.design_section(design),
     ]  # fmt: skip
     tables = {"parameters": every, "profiles": _profiles_table(found),
               "candidates": planned.candidates_table(design)}  # fmt: skip
@@ -84,20 +73,10 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
                 "spectrum": Drawing(spectrum_figure, information),
                 "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
                 "next_tests": Drawing(planned.candidates_figure, design)}  # fmt: skip
-    estimates = [*wrapped(_fit_words(found)), "", known.fitting("times_better", "scale").terminal(),
-                 *wrapped(sums_in_words(found.problem.knee, names)), *[""] * bool(told or doubts)]
-    estimates += [line for note in told for line in wrapped(note, "note: ")]
-    estimates += [line for doubt in doubts for line in wrapped(doubt, "warning: ")]
-    text = [f"{study.title} (knee {study.knee.name})", "\n".join(estimates)]
-    text.append(curvature.information_text(information, table=False))
     if sampled is not None:
         tables["posterior"] = posterior.draws_table(sampled)
-        words = [f"{posterior.sampling_words(sampled)}.", *posterior.posterior_doubts(sampled)]
-        drawn, table = posterior.posterior_drawings(sampled), posterior.posterior_table(sampled)
-        sections.append(Section("Posterior", words, [table], [*drawn]))
-        drawings |= drawn
-        text.append(posterior.posterior_summary(sampled))
-    text += [planned.design_text(design), *[_TO_MEASURE] * bool(design.chosen)]
+        drawings |= posterior.posterior_drawings(sampled)
+        sections.insert(2, posterior.posterior_section(sampled))
     return Answer(
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
@@ -105,7 +84,7 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         verdict=became.verdict, badge=became.value,
         sentence=" ".join([sentence, *planned.design_words(design)[:1]]), tables=tables,
         main=[known, planned.profit_table(design)], drawings=drawings, doubts=_doubts(answer),
-        sections=sections, text="\n\n".join(text), document=_document(answer, every, options),
+        sections=sections, document=_document(answer, every, options),
     )
 
 
@@ -157,28 +136,27 @@ def _document(answer: Identified, every: Table, options: Mapping[str, Any]) -> d
 
 def identified_table(found: Identification, sampled: Posterior | None = None) -> Table:
     """The table of parameters.csv: limits by curvature, profile and posterior."""
-    by_name = {profile.name: profile for profile in found.profiles}
-    ends = None if sampled is None else sampled.quantiles((0.025, 0.975))
-    rows = []
-    for i, name in enumerate(found.selection.names):
-        profile, interval = by_name.get(name), _interval(found, i)
-        followed: list[Any] = [None] * 4
-        if profile:
-            followed = [profile.low, profile.high, profile.low_open, profile.high_open]
-        drawn: list[Any] = [None] * 6
-        if sampled is not None and ends is not None:
-            moments = (sampled.mean[i], sampled.sd[i], *ends[i])
-            drawn = [*moments, sampled.r_hat[i], sampled.effective_sample_size[i]]
-        known = _determined(found, i)
-        rows.append(
-            [name, float(found.values[i]), found.selection.unit(i), float(found.lower[i]),
-             float(found.upper[i]), bool(found.at_bound[i]),
-             float(found.information.standard_error[i]), *followed,
-             *(None if x is None else float(x) for x in drawn),
-             None if interval is None else interval.kind.value, known,
-             "" if known else _why(found, i)]
-        )  # fmt: skip
-    return Table([Column(name) for name in _COLUMNS], rows)
+    names, profiles = found.selection.names, {one.name: one for one in found.profiles}
+    known = [_determined(found, i) for i in range(len(names))]
+    intervals = [_interval(found, i) for i in range(len(names))]
+    drawn: dict[Any, Any] = dict.fromkeys((*_MOMENTS, *_ENDS, *_QUALITY))
+    if sampled is not None:
+        drawn = {
+            _MOMENTS: np.stack([sampled.mean, sampled.sd], axis=1),
+            _ENDS: sampled.quantiles((0.025, 0.975)),
+            _QUALITY: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
+        }
+    return Table.of({
+        "name": names, "value": found.values,
+        "unit": [found.selection.unit(i) for i in range(len(names))], "lower": found.lower,
+        "upper": found.upper, "at_bound": found.at_bound,
+        "standard_error": found.information.standard_error,
+        **{f"profile_{field}": [getattr(profiles.get(name), field, None) for name in names]
+           for field in ("low", "high", "low_open", "high_open")},
+        **drawn, "interval": [None if one is None else one.kind.value for one in intervals],
+        "determined": known,
+        "reason": ["" if sure else _why(found, i) for i, sure in enumerate(known)],
+    })  # fmt: skip
 
 
 def _shown(found: Identification, sampled: Posterior | None) -> Table:
@@ -201,7 +179,7 @@ def _shown(found: Identification, sampled: Posterior | None) -> Table:
         cells[1] = with_error(row[1], row[2])[0]
         cells[-1] = curvature.remark(own["determined"], own["at_bound"])
         rows.append(cells)
-    return dataclasses.replace(table, columns=columns, rows=rows)
+    return Table(columns, rows, spare=("times_better", "scale"))
 
 
 def _profiles_table(found: Identification) -> Table:
@@ -209,7 +187,7 @@ def _profiles_table(found: Identification) -> Table:
     columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
     rows = [[one.name, value, rise, *others] for one in found.profiles
             for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
-    return Table([Column(name) for name in columns], rows)
+    return Table([*map(Column, columns)], rows)
 
 
 def _interval(found: Identification, i: int) -> Interval | None:
@@ -228,7 +206,7 @@ def _why(found: Identification, i: int) -> str:
         return f"{name} is known from its prior alone: the data do not narrow it."
     if interval is not None and interval.kind is IntervalKind.NOT_COMPUTED:
         return f"The 95 % limits of {name} could not be computed: {interval.reason}."
-    usual = f"{name} is not determined: other parameters make up for whatever its bounds allow."
+    usual = f"{name} is not determined: other parameters compensate whatever its bounds allow."
     return curvature.reason_words(found.information)[i] or usual
 
 

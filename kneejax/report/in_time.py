@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from kneejax.experiments import RaisedLeg, Transient
-from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate, table_units
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate, table_units
 from kneejax.inference.transients import FittedTransient, Recorded
 from kneejax.mechanics import NAMED_LOADS, load_words
 from kneejax.report.extensor import extensor_table
@@ -16,7 +16,13 @@ from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
-from kneejax.report.pose_tables import contact_forces, force_table, peak_table
+from kneejax.report.pose_tables import (
+    contact_forces,
+    force_table,
+    in_convention,
+    peak_table,
+    words_of,
+)
 from kneejax.statics import Status
 
 _COLORS = (BLUE, VERMILLION, GREEN)
@@ -147,21 +153,19 @@ def transient_answer(
         notes.append(f"{word}: {np.abs(values).max():g} {load.unit} at most")
     if found.rest is not None:
         notes.append(f"from the balance under the last loads: {found.from_rest_mm:.2g} mm")
-    tables, main, said = _motion_tables(found, convention), [moved], []
+    tables, main = _motion_tables(found, convention), [moved]
     if fit is not None:
         tables["damping"] = _damping_table(fit)
         main.insert(0, "damping")
-        said = [tables["damping"].text()]
         doubts += _not_found(fit)
-    exact = [*_how_exact(found)]
     return Answer(
         title=title,
         asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
         "the leg and damping.",
         sentence=_sentence(moved, found) if fit is None else _found(fit), tables=tables, main=main,
         drawings={"motion": Drawing(transient_figure, found, title, recorded)}, doubts=doubts,
-        sections=[*_sections(found), Section("Loads, time steps and energy", [*notes, *exact])],
-        text="\n".join([title, moved.text(), *notes, *exact, *said, *doubts]),
+        sections=[_peaks(found), Section("Loads, time steps and energy",
+                                         [*notes, *_how_exact(found)], printed=True)],
         exit_status=int(any(_wrong(found)) or (fit is not None and not fit.converged)),
     )
 
@@ -181,69 +185,60 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
     title = f"{name}: leg-raise in {one.time_s[-1]:g} s"
     table, patella = motion.to_table(), motion.names.index("patella_flexion")
     picked = np.unique(np.linspace(0, len(found.rows) - 1, _ROWS).round().astype(int))
-    rows = [
-        [one.time_s[row], table[row, 0], one.quadriceps["quadriceps_N"][row],
-         found.held.quadriceps_N[k], table[row, patella]]
-        for k, row in zip(picked, np.asarray(found.rows)[picked], strict=True)
-    ]  # fmt: skip
-    columns = [Column("time_s", "time, s", ".2f"), Column("flexion_deg", "flexion, deg", ".2f"),
-               Column("quadriceps_N", "quadriceps, N", ".1f"), Column("held_N", "held, N", ".1f"),
-               Column("patella_flexion_deg", "patella, deg", ".2f")]  # fmt: skip
-    raised = Table(columns, rows, note="Held: the quadriceps force that holds the leg there.")
+    row = np.asarray(found.rows)[picked]
+    raised = Table.of({
+        Column("time_s", show=".2f"): one.time_s[row],
+        Column("flexion_deg", show=".2f"): table[row, 0],
+        Column("quadriceps_N", show=".1f"): one.quadriceps["quadriceps_N"][row],
+        Column("held_N", show=".1f"): np.asarray(found.held.quadriceps_N)[picked],
+        Column("patella_flexion_deg", "patella, deg", ".2f"): table[row, patella],
+    }, note="Held: the quadriceps force that holds the leg there.")  # fmt: skip
     sentence = "The leg was nowhere at a flexion at which it was held."
     if np.isfinite(found.from_held).any():
         k, column = np.unravel_index(np.nanargmax(np.abs(found.from_held)), found.from_held.shape)
         far = coordinate(motion.names[column])
         sentence = (
-            f"farthest from a leg that is held: {found.farthest:.2g} {far.unit}, {far.phrase}, "
-            f"at {table[found.rows[k], 0]:.1f} degrees"
+            f"Farthest from a leg that is held: {found.farthest:.2g} {far.unit}, {far.phrase}, "
+            f"at {table[found.rows[k], 0]:.1f} degrees."
         )
-    exact, doubts = [*_how_exact(one)], [*_wrong(one)]
     held = extensor_table(found.held, np.asarray(found.held.motion.status))
     return Answer(
         title=title,
         asked=f"How a leg moves that a motor raises by shortening the quadriceps in "
         f"{one.time_s[-1]:g} s, and how far it is from one that is held.",
-        sentence=f"{sentence[:1].upper()}{sentence[1:]}.",
-        tables=_motion_tables(one, convention) | {"extensor": held}, main=[raised],
-        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)}, doubts=doubts,
-        sections=[Section("The leg that is held", tables=["extensor"]), *_sections(one),
-                  Section("Time steps and energy", exact)],
-        text="\n".join([title, raised.text(), sentence, *exact, *doubts]),
+        sentence=sentence, main=[raised],
+        tables=_motion_tables(one, convention) | {"extensor": held},
+        drawings={"raised_leg": Drawing(motor_raise_figure, found, title)}, doubts=[*_wrong(one)],
+        sections=[Section("The leg that is held", tables=["extensor"]), _peaks(one),
+                  Section("Time steps and energy", [*_how_exact(one)], printed=True)],
     )  # fmt: skip
 
 
-def _sections(found: Transient) -> list[Section]:
+def _peaks(found: Transient) -> Section:
     knee = found.trajectory.moving.knee
     peaks = peak_table(knee, found.mechanics, found.time_s, "at time, s")
-    return [Section("Largest forces", tables=[peaks])]
+    return Section("Largest forces", tables=[peaks])
 
 
 def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     """Poses, rates and loads; forces; energies: motion.csv, forces.csv and energy.csv."""
-    motion, more = found.trajectory, {**found.sizes, **found.quadriceps}
-    table = motion.to_table()
-    poses = convert_table(table[:, :6], FEMORAL, convention)
-    loads = np.stack(list(more.values()), 1) if more else np.zeros((len(poses), 0))
-    extra = [] if convention == FEMORAL else ["convention"]
-    header = ["time_s", *COLUMNS, *motion.columns[6:],
-              *(f"{coordinate(name).column}_per_s" for name in motion.names), *more, "status",
-              *extra]  # fmt: skip
-    numbers = np.column_stack([found.time_s, poses, table[:, 6:], motion.rates_to_table(), loads])
-    rows = [[*row, Status(int(word)).word, *[convention] * len(extra)]
-            for row, word in zip(numbers.tolist(), np.asarray(motion.status), strict=True)]
-    knee = motion.moving.knee
+    motion, time_s = found.trajectory, found.time_s
+    table, knee = motion.to_table(), motion.moving.knee
+    poses, extra = in_convention(table[:, :6], convention)
+    rates = tuple(f"{coordinate(name).column}_per_s" for name in motion.names)
     damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
     damping[:, : len(knee.ligaments.names)] = found.damping_N
-    kinds = ("work", "kinetic", "potential", "dissipated", "missing")
-    energies = [np.asarray(getattr(found.account, kind))[motion.rows] for kind in kinds]
-    energy_rows = np.column_stack([found.time_s, *energies]).tolist()
+    energies = {f"{kind}_Nmm": np.asarray(getattr(found.account, kind))[motion.rows]
+                for kind in ("work", "kinetic", "potential", "dissipated", "missing")}  # fmt: skip
     return {
-        "motion": Table([Column(name) for name in header], rows),
-        "forces": force_table(knee, found.mechanics, {"time_s": found.time_s.tolist()},
-                              damping_N=damping),
-        "energy": Table([Column("time_s"), *(Column(f"{x}_Nmm") for x in kinds)], energy_rows),
-    }
+        "motion": Table.of({
+            "time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
+            rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
+            "status": words_of(motion.status), **extra,
+        }),
+        "forces": force_table(knee, found.mechanics, {"time_s": time_s}, damping_N=damping),
+        "energy": Table.of({"time_s": time_s, **energies}),
+    }  # fmt: skip
 
 
 def _moved(found: Transient) -> Table:
@@ -308,12 +303,12 @@ def _wrong(found: Transient) -> Iterator[str]:
 
 def _damping_table(fit: FittedTransient) -> Table:
     """Dampers with their 95 % limits, six digits, damping.csv."""
-    rows = [[name, *(f"{x:.6g}" if np.isfinite(x) else "" for x in sizes)]
-            for name, *sizes in zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)]
-    heads = [Column("name", "damper", words=True), Column("value"),
-             Column("lower_95", "95 % from"), Column("upper_95", "to")]  # fmt: skip
+    sizes = [[f"{x:.6g}" if np.isfinite(x) else "" for x in row]
+             for row in zip(fit.values, fit.lower, fit.upper, strict=True)]  # fmt: skip
+    heads = Column("value"), Column("lower_95", "95 % from"), Column("upper_95", "to")
     left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
-    return Table(heads, rows, "Dampers", f"Left of the record, root of the mean square: {left}.")
+    return Table.of({Column("name", "damper", words=True): fit.names, heads: sizes}, "Dampers",
+                    f"Left of the record, root of the mean square: {left}.")  # fmt: skip
 
 
 def _found(fit: FittedTransient) -> str:

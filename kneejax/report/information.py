@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kneejax.quantities import quantity_of
-from kneejax.report.look.page import prose
+from kneejax.report.look.page import Section, prose
 from kneejax.report.look.tables import (
     NONE,
     Column,
@@ -18,7 +18,6 @@ from kneejax.report.look.tables import (
     short,
     trimmed,
     unit_after,
-    wrapped,
 )
 
 if TYPE_CHECKING:
@@ -28,13 +27,10 @@ if TYPE_CHECKING:
 _NAMED, _MOST = 0.3, 3
 # What is left out may widen the standard error of the rest this many times, and is else mentioned.
 _NEARLY = 5.0
-# A column that others reproduce within this part of its length is made up for exactly.
+# A column that others reproduce within this part of its length is compensated exactly.
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
-#: Columns of a table of what the data determine of each parameter.
-INFORMATION_COLUMNS = ("name", "value", "standard_error", "unit", "scale", "times_better",
-                       "determined", "at_bound", "reason", "remark")  # fmt: skip
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -87,25 +83,20 @@ def reason_words(found: Information) -> list[str]:
 
 def information_table(found: Information) -> Table:
     """What the data determine of each parameter, by curvature."""
-    reasons = reason_words(found)
-    rows = [
-        [name, float(found.values[i]), float(found.standard_error[i]),
-         quantity_of(name).unit, float(found.scale[i]),
-         float(found.scale[i] / found.standard_error[i]), bool(found.determined[i]),
-         bool(found.at_bound[i]), reasons[i],
-         remark(bool(found.determined[i]), bool(found.at_bound[i]))]
-        for i, name in enumerate(found.names)
-    ]  # fmt: skip
-    columns = [
-        Column("name", "parameter", words=True), Column("value"),
+    determined, at_bound = found.determined.tolist(), found.at_bound.tolist()
+    hidden = {"determined": determined, "at_bound": at_bound, "reason": reason_words(found)}
+    return Table.of({
+        Column("name", "parameter", words=True): found.names, Column("value"): found.values,
         Column("standard_error", "std. error",
-               lambda error: "unlimited" if np.isinf(error) else number(error, 2)),
-        Column("unit", words=True), Column("scale", "prior SD", lambda scale: trimmed(scale, 3)),
-        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE),
-        *(Column(name, shown=False) for name in ("determined", "at_bound", "reason")),
-        Column("remark", " ", words=True),
-    ]  # fmt: skip
-    return Table(columns, rows)
+               lambda error: "unlimited" if np.isinf(error) else number(error, 2)):
+            found.standard_error,
+        Column("unit", words=True): [quantity_of(name).unit for name in found.names],
+        Column("scale", "prior SD", lambda scale: trimmed(scale, 3)): found.scale,
+        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE):
+            found.scale / found.standard_error,
+        **{Column(name, shown=False): cells for name, cells in hidden.items()},
+        Column("remark", " ", words=True): [*map(remark, determined, at_bound)],
+    })  # fmt: skip
 
 
 def remark(determined: bool, at_bound: bool) -> str:
@@ -125,18 +116,11 @@ def information_words(found: Information) -> list[str]:
     return words
 
 
-def information_text(found: Information, *, table: bool = True) -> str:
-    """What the data determine and what not, for a terminal."""
-    about = f"{found.data} measured numbers, {len(found.names)} parameters"
-    lines = wrapped(f"What the data determine ({about}). {prose('curvature')}")
-    lines += ["", information_table(found).terminal(), ""] if table else [""]
-    for sentence in information_words(found):
-        lines += wrapped(sentence)
-    for sentence in filter(None, reason_words(found)):
-        lines += wrapped(sentence, "warning: ")
-    for note in information_notes(found):
-        lines += wrapped(note, "note: ")
-    return "\n".join(lines)
+def information_section(found: Information) -> Section:
+    """What the data determine and what not, with the spectrum and the correlations."""
+    text = [prose("curvature"), *information_words(found), *information_notes(found)]
+    return Section("What the data determine by curvature", text,
+                   drawings=["spectrum", "correlation"], printed=True)  # fmt: skip
 
 
 def information_notes(found: Information) -> list[str]:
@@ -255,7 +239,7 @@ def _reason(found: Information, row: int) -> str:
 
 
 def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarray) -> str:
-    """Which other parameters make up for a change of one, and how well.
+    """Which other parameters compensate a change of one, and how well.
 
     How well is said by all others together, free to move anywhere. Who, by the least movement that
     does it: in a spectrum over decades, the weakest would else carry the largest numbers.
@@ -268,10 +252,10 @@ def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarr
     part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
     who = joined([plain(names[int(others[i])]) for i in order])
-    verb = "make" if len(order) > 1 else "makes"
+    verb = "compensate" if len(order) > 1 else "compensates"
     percent = 100.0 * (1.0 - left)
     much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
-    return f"{who} {verb} up for it {much}"
+    return f"{who} {verb} it {much}"
 
 
 def _named(vector: np.ndarray) -> list[int]:

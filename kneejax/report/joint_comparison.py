@@ -13,7 +13,7 @@ from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
 from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table, text_of, wrapped
+from kneejax.report.look.tables import NONE, Column, Table
 from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
@@ -132,17 +132,14 @@ def comparison_answer(
     doubts = [*doubts, *gaps]
     motions, differences = [*_motions(found)], [*_differences(found)]
     errors = _errors(found)
-    text = [*wrapped(head), "", text_of(*motions, *differences, errors)]
-    text += [line for note in notes for line in ("", *wrapped(note))]
-    text += [line for doubt in doubts for line in ("", *wrapped(doubt, "! "))]
     return Answer(
         title=f"{', '.join(found.models)}: against measured motion", asked=head + ".",
         sentence=_closest(found), tables=comparison_tables(found), main=[errors], drawings=drawings,
         doubts=doubts,
-        sections=[Section("Measured minus modelled", tables=differences),
-                  Section("Each motion", tables=motions),
-                  Section("How the numbers were made", notes)],
-        text="\n".join(text), document=_document(found, settings or {}, notes, doubts),
+        sections=[Section("Measured minus modelled", tables=differences, printed=True),
+                  Section("Each motion", tables=motions, printed=True),
+                  Section("How the numbers were made", notes, printed=True)],
+        document=_document(found, settings or {}, notes, doubts),
     )
 
 

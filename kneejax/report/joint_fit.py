@@ -23,7 +23,7 @@ from kneejax.report.look.colours import (
 )
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import Column, Table, columns_of, wrapped
+from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import coordinate_panels, grid, part_legend
 from kneejax.report.pose_tables import pose_columns
 from kneejax.statics import Status
@@ -197,42 +197,39 @@ def joint_fit_answer(
     Returns:
         The answer; its tables are poses, hinge_poses, knee_poses of a contact knee, and facets.
     """
-    kind = "moving axis" if len(fit.rows) == 2 else f"axis through {len(fit.rows)} poses"
+    article, kind = "a", "moving axis"
+    if len(fit.rows) > 2:
+        article, kind = "an", f"axis through {len(fit.rows)} poses"
     angles = ", ".join(f"{x:.1f}" for x in fit.poses[:, 0])
     moved = fit.moving, fit.hinge
-    tables = {
-        file: Table(pose_columns(), np.asarray(joint.pose(np.deg2rad(flexion)).to_table()).tolist())
-        for joint, file in zip(moved, ("poses", "hinge_poses"), strict=True)
-    }
+    heads = tuple(pose_columns())
+    tables = {file: Table.of({heads: joint.pose(np.deg2rad(flexion)).to_table()})
+              for joint, file in zip(moved, ("poses", "hinge_poses"), strict=True)}  # fmt: skip
     known = table[np.isfinite(table).all(axis=1), 0]
     over = f"{len(known)} measured poses"
     if status:
-        columns = [*pose_columns(), Column("status", words=True)]
-        rows = [[*row, one.word] for row, one in zip(table.tolist(), status, strict=True)]
-        tables["knee_poses"] = Table(columns, rows)
+        tables["knee_poses"] = Table.of({heads: table, "status": [one.word for one in status]})
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
     errors = Table(
         [Column("joint", " ", words=True), *_error_columns()],
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
-        f"RMSE over {over}, degrees and mm:",
+        f"RMSE over {over}, degrees and mm",
     )
-    said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees",
-            f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees"]  # fmt: skip
-    text, sections = list(said), [Section("The joints", [f"{x}." for x in said])]
+    said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees.",
+            f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees."]  # fmt: skip
+    sections = [Section("Axes in the femur", drawings=["axes"]),
+                Section("The joints", said, printed=True)]
     if facets is not None:
         tables["facets"] = _facet_table(facets)
-        text += [f"facets: {regions}", tables["facets"].terminal()]
-        sections.append(Section("Facets of the condyles", [regions], ["facets"]))
+        sections.append(Section("Facets of the condyles", [regions], ["facets"], printed=True))
     dense = np.linspace(flexion.min(), flexion.max(), 241)
-    sections.insert(0, Section("Axes in the femur", drawings=["axes"]))
-    text += [errors.text(), *(line for one in doubts for line in wrapped(one, "! "))]
     worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
     rmse = {joint: dict(zip(FREE_COORDINATES, row, strict=True))
             for joint, row in zip(("moving", "hinge"), fit.rmse.tolist(), strict=True)}  # fmt: skip
     return Answer(
         title=f"Simple joints of {name if status else 'measured poses'}",
-        asked=f"How closely a {kind} and a hinge follow {over}.",
+        asked=f"How closely {article} {kind} and a hinge follow {over}.",
         sentence=f"The {kind} is off by at most {worst[0, 0]:.2f} degrees and {worst[0, 1]:.2f} mm "
         f"(RMSE of the worst coordinate), the hinge by {worst[1, 0]:.2f} degrees and "
         f"{worst[1, 1]:.2f} mm.",
@@ -242,7 +239,7 @@ def joint_fit_answer(
             "motion": Drawing(joint_motion_figure, {kind: fit.moving, "hinge": fit.hinge}, table,
                               fit.rows, dense, name),
         },
-        picture="motion", doubts=doubts, sections=sections, text="\n".join(text),
+        picture="motion", doubts=doubts, sections=sections,
         document={**(document or {}), "calibration_flexion_deg": fit.poses[:, 0].tolist(),
                   "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
                   "doubts": [*doubts], "versions": versions()},
@@ -263,4 +260,5 @@ def _facet_table(axes: CondyleAxes) -> Table:
         for f in axes.facets
     ]  # fmt: skip
     note = "Without a direction of its own a facet has that of the transverse axis."
-    return Table(columns_of(_FACETS, _SHOWN, ("side", "facet")), rows, note=note)
+    columns = dict(zip(_FACETS, zip(*rows, strict=True), strict=True))
+    return Table.of(columns, note=note, show=_SHOWN)

@@ -11,7 +11,7 @@ from kneejax.geometry import Condyle
 from kneejax.report.look.colours import GREY
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Figure, styled
-from kneejax.report.look.tables import Column, Table, columns_of
+from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
@@ -125,8 +125,8 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
         rows.append([name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms,
                      q.maximum, q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms,
                      q.held_out_rms])
-    columns = columns_of(_FITS, _SHOWN, ("surface",))
-    fits_table = Table(columns, rows, "What the fits leave over, mm", prose("fit_report"))
+    fits_table = Table.of(dict(zip(_FITS, zip(*rows, strict=True), strict=True)),
+                          "What the fits leave over, mm", prose("fit_report"), show=_SHOWN)
     worst = max(rows, key=lambda row: row[5])
     return Answer(
         title="Surfaces from meshes",
@@ -140,7 +140,7 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
                                     {name: part.region for name, part in fits.items()}),
         },
         doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
-        text="\n".join([*findings, *[_MISSED] * doubtful]),
+        text=findings,
     )
 
 
@@ -158,7 +158,7 @@ def osim_import_answer(
         doubts: what is not supported or was left out though it acts on the knee.
         missed: whether a surface misses its target.
     """
-    columns = [Column("fibre", words=True), Column("points", show=str),
+    columns = [Column("fibre", words=True), Column("points"),
                Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
                Column("slack_length_mm", "slack length, mm"),
                Column("transition_strain", "transition")]  # fmt: skip
@@ -175,5 +175,5 @@ def osim_import_answer(
         doubts=[*doubts, *missing],
         sections=[Section(title, [*text] or ["None."]) for title, text in sections.items()
                   if title != "Not supported"],
-        text="\n".join([*said, *(f"doubtful: {x}" for x in doubts), *missing]),
+        text=said,
     )  # fmt: skip

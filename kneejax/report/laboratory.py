@@ -10,15 +10,20 @@ import jax
 import numpy as np
 
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
-from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, convert_table, coordinate
+from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
 from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
-from kneejax.report.look.colours import BLUE, GREY, VERMILLION
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION, shades
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import Column, Table, text_of
+from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
-from kneejax.report.pose_tables import force_table, pose_table, verdict_of
+from kneejax.report.pose_tables import (
+    force_table,
+    in_convention,
+    pose_table,
+    verdict_of,
+)
 from kneejax.statics import Status, converged
 
 #: Flexions with a curve each; of more, evenly chosen ones are named.
@@ -30,13 +35,11 @@ _FROM = {"unloaded": "from the neutral pose", "intact": "from the intact knee"}
 @styled
 def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figure:
     """Draw load against displacement, a panel for each test and a curve for each flexion."""
-    from matplotlib import colormaps
-
     figure, panels = _panels(len(curves), 1.4)
     for axes, one, own in zip(panels[:, 0], curves, status, strict=True):
         test, loads = one.test, np.asarray(one.driving_load)
         moved, held = np.asarray(one.displacement_by_load), [_ends(one.part, x) for x in own]
-        colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(moved)))
+        colors = shades(len(moved))
         every, shown = max(1, -(-len(moved) // _MOST_NAMED)), {}
         for k, (x, load, color) in enumerate(zip(moved, loads, colors, strict=True)):
             (line,) = axes.plot(x, load, color=color)
@@ -152,14 +155,14 @@ def laboratory_answer(
         verdict=verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
         tables={"curves": _curves_table(curves, status, wrong, convention),
-                "laxity": Table([Column(x) for x in LAXITY_COLUMNS], [x.row for x in found]),
+                "laxity": Table([*map(Column, LAXITY_COLUMNS)], [x.row for x in found]),
                 "poses": _poses_table(curves, status, wrong, convention),
                 "forces": _forces_table(knee, curves, mechanics)},
         main=shown,
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
         picture=above, doubts=doubts, sections=[Section(heading, drawings=[below])],
-        text="\n".join([name, text_of(*shown), *doubts]), exit_status=int(bool(doubts)),
+        exit_status=int(bool(doubts)),
     )  # fmt: skip
 
 
@@ -235,21 +238,17 @@ def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
 
 def _curves_table(curves, status, wrong, convention: str) -> Table:
     """A row for each step of the loads of each test."""
-    columns = [
-        name
-        for name in NAMED_LOADS
-        if any(name in {**x.test.full, **x.test.constant, x.test.driven_by: 0} for x in curves)
-    ]
+    acting = {load for x in curves for load in (*x.test.full, *x.test.constant, x.test.driven_by)}
+    columns = [name for name in NAMED_LOADS if name in acting]
     held = {f"held_{_load_column(load_called(name) or name)}": name
             for x in curves for name in x.test.held}  # fmt: skip
     seen = list(dict.fromkeys(x.test.observed for x in curves))
-    extra = [] if convention == FEMORAL else ["convention"]
     header = ["test", "flexion_deg", "step", *map(_load_column, columns), *held, *COLUMNS[1:],
               *(f"{name}_change_{coordinate(name).unit}" for name in seen), "counted_from",
-              "converged", "stable", "status", "doubt", *extra]  # fmt: skip
-    rows = []
+              "converged", "stable", "status", "doubt"]  # fmt: skip
+    rows, extra = [], {}
     for one, own, said in zip(curves, status, wrong, strict=True):
-        poses = convert_table(_femoral_poses(one).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+        poses, extra = in_convention(_femoral_poses(one), convention)
         poses = poses.reshape(*one.nodes.shape, -1)
         loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
         turning = [np.asarray(one.motion.reaction(x))[one.nodes] / 1000.0 for x in held.values()]
@@ -261,8 +260,8 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
                              *(x[i, k] for x in turning), *poses[i, k, 1:],
                              *(moved[i, step] if x == one.test.observed else np.nan for x in seen),
                              one.counted_from, outcome.converged, bool(stable[i, k]), outcome.word,
-                             said[i][k], *[convention] * len(extra)])
-    return Table([Column(name) for name in header], rows)
+                             said[i][k], *extra.values()])
+    return Table([*map(Column, (*header, *extra))], rows)
 
 
 def _load_column(name: str) -> str:
@@ -287,8 +286,7 @@ def _poses_table(curves, status, wrong, convention: str) -> Table:
     """A row for each different load of each flexion, by its size."""
     rows = np.concatenate([one.nodes.ravel() for one in curves])
     motion = curves[0].motion
-    more = {"converged": np.asarray(motion.equilibrium.converged)[rows].tolist(),
-            "stable": np.asarray(motion.stable)[rows].tolist(),
+    more = {"converged": motion.equilibrium.converged[rows], "stable": motion.stable[rows],
             "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
     poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
     return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)

@@ -14,7 +14,7 @@ from kneejax.inference import Condition, ParameterMap
 from kneejax.report.look.colours import VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, readable, styled
-from kneejax.report.look.tables import Column, Table, number, wrapped
+from kneejax.report.look.tables import Column, Table, number
 from kneejax.report.panels import colour_bar, grid
 
 #: What is not coloured, by condition: hatch, and its legend entry.
@@ -261,7 +261,6 @@ def map_answer(
         doubts.append(
             f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
         )
-    words = [line for one in (lowest.note, *notes, *doubts) for line in wrapped(one)]
     return Answer(
         title=f"Objective over {' and '.join(maps[0].names)}" if len(maps) == 1 else
         f"Objective over {len(maps)} pairs of parameters",
@@ -273,11 +272,9 @@ def map_answer(
         tables={"maps": Table([Column(name) for name in _COLUMNS], [_row(one) for one in maps])},
         main=[lowest], drawings=drawings, picture=picture, doubts=doubts,
         sections=[
-            *([Section("Grid points that do not count", notes)] if notes else []),
-            *([Section("Each pair", drawings=[x for x in single if x != picture])]
-              if len(maps) > 1 else []),
+            *[Section("Grid points that do not count", notes, printed=True)] * bool(notes),
+            *[Section("Each pair", drawings=[x for x in single if x != picture])] * (len(maps) > 1),
         ],
-        text="\n".join([lowest.fitting("not_drawn", f"at_the_{begun}").terminal(), *words]),
         document={"about": dict(about), "versions": dict(versions)},
         exit_status=int(bool(empty) or any(one.left_out for one in maps)),
     )  # fmt: skip
@@ -300,8 +297,7 @@ def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
          Column("within_twice", "within twice", ".1%"), Column("correlation", show="2"),
          Column("not_drawn", show=".1%")],
         rows,
-        "Lowest grid point of each pair",
-        prose("lowest"),
+        "Lowest grid point of each pair", prose("lowest"), ("not_drawn", f"at_the_{begun}"),
     )  # fmt: skip
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -87,17 +88,17 @@ def motion_figure(calibration: Calibration) -> Figure:
 
 
 def _force_lines(
-    axes: Axes, x: np.ndarray, forces: Any, names: Sequence[str], contact: bool, dashes: str = "-"
+    axes: Axes, x: np.ndarray, forces: Mapping[str, ArrayLike], contact: bool, dashes: str = "-"
 ) -> dict[str, Any]:
     """Forces over flexion, ligaments in the colours of their structures; lines by their names."""
-    colours = [{"color": CONTACT_PARTS[i % len(CONTACT_PARTS)]} for i in range(len(names))]
-    styles = dict(zip(names, colours, strict=True)) if contact else part_styles(names)
+    colours = itertools.cycle({"color": one} for one in CONTACT_PARTS)
+    styles = dict(zip(forces, colours, strict=False)) if contact else part_styles(forces)
     drawn = {}
-    for name, force in zip(names, np.asarray(forces, float).T, strict=True):
+    for name, force in forces.items():
         own = styles[name].get("linestyle", "-") if dashes == "-" else dashes
         style = {**styles[name], **curve_style(x, own)}
         label = verbatim(name) if dashes == "-" else None
-        (drawn[verbatim(name)],) = axes.plot(x, force, label=label, **style)
+        (drawn[verbatim(name)],) = axes.plot(x, np.asarray(force, float), label=label, **style)
     return drawn
 
 
@@ -118,10 +119,12 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     for axes, (title, names, field) in zip(panels[:, 0], groups, strict=True):
         contact, last = field == "contact_forces", axes is panels[-1, 0]
         axes.set_title(title)
-        before, after = (np.asarray(getattr(x, field), float)[order]
-                         for x in (calibration.start, fitted))  # fmt: skip
-        _force_lines(axes, flexion[order], before, names, contact, ":")
-        drawn = _force_lines(axes, flexion[order], after, names, contact)
+        before, after = (
+            dict(zip(names, np.asarray(getattr(x, field), float)[order].T, strict=True))
+            for x in (calibration.start, fitted)
+        )
+        _force_lines(axes, flexion[order], before, contact, ":")
+        drawn = _force_lines(axes, flexion[order], after, contact)
         flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
         if "marker" not in curve_style(flexion[order], "-") and axes is panels[0, 0]:
@@ -135,34 +138,28 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
 
 @styled
 def simulation_figure(
-    flexion_deg: ArrayLike, table: ArrayLike, status: ArrayLike, ligament_names: Sequence[str],
-    ligament_forces: ArrayLike, contact_names: Sequence[str], contact_forces: ArrayLike,
-    convention: str = "femoral",
+    flexion_deg: ArrayLike, table: ArrayLike, status: ArrayLike, ligaments: Mapping[str, ArrayLike],
+    contacts: Mapping[str, ArrayLike], convention: str = "femoral",
 ) -> Figure:  # fmt: skip
-    """Draw a simulated motion and its forces."""
+    """Draw a simulated motion and its forces, by the names of ligaments and of contacts."""
     x, label = np.asarray(flexion_deg, float), FLEXION
     if np.ptp(x) == 0:
         x, label = np.arange(1.0, len(x) + 1), "Step"
     table, status = np.asarray(table, float), np.asarray(status, int)
     meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
     figure, panels = panel_grid(4, 2, 8.8, "\n".join(textwrap.wrap(meaning, 100)))
-    marks: dict[str, Any] = {}
     for name, place in zip(SHOWN, (0, 2, 4, 1, 3), strict=True):
-        axes = panels[place]
-        axes.plot(x, table[:, _COLUMN[name]], color=GREY, **curve_style(x, "-"))
-        axes.set_title(COORDINATES[name].axis_label)
-        marks |= mark_status(axes, x, status)
-    panels[5].set_axis_off()
-    part_legend(panels[5], marks, (0.0, 0.9))
-    for axes, names, values, kind in (
-        (panels[6], ligament_names, ligament_forces, "Ligament force, N"),
-        (panels[7], contact_names, contact_forces, "Contact force, N"),
-    ):
-        _force_lines(axes, x, values, names, axes is panels[7])
-        axes.set_ylabel(kind)
-        legend_above(axes, 5)
-        mark_status(axes, x, status)
+        panels[place].plot(x, table[:, _COLUMN[name]], color=GREY, **curve_style(x, "-"))
+        panels[place].set_title(COORDINATES[name].axis_label)
+    for place, forces, kind in ((6, ligaments, "Ligament"), (7, contacts, "Contact")):
+        _force_lines(panels[place], x, forces, place == 7)
+        panels[place].set_ylabel(f"{kind} force, N")
+        legend_above(panels[place], 5)
+    marks: dict[str, Any] = {}
     for place, axes in enumerate(panels):
         if place != 5:
+            marks |= mark_status(axes, x, status)
             flexion_axis(axes, x, place in (3, 4, 6, 7), label=label)
+    panels[5].set_axis_off()
+    part_legend(panels[5], marks, (0.0, 0.9))
     return figure

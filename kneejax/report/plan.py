@@ -8,7 +8,7 @@ import numpy as np
 
 from kneejax.report import plan_figures, plan_tables
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, paragraphs, prose
-from kneejax.report.look.tables import json_safe, number, wrapped
+from kneejax.report.look.tables import json_safe, number
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -50,20 +50,20 @@ def plan_answer(result: PlanResult) -> Answer:
     drawings["strains"] = Drawing(plan_figures.strain_figure, result)
     drawings["tension"] = Drawing(plan_figures.tension_figure, result)
     first = places[0] if places else "strains"
-    sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True),
-                Section("How the optimum was found", [*_limits(result), *_of_search(result)])]
+    sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True, printed=True),
+                Section("How the optimum was found", [*_limits(result), *_of_search(result)],
+                        printed=True)]  # fmt: skip
     if places[1:]:
         sections.append(Section("The other tunnel", drawings=places[1:]))
-    tradeoff = intervals = None
     if result.front is not None:
         tables["front"] = plan_tables.front_table(result)
     if result.has_front:
-        tradeoff = plan_tables.tradeoff_table(result)
         title, said = "What must be given up for what", [prose("plan.criteria")]
-        sections.append(Section(title, said, [tradeoff], ["front"]))
+        tradeoff = plan_tables.tradeoff_table(result)
+        sections.append(Section(title, said, [tradeoff], ["front"], printed=True))
     if result.intervals is not None:
         intervals = plan_tables.interval_table(result)
-        sections.append(Section("How well it is known", tables=[intervals]))
+        sections.append(Section("How well it is known", tables=[intervals], printed=True))
     sections += [
         Section("The tension", drawings=["tension"]),
         Section(
@@ -76,24 +76,16 @@ def plan_answer(result: PlanResult) -> Answer:
     intact = surgery.laxity(surgery.before)[0]
     for k, angle in enumerate(surgery.protocol.lachman_deg):
         both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
-        facts.append((f"Laxity at {angle:g}°, mm (intact)", both))
+        facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
     facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
     sentence, asked = _sentence(result), _asked(result)
-    lines = [plan.title, *wrapped(asked), *wrapped(sentence), knees.terminal(),
-             *wrapped(knees.note)]  # fmt: skip
-    lines += [x for one in (exact, eight, tradeoff, intervals) if one for x in ("", one.text())]
-    for text in _of_search(result):
-        lines += wrapped(text)
-    for text in doubts:
-        lines += wrapped(text, "note: ")
     failed = plan_failed(result)
     return Answer(
         title=plan.title, asked=f"{asked} {prose('plan.note')}",
         verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
         Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
         sentence=sentence, tables=tables, main=[where, knees], drawings=drawings, picture=first,
-        doubts=doubts, facts=facts, sections=sections,
-        text="\n".join([*lines, *wrapped(prose("plan.note"))]), exit_status=int(failed),
+        doubts=doubts, facts=facts, sections=sections, exit_status=int(failed),
     )  # fmt: skip
 
 

@@ -80,7 +80,7 @@ def part_of(
 def octagon_table(result: PlanResult) -> Table:
     """Paper 2's Table 4: position, strain distance of each ligament, and of all."""
     found, names = result.octagon, (*result.plan.surgery.ligaments, "total")
-    columns = [Column("position", show=str), *(Column(name, show="3") for name in names)]
+    columns = [Column("position"), *(Column(name, show="3") for name in names)]
     rows = [[k + 1, *found.distance[k], found.total[k]] for k in range(len(found.choices))]
     return Table(columns, rows, "Strain distance by place")
 

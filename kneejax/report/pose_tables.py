@@ -18,7 +18,7 @@ from kneejax.geometry import (
     coordinate,
 )
 from kneejax.mechanics import Knee
-from kneejax.report.look.page import Verdict
+from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import Column, Table
 from kneejax.statics import Status
 
@@ -27,12 +27,34 @@ _HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
 _SMALL = 0.01
 
 
+
+def along(column: str) -> tuple[str, ...]:
+    """Columns along the axes of the tibia: of `{}_N` they are `anterior_N` and two others."""
+    return tuple(column.format(way) for way in ("anterior", "superior", "lateral"))
+
+
+def about(column: str) -> tuple[str, ...]:
+    """Columns of moments about these axes."""
+    return tuple(column.format(way) for way in ("adduction", "internal_rotation", "extension"))
+
+
 def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
     """Columns of poses, or of their changes, with the headings that people read."""
     heads = [f"{head}, {column.rsplit('_', 1)[1]}"
              for head, column in zip(_HEADS, COLUMNS, strict=True)]  # fmt: skip
     return [Column(name, head, ".1f" if k == 0 else ".2f")
             for k, (name, head) in enumerate(zip(names, heads, strict=True))]  # fmt: skip
+
+
+def in_convention(table: ArrayLike, convention: str) -> tuple[np.ndarray, dict[str, str]]:
+    """Poses in a convention, and the last column of their file where it is not the usual one."""
+    poses = convert_table(np.asarray(table, float).reshape(-1, len(COLUMNS)), FEMORAL, convention)
+    return poses, {} if convention == FEMORAL else {"convention": convention}
+
+
+def words_of(status: ArrayLike) -> list[str]:
+    """The word of each status."""
+    return [Status(int(one)).word for one in np.asarray(status).ravel()]
 
 
 def pose_table(
@@ -47,28 +69,19 @@ def pose_table(
             deg        deg       deg        mm        mm       mm
            30.0       1.00      4.00      2.00    -28.00     0.50  balanced
     """
-    more = dict(more or {})
-    before = {name: more.pop(name) for name in ("converged", "stable") if name in more}
-    words = [Status(int(x)).word for x in np.asarray(status)]
-    if convention != FEMORAL:
-        more["convention"] = [convention] * len(words)
-    columns = [*pose_columns(), *(Column(name, shown=False) for name in before),
-               Column("status", words=True), *(Column(name, shown=False) for name in more)]
-    shown = convert_table(np.asarray(table, float).reshape(-1, len(COLUMNS)), FEMORAL, convention)
-    rows = list(zip(*shown.T, *before.values(), words, *more.values(), strict=True))
-    return Table(columns, rows, f"Poses, {convention}: {CONVENTION_WORDS[convention]}")
+    hidden = {Column(name, shown=False): cells for name, cells in (more or {}).items()}
+    before = {key: x for key, x in hidden.items() if key.name in ("converged", "stable")}
+    shown, last = in_convention(table, convention)
+    columns = {tuple(pose_columns()): shown, **before, "status": words_of(status), **hidden,
+               **{Column(name, shown=False): cells for name, cells in last.items()}}  # fmt: skip
+    return Table.of(columns, f"Poses, {convention}: {CONVENTION_WORDS[convention]}")
 
 
 def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
     """How far a load moved the tibia, `displacement.csv`."""
     names = [COLUMNS[0], *(f"{x}_change_{coordinate(x).unit}" for x in FREE_COORDINATES)]
-    title = (
-        "What the load moved, along its own axes: translations of the tibia's origin along the "
-        "floating axis (anterior), the tibia's long axis (superior) and the femur's transverse "
-        "axis (lateral)"
-    )
-    rows = np.column_stack([np.asarray(flexion), np.asarray(moved)]).tolist()
-    return Table(pose_columns(names), rows, title)
+    columns = {tuple(pose_columns(names)): np.column_stack([flexion, moved])}
+    return Table.of(columns, prose("displacement"))
 
 
 def contact_forces(mechanics: Mechanics) -> np.ndarray:
@@ -77,24 +90,19 @@ def contact_forces(mechanics: Mechanics) -> np.ndarray:
 
 
 def part_table(
-    keys: Mapping[str, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[str, Any],
+    keys: Mapping[str, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[Any, Any],
     last: Mapping[str, Sequence[Any]] | None = None,
 ) -> Table:
     """Numbers of the parts of a knee, a row for each part at each pose."""
-    heads, arrays = [], []
-    for name, values in numbers.items():
-        many = isinstance(name, tuple)
-        heads += name if many else [name]
-        arrays += list(np.moveaxis(np.asarray(values), -1, 0)) if many else [np.asarray(values)]
-    last, count = last or {}, len(next(iter(keys.values())))
-    rows = [
-        [*(key[i] for key in keys.values()), name, *(array[i, j] for array in arrays),
-         *(end[i] for end in last.values())]
-        for i in range(count)
-        for j, name in enumerate(names)
-    ]  # fmt: skip
-    columns = [*keys, part, *heads, *last]
-    return Table([Column(x, words=x in (part, "way", "status")) for x in columns], rows)
+    rows, count = len(next(iter(keys.values()))), len(names)
+
+    def each(cells: Sequence[Any]) -> list[Any]:
+        return [cell for cell in cells for _ in range(count)]
+
+    sizes = {name: np.reshape(x, (-1, len(name)) if isinstance(name, tuple) else -1)
+             for name, x in numbers.items()}  # fmt: skip
+    return Table.of({**{name: each(cells) for name, cells in keys.items()}, part: [*names] * rows,
+                     **sizes, **{name: each(cells) for name, cells in (last or {}).items()}})
 
 
 def force_table(

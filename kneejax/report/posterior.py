@@ -9,9 +9,9 @@ import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
-from kneejax.report.look.page import Drawing, prose
+from kneejax.report.look.page import Drawing, Section, prose
 from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
-from kneejax.report.look.tables import Column, Table, columns_of, number, wrapped
+from kneejax.report.look.tables import Table, number
 from kneejax.report.panels import flexion_axis, grid
 
 if TYPE_CHECKING:
@@ -232,35 +232,32 @@ _R_HAT, _EFFECTIVE_PER_CHAIN = 1.01, 100.0
 _FEW = 1e-3
 # A posterior as wide as this part of its prior says little beyond it.
 _LITTLE = 0.9
-#: Columns of a table of a posterior.
-POSTERIOR_COLUMNS = ("name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975",
-                     "laplace_mean", "laplace_sd", "prior_mean", "prior_sd", "lower", "upper",
-                     "r_hat", "effective_sample_size", "tail_effective_sample_size")  # fmt: skip
 
 
 def posterior_table(found: Posterior) -> Table:
     """What the draws say of each parameter."""
-    low, middle, high = found.quantiles((0.025, 0.5, 0.975)).T
     laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
-    values = (found.names, found.units, found.mean, found.sd, low, middle, high, found.laplace_mean,
-              laplace_sd, [p.mean for p in found.priors], [p.sd for p in found.priors],
-              [p.lower for p in found.priors], [p.upper for p in found.priors], found.r_hat,
-              found.effective_sample_size, found.tail_effective_sample_size)  # fmt: skip
+    columns = {
+        "name": found.names, "unit": found.units, "mean": found.mean, "sd": found.sd,
+        ("quantile_025", "median", "quantile_975"): found.quantiles((0.025, 0.5, 0.975)),
+        "laplace_mean": found.laplace_mean, "laplace_sd": laplace_sd,
+        ("prior_mean", "prior_sd", "lower", "upper"):
+            [[float(x) for x in (p.mean, p.sd, p.lower, p.upper)] for p in found.priors],
+        "r_hat": found.r_hat, "effective_sample_size": found.effective_sample_size,
+        "tail_effective_sample_size": found.tail_effective_sample_size,
+    }  # fmt: skip
     seen = {"name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
             "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",),
             "laplace_sd": ("Laplace sd", "2"), "r_hat": ("R-hat", ".3f"),
             "effective_sample_size": ("eff.", ".0f")}  # fmt: skip
-    columns = columns_of(POSTERIOR_COLUMNS, seen, ("name", "unit"))
-    plain = [[x if isinstance(x, str) else float(x) for x in column] for column in values]
-    return Table(columns, list(zip(*plain, strict=True)))
+    return Table.of(columns, show=seen)
 
 
 def draws_table(found: Posterior) -> Table:
     """Every draw of every chain, the table of posterior.csv."""
-    columns = [Column(name) for name in ("chain", "draw", *found.names)]
-    rows = [[chain, number, *draw] for chain, draws in enumerate(found.draws)
-            for number, draw in enumerate(draws)]  # fmt: skip
-    return Table(columns, rows)
+    chains, draws, count = found.draws.shape
+    return Table.of({"chain": np.repeat(range(chains), draws), "draw": [*range(draws)] * chains,
+                     found.names: found.draws.reshape(-1, count)})  # fmt: skip
 
 
 def sampling_words(found: Posterior) -> str:
@@ -274,12 +271,10 @@ def sampling_words(found: Posterior) -> str:
     )
 
 
-def posterior_summary(found: Posterior) -> str:
-    """Say on a terminal what a posterior is."""
-    lines = [*wrapped(sampling_words(found)), posterior_table(found).terminal()]
-    for sentence in posterior_doubts(found):
-        lines += wrapped(sentence, "warning: ")
-    return "\n".join(lines)
+def posterior_section(found: Posterior) -> Section:
+    """What a posterior is: how it was drawn, and a row for each parameter."""
+    return Section("Posterior", [f"{sampling_words(found)}."], [posterior_table(found)],
+                   [*posterior_drawings(found)], printed=True)  # fmt: skip
 
 
 def posterior_doubts(result: Posterior) -> list[str]:

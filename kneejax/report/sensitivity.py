@@ -13,7 +13,7 @@ from kneejax.inference import versions
 from kneejax.report import sensitivity_figures as figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
-from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed, wrapped
+from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed
 from kneejax.statics import Status, converged
 
 if TYPE_CHECKING:
@@ -54,11 +54,6 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         over_flexion = ["local_heatmap", "local_curves", f"{method}_poses"]
     lost = not converged(np.maximum(local.status, sweeps.status)).any()
     title = f"{study.title} (knee {study.knee.name})"
-    lines = [title]
-    for table in (ranked.fitting("step"), *main[1:], swept):
-        lines += ["", table.text()]
-    for sentence in doubts:
-        lines += wrapped(sentence, "warning: ")
     return Answer(
         title=title,
         asked=f"How does the motion change with each of {len(local.names)} parameters, at "
@@ -68,8 +63,9 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
         drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
         sections=[Section("Over flexion", drawings=over_flexion),
-                  Section("One parameter at a time", [prose("swept")], [swept], every_sweep)],
-        text="\n".join(lines), document=_document(found, options, doubts),
+                  Section("Sweeps", tables=[swept], printed=True),
+                  Section("One parameter at a time", [prose("swept")], drawings=every_sweep)],
+        document=_document(found, options, doubts),
     )
 
 
@@ -148,7 +144,7 @@ def ranked_table(local: LocalSensitivity) -> Table:
         "Effect of each parameter, the largest first",
         "Largest change of each coordinate when the parameter grows by a step, "
         f"{_STEP[local.scale]}, and the flexion where it occurs; * the largest of a column."
-        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""),
+        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""), ("step",),
     )
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from kneejax.studies._schema import Measured as Measured
     from kneejax.studies._schema import Synthetic as Synthetic
     from kneejax.studies._study import Study as Study
+    from kneejax.studies._study import check_study_file as check_study_file
     from kneejax.studies._study import read_study as read_study
     from kneejax.studies._study import study_of as study_of
 else:

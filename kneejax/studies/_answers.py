@@ -87,7 +87,7 @@ def calibrate(study: Study, *, progress: Asked = None) -> Calibration:
             shows it on a terminal or in a notebook, False shows nothing.
 
     Raises:
-        UnsuitableData: no pose balances, or the data tell nothing of what is free.
+        UnsuitableData: no pose balances, or the data do not depend on what is free.
 
     Example:
         >>> import kneejax as kj

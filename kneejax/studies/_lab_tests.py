@@ -199,7 +199,7 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
     observed[:, column] = read
     ranges = any(band.end == "range" for band in own)
     if ranges and test.counted_from:
-        expected = f"this field left out: {name} is of ranges between opposite loads"
+        expected = f"to omit this field: {name} is of ranges between opposite loads"
         raise test.wrong("counted_from", expected)
     counted = "opposite" if ranges else own[0].counted_from
     return LabTable(flexion, {load: sizes}, observed), counted
@@ -216,7 +216,7 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
             )
         return band.size
     if not unknown:
-        expected = f"this field left out: {band.name} was measured under {load} {band.size:g}"
+        expected = f"to omit this field: {band.name} was measured under {load} {band.size:g}"
         raise test.wrong("load", expected)
     if not isinstance(test.load, dict) or not test.load:
         raise test.wrong("load", f"a mapping from {load} to its size")

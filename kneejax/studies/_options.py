@@ -56,7 +56,7 @@ def _line(value: Any, allowed: Range | None) -> tuple[float, ...] | None:
 
 
 class Identify(Options):
-    """Asks what the data can tell, what they cannot, and what should be measured next.
+    """Asks what the data determine, what they do not, and what should be measured next.
 
     Example:
         >>> from kneejax import Identify

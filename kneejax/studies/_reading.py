@@ -74,7 +74,7 @@ def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
     if ("S" in procedures) != bool(study.stages):
         refuse("procedures", [*procedures], "S among procedures and stages, or neither")
     if study.starts > 1 and "III" not in procedures:
-        refuse("starts", study.starts, "1: only procedure III has several starts")
+        refuse("starts", study.starts, "1, since multistart needs procedure III")
     known = ["poses"] * bool(given) + [test.name for test in study.tests]
     for number, stage in enumerate(study.stages):
         for i, name in enumerate(stage.data):
@@ -222,7 +222,7 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
         table, observed = _that_count(test, table, observed)
     tensions, readings = _pulls(table, lines)
     if test.weight and table.weight is not None:
-        raise test.wrong("weight", "this field left out: the table has a column weight")
+        raise test.wrong("weight", "to omit this field: the table has a column weight")
     frames = None
     if test.in_time is not None:
         if table.time_s is None:
@@ -355,12 +355,12 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
     published = published_motions()
     for field in _OF_OWN_TABLES:
         if field in given and not (field == "ignore" and name in published):
-            raise test.wrong(field, f"this field left out: {name} comes with the package")
+            raise test.wrong(field, f"to omit this field: {name} comes with the package")
     if name not in published:
         return published_laxity(test, bundled_bands(name=name))
     for field in ("load", "counted_from"):
         if field in given:
-            raise test.wrong(field, f"this field left out: {name} says it itself")
+            raise test.wrong(field, f"to omit this field: {name} says it itself")
     own = published[name]
     table = read_lab_table(own.path, own.columns, ignore=test.ignore, unloaded=True)
     return table, own.counted_from

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from kneejax.parameters import Selection
     from kneejax.statics import Status
 
-
 #: Free numbers beyond which a study is doubted.
 _MANY = 40
 
@@ -74,11 +73,7 @@ class Study(StudyFields):
     ) -> None:
         """Check fields by themselves, then read what they name, then check them with the knee."""
         fields, context = plain(fields), {"folder": folder}
-        with mistakes.gathered():
-            fill(self, fields, context)
-        if not mistakes:
-            check_fields(self, mistakes)
-        mistakes.check()
+        self._fill_alone(fields, mistakes, folder)
         said, objects = objects_of(self, fields, mistakes)
         mistakes.check()
         with mistakes.gathered():
@@ -86,6 +81,14 @@ class Study(StudyFields):
         mistakes.check()
         self._origin, self._file = {**(origin or {}), **said}, mistakes.file
         _check_with_knee(self, mistakes)
+        mistakes.check()
+
+    def _fill_alone(self, fields: dict[str, Any], mistakes: Mistakes, folder: Path) -> None:
+        """Check fields by themselves and with each other; nothing that they name is read."""
+        with mistakes.gathered():
+            fill(self, fields, {"folder": folder})
+        if not mistakes:
+            check_fields(self, mistakes)
         mistakes.check()
 
     def replace(self, **changes: Any) -> Study:
@@ -227,25 +230,12 @@ class Study(StudyFields):
         selection = select(knee, self.parameters)
         _check_free(self, selection)
         return CalibrationProblem.of(
-            knee,
-            selection,
-            self.poses(),
-            bounds=self.bounds,
-            noise=self.scatter,
-            offsets=self.frame_offset,
-            loads=self.acting,
-            tests=self.tests,
-            prior=self.believed,
-            procedures=self.procedures,
-            stages=self.stages,
-            starts=self.starts,
-            seed=self.seed,
-            method=self.method,
-            cycles=self.cycles,
-            truth=self.truth,
-            title=self.title,
+            knee, selection, self.poses(), bounds=self.bounds, noise=self.scatter,
+            offsets=self.frame_offset, loads=self.acting, tests=self.tests, prior=self.believed,
+            procedures=self.procedures, stages=self.stages, starts=self.starts, seed=self.seed,
+            method=self.method, cycles=self.cycles, truth=self.truth, title=self.title,
             settings=self.settings(),
-        )
+        )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """Everything needed to run the study again, as plain numbers and words."""
@@ -286,6 +276,8 @@ def _check_free(study: Study, selection: Selection) -> None:
 
 def _check_tests(study: Study, mistakes: Mistakes) -> None:
     """Of tests no two have one name, and none is better known than the poses can say."""
+    if not study.tests:  # importing takes longer than everything else here
+        return
     from kneejax.inference.fit import check_readable
     from kneejax.parameters import cut
 
@@ -313,12 +305,13 @@ def _check_tests(study: Study, mistakes: Mistakes) -> None:
 
 def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     """Names, bounds and data that must suit the knee."""
+    from kneejax import parameters
     from kneejax.numerics import check_installed
-    from kneejax.parameters import doubt_prior, select, start_within, stated, with_values
 
+    count = len(study.flexion_deg)
     for name, sizes in study.loads.items():
-        if len(sizes) not in (1, len(study.flexion_deg)):
-            expected = f"one for all poses, or {len(study.flexion_deg)}, one for each"
+        if len(sizes) not in (1, count):
+            expected = f"one for all poses, or {count}, one for each"
             mistakes.keep(InputProblem("", f"loads.{name}", f"{len(sizes)} sizes", expected))
     _check_tests(study, mistakes)
     if study.prior and None in study.noise:
@@ -327,24 +320,23 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     bounded = [name for name in study.bounds if name not in FIBRE_QUANTITIES]
     for name in dict.fromkeys((*study.parameters, *study.truth, *study.start, *bounded)):
         with mistakes.gathered():
-            select(study.knee, [name])
+            parameters.select(study.knee, [name])
     mistakes.check()
-    with mistakes.gathered():
-        # Of these, too, a value may lead to a knee that there is not.
-        with_values(study.knee, study.truth)
+    with mistakes.gathered():  # of these, too, a value may be impossible
+        parameters.with_values(study.knee, study.truth)
     with mistakes.gathered():
         knee, selection = study.knee_at_start, study.selection
-        start_within(knee, selection, *np.reshape([*study.limits.values()], (-1, 2)).T)
-        deviations = stated(selection, study.prior, "prior")
+        parameters.start_within(knee, selection, *np.reshape([*study.limits.values()], (-1, 2)).T)
+        deviations = parameters.stated(selection, study.prior, "prior")
         for name, sd in zip(selection.names, deviations, strict=True):
             if sd is not None:
-                doubt_prior(knee, name, sd)
+                parameters.doubt_prior(knee, name, sd)
         for number, stage in enumerate(study.stages):
             for name in stage.parameters:
                 alone = dataclasses.replace(stage, parameters=(name,))
                 if not any(map(alone.frees, selection.names)):
-                    place, expected = f"stages[{number}].parameters", "of the parameters that"
-                    raise InputProblem("", place, name, f"{expected} the study frees")
+                    place = f"stages[{number}].parameters"
+                    raise InputProblem("", place, name, "one of the study's free parameters")
     with mistakes.gathered():
         if study.method == "lbfgsb":
             check_installed("jaxopt", "lbfgsb")
@@ -375,24 +367,42 @@ def read_study(name_or_path: str | os.PathLike[str]) -> Study:
     return study_of(document, os.fspath(path), path.parent)
 
 
-def study_of(document: Any, file: str, folder: Path) -> Study:
-    """Make a study of what a file says.
+def check_study_file(name_or_path: str | os.PathLike[str]) -> None:
+    """Refuse a study file for what its fields say, before JAX is imported to read what they name.
 
     Args:
-        document: everything that the file says.
+        name_or_path: as of `read_study`.
+
+    Raises:
+        InputProblem: a field is missing, unknown or out of range; `InputProblems` where several
+            are.
+    """
+    document, path = named_document("studies", name_or_path)
+    mistakes = Mistakes(os.fspath(path))
+    fields = _without_empty(document, mistakes)
+    Study.__new__(Study)._fill_alone(plain(fields), mistakes, path.parent)
+
+
+def study_of(document: Any, file: str, folder: Path) -> Study:
+    """Make a study of everything that a file says; it raises as `read_study` does.
+
+    Args:
+        document: what it says.
         file: where, for errors.
         folder: to which paths in it are relative.
-
-    Returns:
-        The study, checked whole; it raises as `read_study` does.
     """
-    mistakes, fields = Mistakes(file), document
-    if isinstance(fields, dict):
-        for name in [name for name, value in fields.items() if value is None or value == []]:
-            needed = Study.model_fields.get(name)
-            if name in STUDY_FIELDS and not (needed and needed.is_required()):
-                mistakes.keep(wrong(fields[name], "a value, or this field left out", at=name))
-                fields = {key: value for key, value in fields.items() if key != name}
-    study = Study.__new__(Study)
-    study._fill(fields, mistakes, folder)
+    mistakes, study = Mistakes(file), Study.__new__(Study)
+    study._fill(_without_empty(document, mistakes), mistakes, folder)
     return study
+
+
+def _without_empty(document: Any, mistakes: Mistakes) -> Any:
+    """The fields of a file without those that are empty, which are mistakes."""
+    if not isinstance(document, dict):
+        return document
+    needed = {name for name, field in Study.model_fields.items() if field.is_required()}
+    empty = [name for name, value in document.items()
+             if name in STUDY_FIELDS and name not in needed and (value is None or value == [])]
+    for name in empty:
+        mistakes.keep(wrong(document[name], "a value (or omit the field)", at=name))
+    return {name: value for name, value in document.items() if name not in empty}

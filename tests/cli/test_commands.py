@@ -98,7 +98,7 @@ def test_a_drawer_is_read_along_the_axis_it_pulls_along(tmp_path, capsys):
 
     printed = capsys.readouterr().out
     assert "Poses, femoral: translations of the tibia's origin along the femur's axes" in printed
-    assert "four_ligament, anterior force 50 N" in printed
+    assert "How the tibia moves, anterior force 50 N, at" in printed
     shown = printed.split("What the load moved, along its own axes")[1].splitlines()
     assert [line.split()[3] for line in shown if line.split()[:1] == ["90.0"]] == ["0.68"]
     settings = json.loads((out / "settings.json").read_text())

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import Cycle
-from kneejax.report.activity import place_table
-from kneejax.report.activity_figures import places_figure
+from kneejax.report.activity import place_table, places_figure
 from kneejax.statics import Status
 
 COUNT = 20

@@ -167,7 +167,7 @@ SYNTHETIC = {"parameters": {"ACL.stiffness": 5876}, "flexion_deg": "0:120:5"}
         ({"measured": None, "synthetic": SYNTHETIC | {"noise_mm": -1}}, "1e-06 and 100 mm"),
         ({"measured": None, "synthetic": {"flexion_deg": [0]}}, "parameters: missing"),
         ({"measured": None, "synthetic": SYNTHETIC, "flexion_deg": [0, 9]}, "no limits beside"),
-        ({"failures": []}, "failures: []: expected a value, or this field left out"),
+        ({"failures": []}, "failures: []: expected a value (or omit the field)"),
         ({"start": {"ACL.tibial_attachment.superior": -900}}, "ACL.length: 900.1 mm"),
     ],
 )

@@ -48,7 +48,7 @@ def test_noise_of_synthetic_poses_follows_them(knee):
         ({"procedures": ["IV"]}, "one of I, II, III"),
         ({"method": "simplex"}, "one of least_squares, lbfgsb"),
         ({"bounds": {"stiffness": (4000.0, 300.0)}}, "a lower and a larger upper limit"),
-        ({"starts": 3, "procedures": ["II"]}, "only procedure III has several starts"),
+        ({"starts": 3, "procedures": ["II"]}, "multistart needs procedure III"),
         ({"start": {"ACL.stiffness": 1e30}}, "expected between 0.001"),
     ],
 )

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -41,13 +41,12 @@ _CURVE = 25
 _SAME_FLEXION_DEG = 1e-3
 
 
-@dataclasses.dataclass(frozen=True)
-class Modelled:
+class Modelled(NamedTuple):
     """What one model says.
 
     Attributes:
         measures: of each subject at its own flexions, shape `(subjects, n, 5)`; NaN without a pose.
-        curve: of each subject over `curve_flexion`, shape `(subjects, m, 5)`.
+        curve: of each subject over `_over`, shape `(subjects, m, 5)`.
         source: the files or names that it came from.
         calibrated: of each flexion, whether a subject was measured just where its joint was
             calibrated, shape `(n,)`.
@@ -61,29 +60,17 @@ class Modelled:
     doubts: tuple[str, ...] = ()
 
 
-def curve_flexion(flexion_deg: np.ndarray) -> np.ndarray:
-    """Flexions from the least to the most that was measured, `(m,)`, degrees."""
+def _over(flexion_deg: np.ndarray) -> np.ndarray:
+    """Flexions of curves, from the least to the most that was measured, `(m,)`, degrees."""
     return np.linspace(flexion_deg.min(), flexion_deg.max(), _CURVE)
 
 
-def joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Modelled]:
-    """Models from joint files.
-
-    Args:
-        asked: words `[NAME=]FILE[,FILE...]`, one file for all subjects or one for each.
-        flexion_deg: of each subject, shape `(subjects, n)`.
-
-    Returns:
-        Name -> model, in the order asked.
-
-    Raises:
-        InputProblem: a file is at fault, there are neither one nor as many as subjects, or a name
-            comes twice.
-    """
+def _joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Modelled]:
+    """Models from words `[NAME=]FILE[,FILE...]`, one file for all subjects or one for each."""
     models: dict[str, Modelled] = {}
     for words in asked:
         given, _, listed = words.rpartition("=")
-        files = each_subject("--joint", listed.split(","), len(flexion_deg))
+        files = _each_subject("--joint", listed.split(","), len(flexion_deg))
         read = {file: read_joint(file) for file in dict.fromkeys(files)}
         name = given or read[files[0]].name
         if name in (*models, MEASURED):
@@ -94,20 +81,8 @@ def joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Mod
     return models
 
 
-def each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
-    """Files of the subjects, of which one may stand for all.
-
-    Args:
-        option: that gave them.
-        files: their names.
-        subjects: how many there are.
-
-    Returns:
-        One name per subject.
-
-    Raises:
-        InputProblem: there are neither one nor as many as subjects, or a name is empty.
-    """
+def _each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
+    """Files of the subjects, of which one may stand for all."""
     if len(files) not in (1, subjects):
         expected = f"one for all, or one for each of {counted(subjects, 'subject')}"
         raise InputProblem(option, "files", counted(len(files), "file"), expected)
@@ -117,43 +92,26 @@ def each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
     return [*files] * (subjects // len(files))
 
 
-def fitted_models(
-    axes: Sequence[str],
-    side: str,
-    measured: Sequence[Path],
-    poses: np.ndarray,
-    flexion_deg: np.ndarray,
+def _fitted_models(
+    arguments: JointCompare, tables: np.ndarray, used: np.ndarray
 ) -> dict[str, Modelled]:
-    """Joints fitted here, to poses of each subject.
+    """Joints fitted here, to the mean of each subject's poses in `used` rows.
 
-    Args:
-        axes: file of axis points of each subject.
-        side: `right` or `left`: whose points those are.
-        measured: the subjects' tables, to name them in an error.
-        poses: calibration poses of each subject by increasing flexion, shape `(subjects, k, 6)`,
-            degrees and mm.
-        flexion_deg: of each subject, shape `(subjects, n)`.
-
-    Returns:
-        `moving axis` on the first and the last pose; `generalised axis` on all if there are more
-        than two; `hinge`, put at the first, if the files have epicondyles.
-
-    Raises:
-        InputProblem: a file is at fault, its points make no transverse axis, the poses do not do,
-            or only some files have epicondyles.
+    They are a moving axis on the first and the last pose; a generalised axis on all if there are
+    more than two; and a hinge, put at the first, if the files of axes have epicondyles.
     """
-    read = {file: read_axis_points(file, side) for file in dict.fromkeys(axes)}
+    listed = [file for words in arguments.axes for file in words.split(",")]
+    axes = _each_subject("--axes", listed, len(tables))
+    read = {file: read_axis_points(file, arguments.side) for file in dict.fromkeys(axes)}
     without = [file for file, one in read.items() if one.epicondyles is None]
     if 0 < len(without) < len(read):
         expected = "epicondyles in every file of --axes, or in none"
         raise InputProblem(without[0], "epicondyles", "missing", expected)
-    fits = [
-        _fitted(file, read[file], table, own)
-        for file, table, own in zip(axes, measured, poses, strict=True)
-    ]
-    return {
-        name: _of_joints([one[name] for one in fits], flexion_deg, tuple(read)) for name in fits[0]
-    }
+    poses = np.stack([tables[:, near].mean(axis=1) for near in used], axis=1)
+    subjects = zip(axes, arguments.measured, poses, strict=True)
+    fits = [_fitted(file, read[file], table, own) for file, table, own in subjects]
+    return {name: _of_joints([one[name] for one in fits], tables[..., 0], tuple(read))
+            for name in fits[0]}  # fmt: skip
 
 
 def _fitted(file: str, axes: AxisPoints, table: Path, poses: np.ndarray) -> dict[str, Joint]:
@@ -177,7 +135,7 @@ def _of_joints(
     def measures(joint: Joint, angles: np.ndarray) -> np.ndarray:
         return clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
 
-    over, subjects = curve_flexion(flexion_deg), list(zip(joints, flexion_deg, strict=True))
+    over, subjects = _over(flexion_deg), list(zip(joints, flexion_deg, strict=True))
     exact = [
         np.abs(angles[:, None] - np.rad2deg(joint.flexion)).min(axis=1) < _SAME_FLEXION_DEG
         for joint, angles in subjects
@@ -188,63 +146,52 @@ def _of_joints(
     )  # fmt: skip
 
 
-def knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:
-    """A contact knee in passive flexion.
-
-    Args:
-        read: the knee.
-        source: how it was asked for.
-        flexion_deg: of each subject, shape `(subjects, n)`; one knee stands for all.
-
-    Returns:
-        The model; poses that do not balance are NaN, with the reason in `status`.
-    """
-    over = curve_flexion(flexion_deg)
+def _knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:
+    """A contact knee in passive flexion, which stands for all subjects."""
+    over = _over(flexion_deg)
     angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
-    motion = passive_motion(read, angles)
+    motion = passive_motion(read, angles, source)
     seen = clinical_measures(motion.table)[back]
     measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
-    curve = seen[None, flexion_deg.size :]
     nowhere = np.zeros(flexion_deg.shape[1], bool)
-    return Modelled(measures, curve, (source,), nowhere, motion.doubts)
+    return Modelled(measures, seen[None, flexion_deg.size :], (source,), nowhere, motion.doubts)
 
 
 def run(arguments: JointCompare) -> int:
     """Compare models with what was measured."""
-    _check_tests(arguments)
+    try:  # whether there are subjects enough for the tests that are asked for
+        is_tested(len(arguments.measured), arguments.anova)
+    except UnsuitableMotions as problem:
+        raise UnsuitableData(f"--anova: {problem}") from problem
     tables = _measured(arguments)
     flexion = tables[..., 0]
     # All that can be at fault is read before the knees move, which takes long.
     used = _calibration_rows(arguments, flexion.mean(axis=0))
-    models = _joints(arguments, tables, used)
-    knees = {}
+    models = _joint_models(arguments.joint, flexion)
+    for name, one in (_fitted_models(arguments, tables, used) if len(used) else {}).items():
+        if name in models:
+            expected = "another NAME=FILE; --calibrate-at makes a model of this name"
+            raise InputProblem("--joint", "name", name, expected)
+        models[name] = one
+    knees: dict[str, tuple[ContactKnee, str]] = {}
     for name in arguments.knee:
         read = read_contact_knee(name)
-        if read.title in (*models, *knees):
-            raise InputProblem("--knee", "knee", name, f"every model once; {read.title} is twice")
-        knees[read.title] = (read, name)
+        if (title := read.knee.name) in (*models, *knees):
+            raise InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
+        knees[title] = read, name
     if not models and not knees:
         expected = "a model: --joint, --knee, or --calibrate-at with --axes"
         raise InputProblem("joint compare", "models", "none", expected)
-    for title, (read, name) in knees.items():
-        models[title] = knee_model(read, name, flexion)
-    found = _compared(arguments, tables, models, used)
+    models |= {title: _knee_model(*one, flexion) for title, one in knees.items()}
     settings = arguments.options()
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
     answer = comparison_answer(
-        found, {name: one.curve for name, one in models.items()}, curve_flexion(flexion), flexion,
+        _compared(arguments, tables, models, used),
+        {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
         doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
     )  # fmt: skip
     return deliver(answer, arguments)
-
-
-def _check_tests(arguments: JointCompare) -> None:
-    """Whether there are subjects enough for the tests that are asked for."""
-    try:
-        is_tested(len(arguments.measured), arguments.anova)
-    except UnsuitableMotions as problem:
-        raise UnsuitableData(f"--anova: {problem}") from problem
 
 
 def _measured(arguments: JointCompare) -> np.ndarray:
@@ -290,25 +237,6 @@ def _calibration_rows(arguments: JointCompare, flexion: np.ndarray) -> np.ndarra
         only = f"{arguments.calibrate_at[0]:g} alone"
         raise InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
     return rows
-
-
-def _joints(
-    arguments: JointCompare, tables: np.ndarray, used: np.ndarray
-) -> dict[str, Modelled]:
-    """Joints from files, and those fitted to the mean of each subject's poses in `used` rows."""
-    flexion = tables[..., 0]
-    models = joint_models(arguments.joint, flexion)
-    if not len(used):
-        return models
-    poses = np.stack([tables[:, near].mean(axis=1) for near in used], axis=1)
-    listed = [file for words in arguments.axes for file in words.split(",")]
-    axes = each_subject("--axes", listed, len(tables))
-    fitted = fitted_models(axes, arguments.side, arguments.measured, poses, flexion)
-    for name in fitted:
-        if name in models:
-            expected = "another NAME=FILE; --calibrate-at makes a model of this name"
-            raise InputProblem("--joint", "name", name, expected)
-    return models | fitted
 
 
 def _compared(

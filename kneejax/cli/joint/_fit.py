@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -14,7 +14,6 @@ from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import (
     FemurAxes,
-    FindAxes,
     axes_from_file,
     axes_from_knee,
     axes_from_mesh,
@@ -49,101 +48,60 @@ from kneejax.studies import stages_on_terminal
 _DOUBTFUL = 1e-6
 
 
-@dataclasses.dataclass(frozen=True)
-class ContactKnee:
+class ContactKnee(NamedTuple):
     """A contact knee that was asked for.
 
     Attributes:
         knee: with the numbers of its calibration.
-        title: what tables and figures call it.
         frame_offset: free coordinate -> what is added to its motion to compare it with the
             measured one, mm or degrees; empty unless a calibration fitted it.
     """
 
     knee: Knee
-    title: str
     frame_offset: Mapping[str, float]
 
 
-@dataclasses.dataclass(frozen=True)
-class KneeMotion:
-    """Passive flexion of a contact knee, in the frames of the measurement.
+class Motion(NamedTuple):
+    """Poses that joints are made of and compared with, in the frames of the measurement.
 
     Attributes:
-        table: shape `(n, 6)`, degrees and mm, frame offset added; rows without balance are NaN.
-        status: of each pose.
-        doubts: a sentence for each status but balanced.
-    """
-
-    table: np.ndarray
-    status: tuple[Status, ...]
-    doubts: tuple[str, ...]
-
-
-def read_contact_knee(name: str) -> ContactKnee:
-    """Read a contact knee.
-
-    Args:
-        name: bundled knee, knee file, or the result.json of a calibration.
-
-    Returns:
-        The knee.
-
-    Raises:
-        InputProblem: there is no such knee.
-    """
-    knee = load_knee(name)
-    calibrated = Path(name).suffix.lower() == ".json"
-    offsets = read_calibrated(name).frame_offset if calibrated else {}
-    return ContactKnee(knee, knee.name, offsets)
-
-
-def passive_motion(read: ContactKnee, flexion_deg: np.ndarray) -> KneeMotion:
-    """Bend a contact knee.
-
-    Args:
-        read: the knee.
-        flexion_deg: shape `(n,)`.
-
-    Returns:
-        Its motion; poses that do not balance are NaN, and warned of.
-    """
-    with stages_on_terminal(read.knee.name):
-        motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
-    table = np.array(motion.to_table())
-    for coordinate, shift in read.frame_offset.items():
-        table[:, list(COORDINATES).index(coordinate)] += shift
-    status = tuple(Status(s) for s in np.asarray(motion.status))
-    table[[not s.converged for s in status]] = np.nan
-    numbers = np.array([int(one) for one in status])
-
-    def where(rows: np.ndarray) -> str:
-        word = status[rows[0]].word
-        return f"{read.knee.name}: {counted(len(rows), 'pose')} {word}"
-
-    doubts = status_doubts(numbers, [""] * len(status), where, str)
-    return KneeMotion(table, status, tuple(doubts))
-
-
-@dataclasses.dataclass(frozen=True)
-class _Motion:
-    """Poses that joints are made of and held against.
-
-    Attributes:
-        table: shape `(n, 6)`, degrees and mm; NaN where a contact knee has no balance.
-        at_deg: flexions to calibrate at; empty for the first and the last.
+        table: shape `(n, 6)`, degrees and mm; NaN where a contact knee has no equilibrium.
         name: in tables and figures.
         source: the file, or the knee.
+        at_deg: flexions to calibrate at; empty for the first and the last.
         status: of a contact knee's poses.
         doubts: sentences on them.
     """
 
     table: np.ndarray
-    at_deg: tuple[float, ...]
     name: str
     source: str
+    at_deg: tuple[float, ...] = ()
     status: tuple[Status, ...] = ()
     doubts: tuple[str, ...] = ()
+
+
+def read_contact_knee(name: str) -> ContactKnee:
+    """Read a bundled knee, a knee file, or the result.json of a calibration with its offsets."""
+    calibrated = Path(name).suffix.lower() == ".json"
+    return ContactKnee(load_knee(name), read_calibrated(name).frame_offset if calibrated else {})
+
+
+def passive_motion(read: ContactKnee, flexion_deg: np.ndarray, source: str) -> Motion:
+    """Bend a contact knee; poses without an equilibrium are NaN, and warned of."""
+    name = read.knee.name
+    with stages_on_terminal(name):
+        motion = jax.block_until_ready(passive_flexion(read.knee, flexion_deg))
+    table, status = np.array(motion.to_table()), tuple(map(Status, np.asarray(motion.status)))
+    for coordinate, shift in read.frame_offset.items():
+        table[:, list(COORDINATES).index(coordinate)] += shift
+    table[[not one.converged for one in status]] = np.nan
+
+    def where(rows: np.ndarray) -> str:
+        return f"{name}: {counted(len(rows), 'pose')} {status[rows[0]].word}"
+
+    doubts = status_doubts([int(x) for x in status], [""] * len(status), where, str)
+    return Motion(table, name, source, status=status, doubts=tuple(doubts))
 
 
 def run(arguments: options.JointFit) -> int:
@@ -151,9 +109,21 @@ def run(arguments: options.JointFit) -> int:
     flexion = parse_flexion(arguments.flexion)
     # All that can be at fault is read before a knee is bent, which takes long.
     read = None if arguments.knee is None else read_contact_knee(arguments.knee)
-    side = _side(arguments, read)
-    find_axes = _axes(arguments, side, read)
-    motion = _measured(arguments) if read is None else _bent(arguments, read, flexion)
+    side = arguments.side or "right"
+    if read is not None and (side := read.knee.side) != (arguments.side or side):
+        raise InputProblem("--side", "side", arguments.side, f"{side}, as {read.knee.name}")
+    if arguments.axes is not None:
+        find_axes = axes_from_file(arguments, side)
+    elif arguments.femur is None and read is not None:
+        find_axes = axes_from_knee(arguments, read)
+    else:
+        find_axes = axes_from_mesh(arguments, side)
+    if read is not None:
+        motion = _bent(arguments, read, flexion)
+    else:
+        check_columns(arguments.column)
+        table = read_poses(arguments.poses, arguments.convention or "femoral", arguments.column)
+        motion = Motion(table, "measured", str(arguments.poses), tuple(arguments.at))
     try:
         rows = calibration_rows(motion.table, motion.at_deg)
         axes = find_axes(Pose.from_table(motion.table[rows]))
@@ -181,29 +151,7 @@ def run(arguments: options.JointFit) -> int:
     return deliver(answer, arguments, written)
 
 
-def _side(arguments: options.JointFit, read: ContactKnee | None) -> str:
-    if read is None:
-        return arguments.side or "right"
-    if arguments.side not in (None, read.knee.side):
-        raise InputProblem("--side", "side", arguments.side, f"{read.knee.side}, as {read.title}")
-    return read.knee.side
-
-
-def _axes(arguments: options.JointFit, side: str, read: ContactKnee | None) -> FindAxes:
-    if arguments.axes is not None:
-        return axes_from_file(arguments, side)
-    if arguments.femur is None and read is not None:
-        return axes_from_knee(arguments, read)
-    return axes_from_mesh(arguments, side)
-
-
-def _measured(arguments: options.JointFit) -> _Motion:
-    check_columns(arguments.column)
-    table = read_poses(arguments.poses, arguments.convention or "femoral", arguments.column)
-    return _Motion(table, tuple(arguments.at or ()), "measured", str(arguments.poses))
-
-
-def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -> _Motion:
+def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -> Motion:
     """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
     at = tuple(arguments.at or (flexion.min(), flexion.max()))
     parse_flexion(",".join(map(str, at)), "--at", "degrees")
@@ -212,23 +160,22 @@ def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -
         calibration_rows(np.pad(angles[:, None], ((0, 0), (0, 5))), at)
     except UnsuitablePoses as error:
         raise problem("--at" if arguments.at else "--flexion", error) from None
-    found = passive_motion(read, angles)
+    found = passive_motion(read, angles, str(arguments.knee))
     usable = np.array([status.converged for status in found.status])
     for angle in sorted(at):
         status = found.status[int(np.searchsorted(angles, angle))]
         if not status.converged:
-            expected = "a pose with balance to calibrate on; choose by --at"
+            expected = "a flexion with a converged equilibrium; choose by --at"
             if usable.any():
                 expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
             place = f"pose at {angle:g} degrees"
             raise InputProblem(arguments.knee, place, status.word, expected)
-    table = found.table
-    table[:, 0] = angles
-    return _Motion(table, at, read.title, arguments.knee, found.status, found.doubts)
+    found.table[:, 0] = angles
+    return found._replace(at_deg=at)
 
 
 def _write(
-    arguments: options.JointFit, fit: JointFit, axes: FemurAxes, motion: _Motion, side, whence
+    arguments: options.JointFit, fit: JointFit, axes: FemurAxes, motion: Motion, side, whence
 ) -> list[str]:
     """Write the joints, and axis points that were found; the names of the files."""
     out, name = arguments.out, arguments.out.name or "joint"

@@ -6,7 +6,18 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
+from kneejax.cli._command import (
+    Angles,
+    Bundled,
+    Drawn,
+    File,
+    Form,
+    Group,
+    Only,
+    Place,
+    Several,
+    Written,
+)
 from kneejax.cli.options._types import KNEE, Convention, Knee, Mesh, Table
 from kneejax.files import InputProblem
 from kneejax.files.reading import meaning
@@ -91,7 +102,9 @@ class JointFit(Drawn):
     interpolation: Literal["linear", "monotone"] | None = meaning(
         "between the poses (default: monotone from three poses on)", None
     )
-    flexion: str = meaning("of the tables: first:last:step or a,b,c", "0:120:5")
+    flexion: Annotated[str, Angles()] = meaning(
+        "of the tables: first:last:step or a,b,c", "0:120:5"
+    )
 
     def problems(self) -> Iterator[InputProblem]:
         """Poses of one origin, and axes of at most one."""

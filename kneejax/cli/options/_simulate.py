@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Annotated, ClassVar, Literal, get_args
 
-from kneejax.cli._command import Drawn, Form, Group, Only, Place, option_name
+from kneejax.cli._command import Angles, Drawn, Form, Group, Only, Place, option_name
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Table, Values
 from kneejax.files import InputProblem
 from kneejax.files.reading import Number, meaning, within
@@ -64,7 +64,7 @@ class Simulate(Drawn):
         "test with --dynamic",
     )  # fmt: skip
     knee: Annotated[Knee, KNEE_OPTIONS] = meaning(KNEE, "average_knee")
-    flexion: Annotated[str | None, KNEE_OPTIONS] = meaning(
+    flexion: Annotated[str | None, Angles(), KNEE_OPTIONS] = meaning(
         "degrees: first:last:step or a,b,c (default: 0:120:5 in passive-flexion, 0:90:15 in tests, "
         "20 in lachman)", None,
     )  # fmt: skip

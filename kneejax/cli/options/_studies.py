@@ -81,7 +81,7 @@ class Calibrate(Drawn):
             return False
 
     def problems(self) -> Iterator[InputProblem]:
-        """A part that there is none of."""
+        """A part that does not exist."""
         if self.shard is not None and not 1 <= self.shard[0] <= self.shard[1] <= 100_000:
             part = "/".join(map(str, self.shard))
             yield InputProblem("calibrate", "--shard", part, PART)

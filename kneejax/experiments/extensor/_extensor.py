@@ -248,7 +248,7 @@ def patellar_tracking(
         knee: of three bones (`KneeFile.with_patella`).
         flexion_deg: prescribed, `(poses,)`.
         quadriceps_N: pull of all heads, shared as at rest, one or `(poses,)`.
-        loads: on the tibia besides.
+        loads: additional ones on the tibia.
 
     Returns:
         The poses of both bones and the forces; NaN where a search failed, with its status.
@@ -281,7 +281,7 @@ def isometric_extension(
         knee: as in `patellar_tracking`.
         flexion_deg: held angles, `(angles,)`.
         quadriceps_N: pulls, `(pulls,)`.
-        loads: on the tibia besides.
+        loads: additional ones on the tibia.
 
     Returns:
         Poses in rows of angles, for each all pulls in their order.

@@ -36,7 +36,7 @@ class Shank:
     Attributes:
         mass_kg: of both.
         center_mm: of mass, tibia frame, shape `(3,)`.
-        ankle_kg: a weight at the ankle besides.
+        ankle_kg: an additional weight at the ankle.
         ankle_mm: where that is, tibia frame, shape `(3,)`.
         femur_deg: of the femur from the horizontal, knee above hip positive: 0 for a person who
             sits, -90 for one who stands.
@@ -67,7 +67,7 @@ class Shank:
         Args:
             body_kg: mass of the body.
             height_m: of the body.
-            ankle_kg: a weight at the ankle besides.
+            ankle_kg: an additional weight at the ankle.
             femur_deg: as in the attributes.
         """
         length = 1000.0 * LENGTH_SHARE * height_m

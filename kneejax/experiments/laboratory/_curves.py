@@ -26,7 +26,7 @@ class Curves:
 
     Every load is balanced once, however often the path comes by it: nothing in the knee
     dissipates, and what is connected with the unloaded knee without a turning point is one curve,
-    up and down. Beyond a turning point nothing is told but where it was.
+    up and down. Beyond a turning point nothing is reported but where it was.
 
     Attributes:
         test: that was made.

@@ -119,7 +119,7 @@ class LabTest:
             done = f"{COORDINATES[self.observed].phrase} {self.displacement:g} {self.unit}"
         both = " and the opposite" if min(self.path) < 0 < max(self.path) else ""
         held = "".join(f", {COORDINATES[name].phrase} held" for name in self.held)
-        beside = f", besides {load_words(self.constant)}" if self.constant else ""
+        beside = f", with {load_words(self.constant)}" if self.constant else ""
         return f"{done}{both}{held}{beside}"
 
     @property

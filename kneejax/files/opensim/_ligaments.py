@@ -205,7 +205,7 @@ def _wrap(
         words = path_wrap.word("range").split()
         try:
             first, last = (int(float(word)) for word in words) if words else (-1, -1)
-        except ValueError:
+        except (ValueError, OverflowError):
             first, last = 0, 0
         if first not in (-1, 1) or last not in (-1, len(points)):
             raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")

@@ -23,7 +23,7 @@ _BEFORE_ROOT = re.compile(r"(?:\s|<\?.*?\?>|<!--.*?-->|<!DOCTYPE[^\[>]*(?:\[.*?\
 _COMMENT = re.compile(r"<!--.*?-->", re.S)
 _BARE = re.compile(r"&(?!#\d+;|#x[0-9A-Fa-f]+;|(?:amp|lt|gt|apos|quot);)")
 _MISMATCH = re.compile(r"Opening and ending tag mismatch: (\S+) line (\d+) and (\S+)")
-_EMPTY = re.compile(r"<([\w.:-]+)([^<>]*[^<>/])?></\1>")
+_EMPTY = re.compile(r"<([\w.:-]++)([^<>]*[^<>/])?></\1>")
 # What stands in lxml's tree for a bare `&` and for hyphens in a comment, which OpenSim's parser
 # lets pass, and for nothing between two tags, which lxml would write as one.
 _AMPERSAND, _HYPHEN, _NOTHING = "\ue000", "\ue001", "\ue002"

@@ -44,7 +44,7 @@ class Part(BaseModel):
             own = {field.alias or name: field for name, field in cls.model_fields.items()}
             for name in [k for k, x in value.items() if x is None and k in own]:
                 if not own[name].is_required():
-                    mistakes.append(wrong(None, "a value, or this field left out", at=name))
+                    mistakes.append(wrong(None, "a value (or omit the field)", at=name))
                     value = {k: x for k, x in value.items() if k != name}
         try:
             made = build(value)

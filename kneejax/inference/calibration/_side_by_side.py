@@ -115,7 +115,7 @@ def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress)
         answers = [_with_restless(answer, there.restless)]
         if there.steps <= one.fitted.steps or not left:
             break
-        progress("shorter steps through time: once more", 0, 0)
+        progress("shorter steps through time: again", 0, 0)
         members = (dataclasses.replace(one, fitted=there),)
         answers = _of_one_form(members, progress)
     return answers
@@ -189,7 +189,7 @@ def _answers(
                 anew[row] = freed
     if not anew:
         return answers
-    progress("a better fit is in sight: once more", 0, 0)
+    progress("a better fit is in sight: again", 0, 0)
     rows = list(anew)
     own = [members[row] for row in rows]
     some, fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)

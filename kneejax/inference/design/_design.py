@@ -106,7 +106,7 @@ def design_tests(
         candidates: `usual_candidates()` by default.
         count: how many tests to choose.
         criterion: `D` or `A`.
-        prior: standard deviations of what is known besides data, `(p,)`, e.g. `known.scale`.
+        prior: standard deviations of what is known without the data, `(p,)`, e.g. `known.scale`.
             Data that leave a combination of parameters less certain than that need one, or the
             choice would go after numbers without meaning; `known.scale` is then taken
             (`prior_assumed`).

@@ -54,16 +54,22 @@ def parameter_styles(names: Sequence[str]) -> list[tuple[str, int]]:
     return [(colours[part]["color"], quantities.index(quantity)) for part, quantity in pairs]
 
 
+def shades(count: int, last: float = 0.92) -> Any:
+    """Colours from dark to bright for so many curves in order, `(count, 4)`."""
+    import matplotlib
+
+    return matplotlib.colormaps["viridis"](np.linspace(0.0, last, count))
+
+
 def uniform_colours():
     """A scale of colours from dark (low) to bright (high) whose steps look equally large.
 
     It stays ordered for colour-blind readers and in grey, and ends before the yellow that is lost
     on white paper: a Matplotlib `ListedColormap`, part of viridis.
     """
-    import matplotlib
     from matplotlib.colors import ListedColormap
 
-    return ListedColormap(matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, 256)))
+    return ListedColormap(shades(256, 0.9))
 
 
 def both_signs() -> Colormap:

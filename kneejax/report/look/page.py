@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from kneejax.report.look.style import picture_svg, save_and_inline, write_whole
-from kneejax.report.look.tables import Table, json_safe, number
+from kneejax.report.look.tables import Table, json_safe, number, wrapped
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -57,6 +57,7 @@ class Section:
         tables: of `Answer.tables`, by name, or tables of the page alone.
         drawings: of `Answer.drawings`, by name.
         opened: whether it stands open.
+        printed: whether a terminal shows its text and tables too.
     """
 
     title: str
@@ -64,6 +65,17 @@ class Section:
     tables: Sequence[str | Table] = ()
     drawings: Sequence[str] = ()
     opened: bool = False
+    printed: bool = False
+
+    def terminal(self, known: Mapping[str, Table] | None = None) -> str:
+        """Title, paragraphs and tables, of which some may be named as those that are `known`."""
+        lines = wrapped(self.title) if self.text else []
+        for paragraph in self.text:
+            lines += wrapped(paragraph)
+        for one in self.tables:
+            lines += [""] * bool(lines)
+            lines.append((known or {})[one].text() if isinstance(one, str) else one.text())
+        return "\n".join(lines)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -84,7 +96,7 @@ class Answer:
         doubts: sentences on what to doubt; none if there is nothing.
         facts: a few numbers under their names, at the head of the page.
         sections: in order.
-        text: for the terminal.
+        text: sentences that a terminal shows in the place of tables and sections.
         document: what `result.json` holds; None for no such file.
         exit_status: of the command, by default 0 of a good answer, otherwise 1.
 
@@ -95,6 +107,14 @@ class Answer:
         ...                main=["laxity"])
         >>> "<td class=\\"n\\">9.800</td>" in found.page({})
         True
+        >>> print(found.terminal())
+        Drawer of a knee
+        How far 100 N move it.
+        <BLANKLINE>
+        flexion  range
+            deg     mm
+              0  6.100
+          30.00  9.800
     """
 
     title: str
@@ -109,7 +129,7 @@ class Answer:
     doubts: Sequence[str] = ()
     facts: Sequence[tuple[str, str]] = ()
     sections: Sequence[Section] = ()
-    text: str = ""
+    text: Sequence[str] = ()
     document: Mapping[str, Any] | None = None
     exit_status: int | None = None
 
@@ -142,6 +162,20 @@ class Answer:
         return rendered("answer.html.j2", answer=self, pictures=pictures, table=self._table,
                         settings=asked_again, versions=list((versions or {}).items()),
                         seconds=lasted)  # fmt: skip
+
+    def terminal(self) -> str:
+        """What a terminal shows: the answer with its main tables, and what to doubt."""
+        lines = [*wrapped(self.title), *wrapped(self.asked)]
+        for sentence in self.text or [self.sentence, "; ".join(map(": ".join, self.facts))]:
+            lines += wrapped(sentence)
+        parts = [Section("", tables=self.main), *(one for one in self.sections if one.printed)]
+        for part in [] if self.text else parts:
+            lines += ["", part.terminal(self.tables)]
+        lines += [""] * bool(self.doubts)
+        for doubt in self.doubts:
+            first, *details = doubt.split("\n")
+            lines += [*wrapped(first.strip(), "warning: "), *details]
+        return "\n".join(lines)
 
     def json(self) -> str:
         """The text of `result.json`."""

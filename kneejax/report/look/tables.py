@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import itertools
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -19,6 +20,8 @@ from kneejax.quantities import quantity_of
 
 NONE = "-"
 LINE_WIDTH = 98
+#: Rows of a table that a terminal shows.
+_MOST_ROWS = 200
 
 
 def json_safe(value: Any) -> Any:
@@ -164,7 +167,8 @@ class Column:
         name: in CSV and JSON, with its unit, e.g. `force_N`.
         label: heading for people; the name in words where it is empty.
         show: how people read a cell: a format such as `.2f`, a count of significant digits such as
-            `3`, or a function. Four digits by default; None and NaN are a dash.
+            `3`, or a function. Four digits by default; whole numbers stand as they are, None and
+            NaN are a dash.
         words: whether cells are words, to the left; numbers stand to the right.
         shown: whether people see it; what is not shown is in files only.
     """
@@ -189,19 +193,11 @@ class Column:
             return self.show(value)
         if isinstance(value, bool):
             return "yes" if value else "no"
-        if value is None or isinstance(value, str):
-            return NONE if value is None else value
+        if value is None or isinstance(value, str | int):
+            return NONE if value is None else str(value)
         if self.show.isdigit():
             return number(value, int(self.show))
         return format(value, self.show) if math.isfinite(value) else NONE
-
-
-def columns_of(
-    names: Sequence[str], shown: Mapping[str, tuple[str, ...]], words: Sequence[str] = ()
-) -> list[Column]:
-    """Columns of a file of which people see some: name -> heading and, if not usual, format."""
-    return [Column(name, *shown.get(name, ()), words=name in words, shown=name in shown)
-            for name in names]  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -213,6 +209,8 @@ class Table:
         rows: cells in the order of the columns.
         title: above the table on a page.
         note: one sentence under the table: what its numbers hold for.
+        spare: names of columns that a terminal hides, in order, until the table fits; those that
+            only make sense together stand in one text.
 
     Example:
         >>> force = Column("force_N", "Force, N", ".0f")
@@ -230,6 +228,46 @@ class Table:
     rows: Sequence[Sequence[Any]]
     title: str = ""
     note: str = ""
+    spare: Sequence[str] = ()
+
+    @classmethod
+    def of(
+        cls, columns: Mapping[str | Column | Sequence[str], Any], title: str = "", note: str = "",
+        *, show: Mapping[str, tuple[str, ...]] | None = None, spare: Sequence[str] = (),
+    ) -> Table:  # fmt: skip
+        """A table by its columns.
+
+        Args:
+            columns: column, or its name, -> its cells, or the one cell that all rows have; several
+                names -> an array whose last axis they are.
+            title: as of the table.
+            note: likewise.
+            show: name -> heading and, if not the usual one, format of what people see; what is not
+                named is in files only. People see everything where this is left out.
+            spare: as of the table.
+
+        Example:
+            >>> columns = {"test": "drawer", ("flexion_deg", "range_mm"): [[0.0, 6.1], [30.0, 9.8]]}
+            >>> Table.of(columns).rows
+            [['drawer', 0.0, 6.1], ['drawer', 30.0, 9.8]]
+        """
+        flat: dict[str | Column, Any] = {}
+        for key, values in columns.items():
+            if isinstance(key, str | Column):
+                flat[key] = _cells(values)
+                continue
+            parts = np.moveaxis(np.asarray(values), -1, 0)
+            flat |= {name: part.tolist() for name, part in zip(key, parts, strict=True)}
+        count = next((len(x) for x in flat.values() if isinstance(x, list)), 1)
+        lists = {key: x if isinstance(x, list) else [x] * count for key, x in flat.items()}
+        heads = [
+            key if isinstance(key, Column) else
+            Column(key, *(show or {}).get(key, ()), shown=show is None or key in show,
+                   words=bool(x) and all(isinstance(cell, str) for cell in x))
+            for key, x in lists.items()
+        ]  # fmt: skip
+        return cls(heads, [list(row) for row in zip(*lists.values(), strict=True)], title, note,
+                   spare)  # fmt: skip
 
     @property
     def names(self) -> list[str]:
@@ -251,30 +289,27 @@ class Table:
 
     def terminal(self) -> str:
         """Lines for a terminal, columns two blanks apart, units on a line of their own."""
-        words = [i for i, column in enumerate(self.shown) if column.words]
-        heads = [column.heading.rpartition(", ") for column in self.shown]
-        lines = [[name or unit for name, _, unit in heads]]
-        if any(name for name, *_ in heads):
-            lines.append([unit if name else "" for name, _, unit in heads])
-        return "\n".join(aligned([*lines, *self.cells()], words))
-
-    def fitting(self, *spare: str) -> Table:
-        """The table with those of `spare` hidden, in order, without which it fits on a terminal.
-
-        Names of columns that only make sense together stand in one text.
-        """
-        table = self
-        for names in spare:
-            if max(map(len, table.terminal().splitlines())) <= LINE_WIDTH:
+        hidden: set[str] = set()
+        for names in ("", *self.spare):
+            hidden |= {*names.split()}
+            seen = [i for i, one in enumerate(self.shown) if one.name not in hidden]
+            shown = [self.shown[i] for i in seen]
+            heads = [column.heading.rpartition(", ") for column in shown]
+            rows = [[name or unit for name, _, unit in heads]]
+            if any(name for name, *_ in heads):
+                rows.append([unit if name else "" for name, _, unit in heads])
+            some = itertools.islice(self.cells(), _MOST_ROWS)
+            rows += [[row[i].replace("\u00b1", "+-") for i in seen] for row in some]
+            lines = aligned(rows, [i for i, column in enumerate(shown) if column.words])
+            if max(map(len, lines)) <= LINE_WIDTH:
                 break
-            columns = [dataclasses.replace(x, shown=x.shown and x.name not in names.split())
-                       for x in table.columns]  # fmt: skip
-            table = dataclasses.replace(table, columns=columns)
-        return table
+        return "\n".join(lines)
 
     def text(self) -> str:
         """Title, lines and note for a terminal; the title alone without rows."""
         lines = [self.terminal()] if self.rows else []
+        more = len(self.rows) - _MOST_ROWS
+        lines += [f"... and {more} more rows"] * (more > 0)
         return "\n".join([*wrapped(self.title), *lines, *wrapped(self.note)])
 
     def records(self) -> list[dict[str, Any]]:
@@ -282,6 +317,7 @@ class Table:
         return [dict(zip(self.names, json_safe(list(row)), strict=True)) for row in self.rows]
 
 
-def text_of(*tables: Table) -> str:
-    """Tables with their titles and notes for a terminal, a blank line apart."""
-    return "\n\n".join(one.text() for one in tables)
+def _cells(values: Any) -> Any:
+    """A list of cells, or the one that all rows have."""
+    values = values.tolist() if hasattr(values, "tolist") else values
+    return list(values) if np.iterable(values) and not isinstance(values, str) else values

@@ -140,7 +140,8 @@ def test_a_flat_facet_is_doubtful(tmp_path, poses, mesh, capsys, monkeypatch):
     monkeypatch.setattr("kneejax.cli.joint._axes.FLATTEST_MM", 29.5)
     out = tmp_path / "out"
     assert main(["joint", "fit", poses, "--femur", mesh, "--out", str(out)]) == 1
-    assert "! medial extension facet: a radius of 30 mm is nearly flat" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "warning: medial extension facet: a radius of 30 mm is nearly flat" in said
     assert "nearly flat" in json.loads((out / "result.json").read_text())["doubts"][0]
 
 

@@ -44,7 +44,7 @@ def test_facets_are_where_bones_touch_wherever_a_scanner_saw_them(tmp_path, caps
         words += ["--touching-within", "2.5", "--out", str(folder / "out")]
         assert main(["joint", "fit", poses, *words]) == 0
         said = capsys.readouterr().out
-        assert "facets: within 2.5 mm of the tibia at -10.0 and 60.0 degrees" in said
+        assert "\nwithin 2.5 mm of the tibia at -10.0 and 60.0 degrees" in said
         found[side] = read_joint(folder / "out" / "joint.yaml")
         if side:
             assert found[side].side == side

@@ -67,13 +67,13 @@ def test_an_unknown_parameter_of_a_calibration_is_said_with_its_file(tmp_path, c
 def test_poses_without_balance_arerefused_or_said(tmp_path, capsys):
     words = ["joint", "fit", "--knee", "four_ligament", "--flexion=-30:170:8"]
     line = refused(words, capsys, tmp_path / "none")
-    assert "four_ligament: pose at -30 degrees: not_converged: expected a pose with bal" in line
+    assert "four_ligament: pose at -30 degrees: not_converged: expected a flexion with" in line
     assert "choose by --at, from" in line
     out = tmp_path / "out"
     assert main([*words, "--at", "10", "50", "90", "--out", str(out)]) == 1
     said = capsys.readouterr().out
     assert "axis through 3 poses, monotone: calibrated at 10.0, 50.0, 90.0 degrees" in said
-    assert "! four_ligament: " in said and "not_converged: no balance found" in said
+    assert "warning: four_ligament: " in said and "not_converged: no balance found" in said
     with (out / "knee_poses.csv").open() as stream:
         rows = {float(row["flexion_deg"]): row for row in csv.DictReader(stream)}
     assert rows[-30.0]["status"] == "not_converged" and rows[-30.0]["anterior_mm"] == "nan"

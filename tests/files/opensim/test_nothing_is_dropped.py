@@ -215,7 +215,7 @@ def test_a_ligament_on_a_fibula_that_can_move_is_read_and_doubted(tmp_path, caps
     model.write_text(text_of(*fibula))
     assert main(["import", "osim", str(model), "--side", "r", "--out", str(tmp_path / "out")]) == 1
     printed = capsys.readouterr().out
-    assert "1 fibre," in printed and "doubtful: LCL: on fibula_r, which can move" in printed
+    assert "1 fibre," in printed and "warning: LCL: on fibula_r, which can move" in printed
     end = import_osim(model, side="r").document["ligaments"]["LCL"]["tibial_attachment_mm"]
     c, s, x, y = np.cos(0.4), np.sin(0.4), -0.018 - 0.02, -0.052 - 0.05
     np.testing.assert_allclose(end, [1e3 * (c * x - s * y), 1e3 * (s * x + c * y), 36.0], atol=1e-9)

@@ -87,7 +87,7 @@ def test_stages_of_a_study_are_its_procedure(study):
     [
         ({"stages": [{"data": ["drawr"]}]}, "did you mean drawer"),
         ({"stages": [{"data": ["poses"]}]}, "expected one of drawer"),
-        ({"stages": [{"parameters": ["MCL.stiffness"]}]}, "of the parameters that the study frees"),
+        ({"stages": [{"parameters": ["MCL.stiffness"]}]}, "one of the study's free parameters"),
         ({"stages": [{"parametrs": []}]}, "did you mean parameters"),
         ({"stages": [{}], "procedures": ["III"]}, "S among procedures and stages, or neither"),
         ({"procedures": ["S"]}, "S among procedures and stages, or neither"),

@@ -81,7 +81,7 @@ def test_a_stiff_combination_is_named_with_its_standard_error():
     assert "PCL reference strain by +0.02" in loose and "ACL reference strain by +0.01" in loose
     assert "together would be invisible (less than 0.001 x noise)" in loose
     assert not found.determined.any() and np.isinf(found.standard_error).all()
-    assert "PCL reference strain makes up for it exactly" in reason_words(found)[0]
+    assert "PCL reference strain compensates it exactly" in reason_words(found)[0]
 
 
 def test_unlike_quantities_are_added_as_parts_of_their_values():

@@ -14,7 +14,6 @@ from kneejax import report
 from kneejax.inference.calibration._quality import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._estimate import IntervalKind
-from kneejax.report.calibration import calibration_summary
 from kneejax.report.calibration_parameters import PARAMETER_COLUMNS, parameters_table
 from kneejax.report.calibration_verdict import calibration_notes, verdict, warnings
 from kneejax.report.look import SHOWN
@@ -161,7 +160,8 @@ def test_unusual_calibrations_are_reported(tmp_path, change):
     page = report.write_report(calibration, tmp_path)[0].read_text(encoding="utf-8")
     assert ">nan<" not in page.lower()
     json.dumps(report.result_document(calibration), allow_nan=False)
-    assert all(len(line) < 100 for line in calibration_summary(calibration).splitlines())
+    lines = report.calibration_answer(calibration).terminal().splitlines()
+    assert all(len(line) < 100 for line in lines)
 
 
 def test_names_are_escaped(tmp_path):
@@ -212,7 +212,7 @@ def test_parameter_rows_have_the_columns():
 
 def test_summary_is_plain_and_complete():
     calibration = made_up.calibration()
-    text = calibration_summary(calibration)
+    text = report.calibration_answer(calibration).terminal()
     assert text.isascii()
     for estimate in calibration.fit.estimates:
         assert estimate.name in text
@@ -227,10 +227,8 @@ def test_simulation_is_drawn_even_at_constant_flexion(tmp_path):
         np.full(25, 30.0),
         motion.table,
         motion.status,
-        made_up.LIGAMENTS,
-        motion.ligament_forces,
-        made_up.CONTACTS,
-        motion.contact_forces,
+        dict(zip(made_up.LIGAMENTS, motion.ligament_forces.T, strict=True)),
+        dict(zip(made_up.CONTACTS, motion.contact_forces.T, strict=True)),
     )
     (alone,) = report.save_figure(figure, tmp_path, "simulation")
     assert alone.name == "simulation.png"
