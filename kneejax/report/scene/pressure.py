@@ -115,16 +115,18 @@ def state_of(poses: Pose | State) -> State:
 def lots(state: State) -> list[State]:
     """Poses in lots of one size, the last one filled up with its last pose.
 
-    Whatever the number of poses, the same program computes them: it is compiled once.
+    Whatever the number of poses, the same program computes them: it is compiled once. A single pose
+    has a program of its own, which takes an eighth of the time.
 
     Example:
         >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
         [(8,), (8,)]
     """
     count = state.shape[0]
-    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
-    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
-            for i in range(0, len(rows), _LOT)]  # fmt: skip
+    lot = _LOT if count > 1 else 1
+    rows = np.minimum(np.arange(-(-count // lot) * lot), count - 1)
+    return [jax.tree.map(lambda x, own=rows[i : i + lot]: x[own], state)
+            for i in range(0, len(rows), lot)]  # fmt: skip
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
