@@ -10,12 +10,21 @@ import numpy as np
 from kneejax.explore.solving import Answer
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import Scene
-from kneejax.report.scene import grid_triangles, pressure_bands, strain_colour
-from kneejax.report.scene.rendering import BONE, CONDYLE, GROUND, MUSCLE, OBSTACLE, SLACK
+from kneejax.report.scene import (
+    BONE,
+    MUSCLE,
+    OBSTACLE,
+    SLACK,
+    grid_triangles,
+    pressure_bands,
+    strain_colour,
+)
 
 #: Ends of the colours: strain, and pressure, MPa; fixed, so that colours can be compared.
 MOST_STRAIN, MOST_MPA, BANDS = 0.08, 8.0, 8
 _GHOST, _LOAD, _WORDS = "#4C78A8", "#B03A2E", 0.95
+#: Cartilage, darker than in figures: the browser's light is strong.
+_CONDYLE, _GROUND = "#CDB98F", "#BFB39B"
 #: Thickness of pulled, slack and remembered fibres, mm.
 _PULLED, _SLACK, _THIN = 1.8, 0.6, 0.5
 #: What 100 N, or 10 N m, are drawn as, and the longest arrow, mm.
@@ -68,7 +77,6 @@ class Drawing:
         self._scene, self._made, self._clickable = viser_scene, {}, set()
         viser_scene.set_up_direction("+y")
         viser_scene.configure_default_lights(cast_shadow=False)
-        viser_scene.add_light_ambient("/light", intensity=0.35)
 
     def show(
         self,
@@ -113,7 +121,7 @@ class Drawing:
         for i, bone in enumerate(scene.bones):
             mesh(f"/bones/{i}", bone.points_mm, bone.faces, BONE, 0.25)
         for kind, sheets, colour, opacity in (
-            ("condyles", scene.condyles, CONDYLE, 0.6), ("wraps", scene.obstacles, OBSTACLE, 0.13),
+            ("condyles", scene.condyles, _CONDYLE, 0.6), ("wraps", scene.obstacles, OBSTACLE, 0.13),
         ):  # fmt: skip
             for i, sheet in enumerate(sheets):
                 faces = grid_triangles(*sheet.points_mm.shape[:2])
@@ -121,7 +129,7 @@ class Drawing:
         for i, plateau in enumerate(scene.plateaus):
             bands = pressure_bands(plateau, MOST_MPA, BANDS)
             for band, (colour, faces) in enumerate(bands):
-                mesh(f"/plateaus/{i}/{band}", plateau.points_mm, faces, colour if band else GROUND)
+                mesh(f"/plateaus/{i}/{band}", plateau.points_mm, faces, colour if band else _GROUND)
         for name, fibres in scene.groups.items():
             self._fibres(keep, name, fibres, answer, stale)
         if ghost is not None:

@@ -13,16 +13,16 @@ import numpy as np
 
 from kneejax.explore import panels
 from kneejax.explore.drawing import Drawing
-from kneejax.explore.setting import ENDS, Setting, Subject
+from kneejax.explore.ends import Ends
+from kneejax.explore.setting import Setting, Subject
 from kneejax.explore.solving import TESTS, Answer, Curves, Solver
 from kneejax.files import restated, write_knee
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.quantities import AXES
 from kneejax.report import BoneMesh, scenes
 
 #: Points on each articular surface.
-_POINTS = (32, 32)
+_POINTS = (28, 28)
 #: A change of the same number within this time of the last is one step of undo, s.
 _ONE_STEP_S = 1.5
 #: A setting that stays for so long is computed as the command line does, s.
@@ -72,6 +72,7 @@ class Page:
         self._number = 0
         self.solved = threading.Event()
         self._drawing = Drawing(server.scene, self._clicked)
+        self._ends = Ends(server.scene, subject, self.set)
         self.answer = self._solver.answer(self.setting)
         self._scene = self._placed(self.answer)
         self.curves: Curves | None = None
@@ -187,6 +188,7 @@ class Page:
             self._draw()
             self._show_answer()
         self._server.flush()
+        self._show_bars()
 
     def _placed(self, answer: Answer) -> Any:
         return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
@@ -231,7 +233,6 @@ class Page:
         self._strain = gui.add_slider("Reference strain, %", -30.0, 30.0, 0.1, 0.0)
         self._cutting = gui.add_button("Cut")
         self._moving = gui.add_checkbox("Move its ends", False)
-        self._gizmos: dict[str, Any] = {}
         self._ligament.on_update(lambda _: self._show_numbers())
         self._moving.on_update(lambda _: self._show_gizmos())
         self._cutting.on_click(lambda _: (self._cut(self._ligament.value), self._show_numbers()))
@@ -318,54 +319,13 @@ class Page:
         self._show_gizmos()
 
     def _show_gizmos(self) -> None:
-        """A gizmo on each end of the chosen ligament, where ends are being moved."""
-        name = self._ligament.value
-        wanted = {end for end in ENDS if f"{name}.{end}.{AXES[0]}" in self.subject.limits}
-        wanted = wanted if self._moving.value else set()
-        for end in [*self._gizmos]:
-            if end not in wanted or self._gizmos[end][0] != name:
-                self._gizmos.pop(end)[1].remove()
-        for end in wanted - set(self._gizmos):
-            gizmo = self._server.scene.add_transform_controls(
-                f"/ends/{end}", scale=14.0, disable_rotations=True, disable_sliders=True,
-                depth_test=False,
-            )  # fmt: skip
-            gizmo.on_update(lambda event, end=end: self._dragged(name, end, event))
-            self._gizmos[end] = name, gizmo
-        for end, (_, gizmo) in self._gizmos.items():
-            gizmo.position = tuple(map(float, self._end_in_scene(name, end)))
-
-    def _mirror(self) -> np.ndarray:
-        return np.array([1.0, 1.0, -1.0 if self.subject.knee.side == "left" else 1.0])
-
-    def _end_in_scene(self, name: str, end: str) -> np.ndarray:
-        names = [f"{name}.{end}.{axis}" for axis in AXES]
-        point = np.array([self.subject.value(self.setting, one) for one in names])
-        if ENDS[end] == "femur":
-            turn, shift = self._tibia_in_femur()
-            point = (point - shift) @ turn
-        return point * self._mirror()
-
-    def _tibia_in_femur(self) -> tuple[np.ndarray, np.ndarray]:
-        place = self.answer.state.tibia.placement
-        turn = np.array([[np.asarray(x).ravel()[0] for x in row] for row in place.rotation or ()])
-        return turn, np.array([np.asarray(x).ravel()[0] for x in place.translation])
-
-    def _dragged(self, name: str, end: str, event: Any) -> None:
-        if event.client is None or name != self._ligament.value:
-            return
-        point = np.asarray(event.target.position) * self._mirror()
-        if ENDS[end] == "femur":
-            turn, shift = self._tibia_in_femur()
-            point = turn @ point + shift
-        for axis, value in zip(AXES, point, strict=True):
-            self.set(f"{name}.{end}.{axis}", float(value))
+        name = self._ligament.value if self._moving.value else ""
+        self._ends.show(name, self.setting, self.answer)
 
     def _show_answer(self) -> None:
         self._status.content = panels.numbers(self.answer)
         query = self.answer.setting.link
         self._address.value = f"{self.link}&{query}" if query else self.link
-        self._show_bars()
 
     def _show_bars(self) -> None:
         name, solver = self._numbers[self._of.value], self._solver

@@ -83,7 +83,9 @@ class Subject:
     Attributes:
         knee: as it was read.
         ligaments: names of groups and single fibres, no fibre in two of them.
-        selection: stiffness, reference strain and attachments of each ligament.
+        selection: stiffness and attachments of each ligament, then the reference strains.
+        plain: of these the stiffnesses and attachments.
+        strains: of these the reference strains.
         own: values of these parameters in the knee, `(p,)`.
         limits: name of a setting -> its own value, the smallest and the largest.
 
@@ -97,6 +99,8 @@ class Subject:
     knee: Knee
     ligaments: tuple[str, ...]
     selection: Selection
+    plain: Selection
+    strains: Selection
     own: np.ndarray
     limits: dict[str, tuple[float, float, float]]
 
@@ -110,13 +114,15 @@ class Subject:
             if not rows & taken:
                 taken |= rows
                 ligaments.append(name)
-        names = [f"{one}.{what}" for one in ligaments for what in ("stiffness", "reference_strain")]
+        names = [f"{one}.stiffness" for one in ligaments]
         for one in ligaments:
             joined = [set(knee.ligaments.bodies[row]) for row in fibre_rows(knee, one)]
             for end, bone in ENDS.items():
                 if all(bone in pair for pair in joined):
                     names += [f"{one}.{end}.{axis}" for axis in AXES]
-        selection = select(knee, names)
+        strains = [f"{one}.reference_strain" for one in ligaments]
+        both = select(knee, names), select(knee, strains)
+        selection = select(knee, [*names, *strains])
         own = np.asarray(selection.read(knee))
         limits = {_FLEXION: (0.0, -5.0, 120.0)} | {k: (0.0, -x, x) for k, x in _LOADS.items()}
         if QUADRICEPS in knee.pullable:
@@ -128,7 +134,7 @@ class Subject:
             usual = (value - _MOVED_MM, value + _MOVED_MM)
             limits[name] = (value, *far.get(selection.quantity(i), usual))
         limits |= {f"{one}.cut": (0.0, 0.0, 1.0) for one in ligaments}
-        return cls(knee, tuple(ligaments), selection, own, limits)
+        return cls(knee, tuple(ligaments), selection, *both, own, limits)
 
     def within(self, setting: Setting) -> Setting:
         """The setting without names that this knee does not have, each number within its limits and
@@ -149,22 +155,29 @@ class Subject:
         """The ligaments that are cut."""
         return tuple(one for one in self.ligaments if setting.given.get(f"{one}.cut"))
 
-    def numbers(self, setting: Setting) -> np.ndarray:
-        """Parameters of a setting, then of each ligament the share that is left: 1, or 0 where it
-        is cut, `(p + ligaments,)`."""
-        values = [self.value(setting, name) for name in self.selection.names]
-        gone = self.cut_in(setting)
-        return np.array([*values, *(float(one not in gone) for one in self.ligaments)])
+    def numbers(self, setting: Setting) -> tuple[Knee, np.ndarray]:
+        """The knee of a setting with nothing cut, and numbers that vary it: its stiffnesses and
+        attachments, changes of its reference strains (none), and of each ligament the share that is
+        left: 1, or 0 where it is cut."""
+        knee, gone = self.set_in(setting), self.cut_in(setting)
+        left = [float(one not in gone) for one in self.ligaments]
+        return knee, np.r_[np.asarray(self.plain.read(knee)), np.zeros(len(self.strains)), left]
 
     def loads(self, setting: Setting) -> dict[str, float]:
         """Name -> size of what acts on the tibia."""
         return {name: self.value(setting, name) for name in NAMED_LOADS}
 
-    def knee_at(self, setting: Setting) -> Knee:
-        """The knee with a setting's parameters, as `--set` and `--cut` give it; without loads."""
+    def set_in(self, setting: Setting) -> Knee:
+        """The knee with a setting's parameters, as `--set` gives it; nothing cut, without loads.
+
+        An end that moves leaves the slack length as it is, unless a reference strain is set.
+        """
         changed = {k: x for k, x in setting.numbers if k in self.selection.names}
-        knee = self.knee
-        if changed:
-            chosen = select(knee, tuple(changed))
-            knee = chosen.apply(knee, np.array([changed[name] for name in chosen.names]))
-        return cut(knee, self.cut_in(setting))
+        if not changed:
+            return self.knee
+        chosen = select(self.knee, tuple(changed))
+        return chosen.apply(self.knee, np.array([changed[name] for name in chosen.names]))
+
+    def knee_at(self, setting: Setting) -> Knee:
+        """The same with what is cut, as `--cut` gives it."""
+        return cut(self.set_in(setting), self.cut_in(setting))

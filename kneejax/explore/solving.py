@@ -8,6 +8,7 @@ by bending and then loading the knee, as `passive_flexion` does.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from functools import cached_property
 
 import jax
@@ -43,16 +44,19 @@ _NEAR_DEG = 12.0
 
 
 @dataclasses.dataclass(frozen=True)
-class _WithCuts:
-    """Sets parameters, and takes away the stiffness of what is cut; steers compiled functions."""
+class _Varied:
+    """Sets stiffnesses and attachments, changes reference strains, and takes away the stiffness of
+    what is cut; steers compiled functions."""
 
-    selection: Selection
+    plain: Selection
+    strains: Selection
     owners: tuple[int, ...]
 
     def __call__(self, knee: Knee, numbers) -> Knee:
-        size = len(self.selection)
-        knee = self.selection.apply(knee, numbers[:size])
-        left = jnp.asarray(numbers)[size:][jnp.array(self.owners)]
+        first, second = len(self.plain), len(self.plain) + len(self.strains)
+        knee = self.plain.apply(knee, numbers[:first])
+        knee = self.strains.apply(knee, self.strains.read(knee) + numbers[first:second])
+        left = jnp.asarray(numbers)[second:][jnp.array(self.owners)]
         fibres = knee.ligaments
         torn = jnp.where(left > 0.0, fibres.failure_strain, jnp.inf)
         own = dataclasses.replace(fibres, stiffness=fibres.stiffness * left, failure_strain=torn)
@@ -60,12 +64,23 @@ class _WithCuts:
 
 
 @compiled(static_argnums=(0,), optimised=False)
-def _varied(vary: _WithCuts, knee: Knee, numbers) -> Knee:
+def _varied(vary: _Varied, knee: Knee, numbers) -> Knee:
     return vary(knee, numbers)
 
 
+@compiled()
+def _mechanics(knee: Knee, state: State) -> Mechanics:
+    """A program for one pose: `evaluate` computes many at once."""
+    return evaluate(knee, state)
+
+
+@compiled(optimised=False)
+def _tension(knee: Knee, state: State):
+    return add_lane_axis(knee.ligaments).tension(state)
+
+
 @compiled(static_argnums=(0, 1), optimised=False)
-def _slopes(vary: _WithCuts, free: tuple[str, ...], knee: Knee, numbers, prescribed, q, tangent):
+def _slopes(vary: _Varied, free: tuple[str, ...], knee: Knee, numbers, prescribed, q, tangent):
     """Derivatives of the free coordinates and of each ligament's force by the numbers.
 
     The numbers act through the ligaments alone: by the implicit function theorem the coordinates
@@ -101,8 +116,7 @@ class Answer:
         force_N: ligament -> force.
         strain: ligament -> largest strain of its fibres.
         peak_MPa: compartment -> largest pressure.
-        slopes: coordinate or ligament -> exact derivative of its degrees, mm or N by the
-            parameters, `(p,)`.
+        derive: computes `slopes`.
     """
 
     setting: Setting
@@ -114,7 +128,13 @@ class Answer:
     force_N: dict[str, float]
     strain: dict[str, float]
     peak_MPa: dict[str, float]
-    slopes: dict[str, np.ndarray]
+    derive: Callable[[], dict[str, np.ndarray]]
+
+    @cached_property
+    def slopes(self) -> dict[str, np.ndarray]:
+        """Coordinate or ligament -> exact derivative of its degrees, mm or N by the parameters,
+        `(p,)`; nothing where nothing balances."""
+        return self.derive()
 
     @property
     def sentence(self) -> str:
@@ -175,7 +195,7 @@ class Solver:
         rows = [fibre_rows(knee, one) for one in subject.ligaments]
         owner = {row: i for i, some in enumerate(rows) for row in some}
         self._owners = tuple(owner[row] for row in range(len(knee.ligaments.names)))
-        self._vary = _WithCuts(subject.selection, self._owners)
+        self._vary = _Varied(subject.plain, subject.strains, self._owners)
         self.names = subject.selection.names
         self._last: tuple[float, np.ndarray, np.ndarray, State] | None = None
 
@@ -193,10 +213,10 @@ class Solver:
             sure: whether to bend and then load the knee from its reference pose, as
                 `passive_flexion` does, which takes longer: the last pose may be on another branch.
         """
-        numbers = self.subject.numbers(setting)
+        own, numbers = self.subject.numbers(setting)
         flexion = self.subject.value(setting, "flexion_deg")
         cases = self._cases([flexion], setting)
-        found = self._balanced(numbers[None], cases, flexion, near, sure)
+        found = self._balanced(own, numbers[None], cases, flexion, near, sure)
         bodies = self.subject.knee.bodies
         state = State.of(cases.prescribed, jnp.asarray(found.q[0].T), bodies)
         if converged(found.status).all():
@@ -205,10 +225,12 @@ class Solver:
             state = self._last[3]
         else:
             state = jax.tree.map(jnp.atleast_1d, self.subject.knee.at_reference)
-        return self._described(setting, found, state, numbers, cases)
+        return self._described(setting, own, found, state, numbers, cases)
 
-    def _balanced(self, numbers, cases: LoadCases, flexion: float, near: Curves | None, sure: bool):
-        knee, begin = self.subject.knee, None
+    def _balanced(
+        self, knee: Knee, numbers, cases: LoadCases, flexion: float, near: Curves | None, sure: bool
+    ) -> Equilibria:
+        begin = None
         if not sure and self._last is not None and abs(flexion - self._last[0]) < _NEAR_DEG:
             begin = self._last[1:3]
         elif not sure and near is not None:
@@ -241,31 +263,40 @@ class Solver:
         return LoadCases.at(np.asarray(flexion_deg, float), loads).of(self.subject.knee)
 
     def _described(
-        self, setting: Setting, found: Equilibria, state: State, numbers, cases: LoadCases
+        self,
+        setting: Setting,
+        own: Knee,
+        found: Equilibria,
+        state: State,
+        numbers: np.ndarray,
+        cases: LoadCases,
     ) -> Answer:
-        knee = _varied(self._vary, self.subject.knee, numbers)
-        held = jax.tree.map(np.asarray, evaluate(knee, state))
+        knee = _varied(self._vary, own, numbers)
+        held = jax.tree.map(np.asarray, _mechanics(knee, state))
         names, owners = self.subject.ligaments, np.array(self._owners)
-        status = Status(int(found.status[0, 0]))
-        q, units, slopes, size = found.q[0, 0], table_units(self._free), {}, len(self.names)
-        if status.converged:
-            tangent, held_at = found.holding["tangent"][0, 0], dict(cases.prescribed)
-            moved, pulled = _slopes(
-                self._vary, self._free, self.subject.knee, numbers, held_at, q, tangent
-            )
-            by_name = {**dict(zip(self._free, np.asarray(moved) * units[:, None], strict=True)),
-                       **dict(zip(names, np.asarray(pulled), strict=True))}  # fmt: skip
-            slopes = {k: by_name[k][:size] for k in (*FREE_COORDINATES, *names)}
-        shown = {k: float(x) for k, x in zip(self._free, q * units, strict=True)
-                 if k in FREE_COORDINATES}  # fmt: skip
+        q = found.q[0, 0] * table_units(self._free)
+        shown = {k: x for k, x in zip(self._free, q.tolist(), strict=True) if k in FREE_COORDINATES}
         tension, strain = held.tension[0], held.strain[0]
         return Answer(
-            setting, knee, status, shown, state, held,
+            setting, knee, Status(int(found.status[0, 0])), shown, state, held,
             {one: float(tension[owners == i].sum()) for i, one in enumerate(names)},
             {one: float(strain[owners == i].max()) for i, one in enumerate(names)},
             dict(zip(knee.contact_names, held.max_pressure[0].tolist(), strict=True)),
-            slopes,
+            lambda: self._derived(own, found, numbers, cases),
         )  # fmt: skip
+
+    def _derived(
+        self, knee: Knee, found: Equilibria, numbers: np.ndarray, cases: LoadCases
+    ) -> dict[str, np.ndarray]:
+        if not converged(found.status).all():
+            return {}
+        tangent, held_at = found.holding["tangent"][0, 0], dict(cases.prescribed)
+        names, size = self.subject.ligaments, len(self.names)
+        moved, pulled = map(np.asarray, _slopes(
+            self._vary, self._free, knee, numbers, held_at, found.q[0, 0], tangent))  # fmt: skip
+        moved = moved * table_units(self._free)[:, None]
+        every = dict(zip((*self._free, *names), [*moved, *pulled], strict=True))
+        return {name: every[name][:size] for name in (*FREE_COORDINATES, *names)}
 
     def curves(self, setting: Setting, test: str = "", near: Curves | None = None) -> Curves:
         """What a setting does over flexion.
@@ -281,13 +312,14 @@ class Solver:
             size, loads = TESTS[test], 3
             extra = {test: np.repeat([0.0, size, -size], count)}
         cases = self._cases(np.tile(FLEXIONS, loads), setting, extra)
-        found = self._along(self.subject.numbers(setting)[None], cases, near)
+        own, numbers = self.subject.numbers(setting)
+        found = self._along(own, numbers[None], cases, near)
         q = np.where(converged(found.status)[0][:, None], found.q[0], np.nan)
         table = dict(zip(self._free, (q * table_units(self._free)).T, strict=True))
         prescribed = {k: x[:count] for k, x in cases.prescribed.items()}
         state = State.of(prescribed, jnp.asarray(q[:count].T), self.subject.knee.bodies)
-        knee = _varied(self._vary, self.subject.knee, self.subject.numbers(setting))
-        tension = np.asarray(evaluate(knee, state).tension).T
+        knee = _varied(self._vary, own, numbers)
+        tension = np.asarray(_tension(knee, state))
         owners, laxity = np.array(self._owners), {}
         if test:
             one, other = (table[MOVED[test]][i * count : (i + 1) * count] for i in (1, 2))
@@ -298,9 +330,10 @@ class Solver:
             laxity, q, found.contact_points[0],
         )  # fmt: skip
 
-    def _along(self, numbers: np.ndarray, cases: LoadCases, near: Curves | None) -> Equilibria:
+    def _along(
+        self, knee: Knee, numbers: np.ndarray, cases: LoadCases, near: Curves | None
+    ) -> Equilibria:
         """Balances of curves: near other ones if every pose of those is found again."""
-        knee = self.subject.knee
         if near is not None and len(near.own) == len(cases) and np.isfinite(near.own).all():
             found = balance_near(knee, self._vary, numbers, cases, near.own[None],
                                  near.contact_points[None])  # fmt: skip

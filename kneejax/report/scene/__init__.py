@@ -4,10 +4,15 @@ from kneejax.report.scene.figures import film as film
 from kneejax.report.scene.figures import scene_figure as scene_figure
 from kneejax.report.scene.figures import scenes_figure as scenes_figure
 from kneejax.report.scene.html import scene_page as scene_page
+from kneejax.report.scene.lines import Places as Places
 from kneejax.report.scene.pressure import PRESSURE_COLOURS as PRESSURE_COLOURS
 from kneejax.report.scene.pressure import PlateauPressure as PlateauPressure
 from kneejax.report.scene.pressure import plateau_pressures as plateau_pressures
 from kneejax.report.scene.pressure import pressure_figure as pressure_figure
+from kneejax.report.scene.rendering import BONE as BONE
+from kneejax.report.scene.rendering import MUSCLE as MUSCLE
+from kneejax.report.scene.rendering import OBSTACLE as OBSTACLE
+from kneejax.report.scene.rendering import SLACK as SLACK
 from kneejax.report.scene.rendering import VIEWS as VIEWS
 from kneejax.report.scene.rendering import CannotRender as CannotRender
 from kneejax.report.scene.rendering import MissingPackage as MissingPackage

@@ -16,7 +16,7 @@ from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.panels import grid
-from kneejax.report.scene.surfaces import surface_grid
+from kneejax.report.scene.surfaces import remembered, surface_grid
 
 #: Colours of pressure, pale where it is small.
 PRESSURE_COLOURS = "YlOrRd"
@@ -190,6 +190,7 @@ def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
     return found
 
 
+@remembered
 def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
     """Border of a surface in its bone's frame, `(k, 3)`, mm: its outline or its region."""
     outline = getattr(surface, "outline", None)
