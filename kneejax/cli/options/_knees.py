@@ -121,7 +121,7 @@ class View(Drawn):
 
 
 class Explore(Command):
-    """Move a knee in the browser: loads, ligaments, attachments, cuts; curves and sensitivities.
+    """Move a knee in the browser: loads, ligaments, attachments, curves, sensitivities.
 
     The page is served on this computer alone. Needs kneejax[explore].
     """
