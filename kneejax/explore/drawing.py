@@ -12,6 +12,7 @@ from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import Scene
 from kneejax.report.scene import (
     BONE,
+    FEW_FIBRES,
     MUSCLE,
     OBSTACLE,
     SLACK,
@@ -27,6 +28,8 @@ _GHOST, _LOAD, _WORDS = "#4C78A8", "#B03A2E", 0.95
 _CONDYLE, _GROUND = "#CDB98F", "#BFB39B"
 #: Thickness of pulled, slack and remembered fibres, mm.
 _PULLED, _SLACK, _THIN = 1.8, 0.6, 0.5
+#: Part of it where a knee has many fibres; then those that are slack have no words either.
+_OF_MANY = 0.6
 #: What 100 N, or 10 N m, are drawn as, and the longest arrow, mm.
 _PER_100_MM, _LONGEST_MM = 25.0, 60.0
 #: Axis of the scene along which each load acts, its sign, and whether it is a moment.
@@ -75,6 +78,7 @@ class Drawing:
         """An empty view with lights."""
         self.clicked, self.words = clicked, True
         self._scene, self._made, self._clickable = viser_scene, {}, set()
+        self._many = False
         viser_scene.set_up_direction("+y")
         viser_scene.configure_default_lights(cast_shadow=False)
 
@@ -96,6 +100,7 @@ class Drawing:
             stale: whether this is a pose that another setting had: everything is grey.
         """
         shown: set[str] = set()
+        self._many = len(scene.fibres) > FEW_FIBRES
 
         def keep(name: str, make: Callable, **props: Any) -> Any:
             """Make a node, or change those of its properties that are others."""
@@ -151,6 +156,7 @@ class Drawing:
         for fibre in fibres:
             colour = MUSCLE if is_muscle else strain_colour(fibre.strain, MOST_STRAIN)
             thick = _THIN if gone else _SLACK if fibre.slack else _PULLED
+            thick *= _OF_MANY if self._many else 1.0
             points, faces = tube(fibre.points_mm, thick)
             handle = keep(f"/ligaments/{name}/{fibre.name}", self._mesh, vertices=points,
                           faces=faces, opacity=0.35 if gone else None,
@@ -162,7 +168,7 @@ class Drawing:
         words = f"{name} {force:.0f} N" + ("" if is_muscle else f", {100 * strain:.1f} %")
         if gone or (not is_muscle and strain <= 0):
             words = f"{name} {'cut' if gone else 'slack'}"
-        if self.words:
+        if self.words and (gone or not self._many or is_muscle or strain > 0):
             line = fibres[len(fibres) // 2].points_mm
             way = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
             where = tuple(float(np.interp(0.5 * way[-1], way, x)) for x in line.T)
@@ -191,7 +197,8 @@ class Drawing:
 
     def _arrows(self, keep, scene: Scene, loads: dict[str, float]) -> None:
         """Forces and moments on the tibia, from below its plateaux; a moment along its axis."""
-        points = scene.points_mm
+        places = [x.points_mm.reshape(-1, 3) for x in scene.plateaus] or [scene.points_mm]
+        points = np.concatenate(places)
         middle = points.mean(axis=0)
         middle[1] = points[:, 1].min() - 6.0
         for name, size in loads.items():

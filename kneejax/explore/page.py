@@ -349,7 +349,7 @@ class Page:
         way = np.array([1.0, 0.35, 0.55 * self._scene.lateral])
         self._server.initial_camera.look_at = tuple(map(float, middle))
         self._server.initial_camera.position = tuple(
-            map(float, middle + 1.9 * size * way / np.linalg.norm(way))
+            map(float, middle + 2.4 * size * way / np.linalg.norm(way))
         )
         self._server.initial_camera.fov = 0.6
 

@@ -10,6 +10,7 @@ from kneejax.report.scene.pressure import PlateauPressure as PlateauPressure
 from kneejax.report.scene.pressure import plateau_pressures as plateau_pressures
 from kneejax.report.scene.pressure import pressure_figure as pressure_figure
 from kneejax.report.scene.rendering import BONE as BONE
+from kneejax.report.scene.rendering import FEW_FIBRES as FEW_FIBRES
 from kneejax.report.scene.rendering import MUSCLE as MUSCLE
 from kneejax.report.scene.rendering import OBSTACLE as OBSTACLE
 from kneejax.report.scene.rendering import SLACK as SLACK
