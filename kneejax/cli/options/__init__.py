@@ -6,6 +6,7 @@ from kneejax.cli.options._joints import JointFit as JointFit
 from kneejax.cli.options._knees import Activity as Activity
 from kneejax.cli.options._knees import Describe as Describe
 from kneejax.cli.options._knees import Evaluate as Evaluate
+from kneejax.cli.options._knees import Explore as Explore
 from kneejax.cli.options._knees import ExportOsim as ExportOsim
 from kneejax.cli.options._knees import ImportOsim as ImportOsim
 from kneejax.cli.options._knees import ImportStl as ImportStl
@@ -28,7 +29,7 @@ from kneejax.cli.options._studies import Sensitivity as Sensitivity
 #: Heading of the help -> its commands.
 COMMANDS = {
     "Begin": (Knees, Init, Describe),
-    "Simulate": (Simulate, Activity, Evaluate, View),
+    "Simulate": (Simulate, Activity, Evaluate, View, Explore),
     "Identify": (Calibrate, Map, Sensitivity, Identify, CohortSynthesise),
     "Plan and compare": (PlanAcl, JointFit, JointCompare, JointExport, Reproduce),
     "Import and export": (ImportOsim, ImportStl, ExportOsim),

@@ -121,6 +121,36 @@ class View(Drawn):
     convention: Convention = meaning("of the poses", "femoral")
 
 
+class Explore(Command):
+    """Move a knee in the browser: loads, ligaments, attachments, curves, sensitivities.
+
+    The page is served on this computer alone. Needs kneejax[explore].
+    """
+
+    command: ClassVar = "explore"
+    example: ClassVar = "kneejax explore average_knee --open --out my-settings"
+    body: ClassVar = "kneejax.cli._explore:explore"
+
+    subject: Annotated[str, Place("SUBJECT")] = meaning(
+        f"{KNEE}; or a study, whose measured poses stand behind the curves", "average_knee"
+    )
+    patella: bool = meaning("with the patella and the quadriceps", False)
+    femur_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the femur to show, in its frame, m or mm", None
+    )
+    tibia_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the tibia to show, in its frame, m or mm", None
+    )
+    patella_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
+        "mesh of the patella to show, in its frame, m or mm", None
+    )
+    port: Annotated[int, Form("N")] = meaning("the first to try; the next free one is used", 8137)
+    open: bool = meaning("open the page in the browser", False)
+    out: Annotated[Path | None, Form("FOLDER")] = meaning(
+        "folder for what is saved from the page; without one nothing is written", None
+    )
+
+
 class ImportOsim(Drawn):
     """Make a knee from an OpenSim model, schema 3 or 4."""
 

@@ -75,6 +75,25 @@ def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
     return share * colours + (1.0 - share) * np.array(to_rgb(GROUND))
 
 
+def pressure_bands(plateau: Plateau, limit: float, count: int) -> list[tuple[str, np.ndarray]]:
+    """Triangles of a plateau by the pressure on them: colour and faces of each band.
+
+    Args:
+        plateau: of a scene.
+        limit: pressure at the end of the colours, MPa.
+        count: of equal bands; one for what is not pressed comes before them.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit).ravel()[plateau.faces].mean(axis=1)
+    level = np.where(pressure > 0.02 * limit, np.ceil(pressure / limit * count), 0.0)
+    level = np.minimum(level, count).astype(int)
+    shades = colormaps[PRESSURE_COLOURS](np.linspace(0.12, 1.0, count))
+    colours = [GROUND, *map(to_hex, shades)]
+    return [(colour, plateau.faces[level == i]) for i, colour in enumerate(colours)]
+
+
 #: View -> where the camera stands: anterior, superior and lateral share.
 VIEWS = {"anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "medial": (0.0, 0.0, -1.0),
          "lateral": (0.0, 0.0, 1.0), "anteromedial, from above": (0.75, 0.62, -0.55),

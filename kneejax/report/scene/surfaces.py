@@ -2,16 +2,42 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import Obstacle, Surface, Vector, WrapCylinder
 
 _ROUND = 48
+#: Surfaces whose points are kept: a knee has four to eight, and is drawn again at every pose.
+_REMEMBERED = 32
 #: A long cylinder is drawn this far beyond the fibres that pass it, mm.
 _BEYOND = 12.0
 
 
+def remembered(
+    find: Callable[[Surface, tuple[int, int]], np.ndarray],
+) -> Callable[[Surface, tuple[int, int]], np.ndarray]:
+    """A function of a surface that does not compute again what it has found of equal numbers."""
+    known: dict[tuple, np.ndarray] = {}
+
+    @functools.wraps(find)
+    def answer(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
+        leaves, structure = jax.tree.flatten(surface)
+        key = structure, points, *(np.asarray(x).tobytes() for x in leaves)
+        if key not in known:
+            if len(known) >= _REMEMBERED:
+                known.pop(next(iter(known)))
+            known[key] = find(surface, points)
+        return known[key]
+
+    return answer
+
+
+@remembered
 def surface_grid(surface: Surface, points: tuple[int, int]) -> np.ndarray:
     """Points over the whole region of a surface, `(m, n, 3)`, in its bone's frame, mm."""
     (a0, a1), (b0, b1) = surface.bounds()

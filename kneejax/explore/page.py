@@ -1,0 +1,398 @@
+"""The page: sliders, curves and bars beside the knee; a thread that always solves the latest."""
+
+from __future__ import annotations
+
+import threading
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from kneejax.explore import panels
+from kneejax.explore.drawing import Drawing
+from kneejax.explore.ends import Ends
+from kneejax.explore.setting import Setting, Subject
+from kneejax.explore.solving import TESTS, Answer, Curves, Solver
+from kneejax.files import restated, write_knee
+from kneejax.geometry import FREE_COORDINATES
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.report import BoneMesh, scenes
+
+#: Points on each articular surface.
+_POINTS = (28, 28)
+#: A change of the same number within this time of the last is one step of undo, s.
+_ONE_STEP_S = 1.5
+#: A setting that stays for so long is computed as the command line does, s.
+_REST_S = 0.6
+_NOTHING = "none"
+
+
+class Page:
+    """One knee on one page; every tab shows the same.
+
+    Attributes:
+        setting: the latest one.
+        answer: of the setting that is shown.
+        curves: likewise; None until there are some.
+        solved: set while nothing is left to solve.
+    """
+
+    def __init__(
+        self,
+        server: Any,
+        subject: Subject,
+        document: dict[str, Any],
+        link: str = "",
+        out: Path | None = None,
+        measured: np.ndarray | None = None,
+        bones: Sequence[BoneMesh] = (),
+    ):
+        """Show a knee as it is.
+
+        Args:
+            server: from `kneejax.explore.serve`.
+            subject: the knee and what can be set of it.
+            document: of its knee file, for one that is saved.
+            link: to the page.
+            out: folder into which files are saved; None where none may be.
+            measured: poses behind the curves, `(n, 6)`, degrees and mm.
+            bones: meshes to show.
+        """
+        self.subject, self.document, self.out = subject, document, out
+        self.measured = np.empty((0, 6)) if measured is None else measured
+        self.setting, self.bones, self.link = Setting(), bones, link
+        self._server, self._solver = server, Solver(subject)
+        self._past: list[Setting] = []
+        self._changed = ("", 0.0)
+        self._kept: tuple[Answer, Curves | None, Any] | None = None
+        self._wanted, self._done, self._ended = threading.Condition(), -1, False
+        self._number = 0
+        self.solved = threading.Event()
+        self._drawing = Drawing(server.scene, self._clicked)
+        self._ends = Ends(server.scene, subject, self.set)
+        self.answer = self._solver.answer(self.setting)
+        self._scene = self._placed(self.answer)
+        self.curves: Curves | None = None
+        self._own = self._solver.curves(self.setting)
+        self._sliders: dict[str, Any] = {}
+        self._build()
+        self._camera()
+        self._thread = threading.Thread(target=self._solve, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread and the server."""
+        with self._wanted:
+            self._ended = True
+            self._wanted.notify()
+        self._thread.join()
+        self._server.stop()
+
+    # What a person does.
+
+    def set(self, name: str, number: float | None) -> None:
+        """Another number of the setting."""
+        with self._wanted:
+            now = time.monotonic()
+            wanted = self.subject.within(self.setting.to(name, number))
+            if wanted == self.setting:
+                return
+            if name != self._changed[0] or now - self._changed[1] > _ONE_STEP_S:
+                self._past.append(self.setting)
+            self._changed = name, now
+            self._to(wanted)
+
+    def go(self, setting: Setting) -> None:
+        """Another setting, as a link or a button gives it; one step of undo."""
+        with self._wanted:
+            setting = self.subject.within(setting)
+            if setting != self.setting:
+                self._past.append(self.setting)
+                self._to(setting)
+        self._show_numbers()
+
+    def undo(self) -> None:
+        """The setting before the last change."""
+        with self._wanted:
+            if not self._past:
+                return
+            self._to(self._past.pop())
+        self._show_numbers()
+
+    def opened(self, query: str) -> None:
+        """A link with a setting was opened."""
+        self.go(Setting.of_link(query))
+
+    def _to(self, setting: Setting) -> None:
+        self.setting, self._number = setting, self._number + 1
+        self.solved.clear()
+        self._wanted.notify()
+
+    def _again(self) -> None:
+        """Solve the same setting again: another test was chosen."""
+        with self._wanted:
+            self._to(self.setting)
+
+    def _clicked(self, ligament: str) -> None:
+        self._ligament.value = ligament
+        self._cut(ligament)
+        self._show_numbers()
+
+    def _cut(self, ligament: str) -> None:
+        is_cut = ligament in self.subject.cut_in(self.setting)
+        self.set(f"{ligament}.cut", 0.0 if is_cut else 1.0)
+
+    # What is solved: the latest setting, then its curves if it still is the latest.
+
+    def _solve(self) -> None:
+        while True:
+            with self._wanted:
+                self._wanted.wait_for(lambda: self._ended or self._done != self._number)
+                if self._ended:
+                    return
+                number, setting, test = self._number, self.setting, self._test_name()
+            try:
+                self._pose(self._solver.answer(setting, self.curves))
+                if number == self._number:
+                    self.curves = self._solver.curves(setting, test, self.curves)
+                    self._show_curves()
+                if self._at_rest(number):
+                    sure = self._solver.answer(setting, sure=True)
+                    if self._solver.differs(self.answer, sure):
+                        self._pose(sure)
+                        self.curves = self._solver.curves(setting, test)
+                        self._show_curves()
+            except Exception:  # the page lives on, the terminal says why
+                traceback.print_exc()
+                self._status.content = panels.sentence("This setting could not be computed.", True)
+            with self._wanted:
+                self._done = number
+                if number == self._number:
+                    self.solved.set()
+
+    def _at_rest(self, number: int) -> bool:
+        """Whether a setting stays the latest for a moment."""
+        with self._wanted:
+            moved = self._wanted.wait_for(lambda: self._ended or number != self._number, _REST_S)
+        return not moved
+
+    def _pose(self, answer: Answer) -> None:
+        good = answer.status.converged
+        if good:
+            self._scene = self._placed(answer)
+        self.answer = answer
+        with self._server.atomic():
+            self._draw()
+            self._show_answer()
+        self._server.flush()
+        self._show_bars()
+
+    def _placed(self, answer: Answer) -> Any:
+        return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
+
+    def _draw(self) -> None:
+        loads = self.subject.loads(self.answer.setting)
+        kept = None if self._kept is None else self._kept[2]
+        self._drawing.show(self._scene, self.answer, loads, kept, not self.answer.status.converged)
+
+    # What the page shows.
+
+    def _build(self) -> None:
+        gui = self._server.gui
+        gui.configure_theme(show_logo=False, show_share_button=False, control_width="large",
+                            brand_color=(0, 114, 178))  # fmt: skip
+        gui.set_panel_label(f"{self.subject.knee.name}, {self.subject.knee.side} knee")
+        gui.main_panel.dock_right()
+        gui.main_panel.set_width(380)
+        self._status = gui.add_html("")
+        with gui.add_folder("Pose and loads"):
+            self._slider("flexion_deg", "Flexion, °", 1.0)
+            for name, load in NAMED_LOADS.items():
+                unit = load.unit.replace(" ", "")
+                label = f"{load.positive.capitalize()}, {unit}"
+                self._slider(name, label, 0.1 if unit == "Nm" else 1.0)
+            if "quadriceps_N" in self.subject.limits:
+                self._slider("quadriceps_N", "Quadriceps, N", 1.0)
+        with gui.add_folder("Ligament"):
+            self._build_ligament(gui)
+        with gui.add_folder("Compare and save"):
+            self._build_saving(gui)
+        self._build_curves(gui)
+        self._show_numbers()
+        self._draw()
+        self._show_answer()
+        self.solved.set()
+        self._again()
+
+    def _build_ligament(self, gui: Any) -> None:
+        self._ligament = gui.add_dropdown("Ligament", self.subject.ligaments)
+        self._stiffness = gui.add_slider("Stiffness, % of own", 10.0, 400.0, 1.0, 100.0)
+        self._strain = gui.add_slider("Reference strain, %", -30.0, 30.0, 0.1, 0.0)
+        self._cutting = gui.add_button("Cut")
+        self._moving = gui.add_checkbox("Move its ends", False)
+        self._ligament.on_update(lambda _: self._show_numbers())
+        self._moving.on_update(lambda _: self._show_gizmos())
+        self._cutting.on_click(lambda _: (self._cut(self._ligament.value), self._show_numbers()))
+
+        @self._stiffness.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                name = f"{self._ligament.value}.stiffness"
+                self.set(name, self.subject.limits[name][0] * self._stiffness.value / 100.0)
+
+        @self._strain.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                self.set(f"{self._ligament.value}.reference_strain", self._strain.value / 100.0)
+
+    def _build_saving(self, gui: Any) -> None:
+        actions = {"Undo": self.undo, "Reset": lambda: self.go(Setting()), "Keep as A": self.keep,
+                   "Swap with A": self.swap}  # fmt: skip
+        buttons = gui.add_button_group("Setting", tuple(actions))
+        buttons.on_click(lambda event: actions[event.target.value]())
+        labels = gui.add_checkbox("Labels", True)
+
+        @labels.on_update
+        def _(_: Any) -> None:
+            self._drawing.words = labels.value
+            self._again()
+
+        self._address = gui.add_text("Link", "", disabled=True)
+        if self.out is None:
+            gui.add_markdown("To save files, start with `--out FOLDER`.")
+            return
+        gui.add_button("Save knee file").on_click(lambda _: self._saved(self.save_knee))
+        gui.add_button("Save picture").on_click(
+            lambda event: self._saved(lambda: self.save_picture(event.client))
+        )
+
+    def _build_curves(self, gui: Any) -> None:
+        panel = gui.add_panel()
+        panel.dock_below(gui.main_panel)
+        numbers = (*FREE_COORDINATES, *self.subject.ligaments)
+        self._numbers = {panels.title_of(name): name for name in numbers}
+        self._tests = {_NOTHING: ""}
+        for name, size in TESTS.items():
+            load = NAMED_LOADS[name]
+            self._tests[f"{load.positive} ± {size:g} {load.unit}"] = name
+        titles = tuple(self._numbers)
+        with panel.add_tab("Curves"):
+            self._shown = gui.add_dropdown("Coordinate", titles[: len(FREE_COORDINATES)],
+                                           initial_value=titles[1])  # fmt: skip
+            first, *others = self._plots()
+            self._charts = [gui.add_uplot(**first), gui.add_uplot(**others[0])]
+            self._test = gui.add_dropdown("Laxity test", tuple(self._tests))
+            self._charts.append(gui.add_uplot(**others[1], visible=False))
+        with panel.add_tab("Sensitivity"):
+            self._of = gui.add_dropdown("What moves", titles, initial_value=titles[1])
+            self._bars = gui.add_html("")
+        self._shown.on_update(lambda _: self._show_curves())
+        self._of.on_update(lambda _: self._show_bars())
+        self._test.on_update(lambda _: self._again())
+
+    def _test_name(self) -> str:
+        return self._tests[self._test.value]
+
+    def _slider(self, name: str, label: str, step: float) -> None:
+        own, low, high = self.subject.limits[name]
+        handle = self._server.gui.add_slider(label, low, high, step, own)
+        self._sliders[name] = handle
+
+        @handle.on_update
+        def _(event: Any) -> None:
+            if event.client is not None:
+                self.set(name, handle.value)
+
+    def _show_numbers(self) -> None:
+        """Put every slider where the setting is."""
+        setting, name = self.setting, self._ligament.value
+        for one, handle in self._sliders.items():
+            handle.value = self.subject.value(setting, one)
+        stiffness = f"{name}.stiffness"
+        own = self.subject.limits[stiffness][0]
+        self._stiffness.value = 100.0 * self.subject.value(setting, stiffness) / own
+        self._strain.value = 100.0 * self.subject.value(setting, f"{name}.reference_strain")
+        self._cutting.label = "Restore" if name in self.subject.cut_in(setting) else "Cut"
+        self._show_gizmos()
+
+    def _show_gizmos(self) -> None:
+        name = self._ligament.value if self._moving.value else ""
+        self._ends.show(name, self.setting, self.answer)
+
+    def _show_answer(self) -> None:
+        self._status.content = panels.numbers(self.answer)
+        query = self.answer.setting.link
+        self._address.value = f"{self.link}&{query}" if query else self.link
+
+    def _show_bars(self) -> None:
+        name, solver = self._numbers[self._of.value], self._solver
+        self._bars.content = panels.bars(self.answer, name, solver.names, solver.unknown)
+
+    def _plots(self) -> list[dict[str, Any]]:
+        now, kept = self.curves or self._own, self._kept[1] if self._kept else None
+        name = self._numbers[self._shown.value]
+        shown = panels.coordinate_plot(name, now, self._own, kept, self.measured)
+        return [shown, panels.force_plot(now), panels.laxity_plot(now, kept)]
+
+    def _show_curves(self) -> None:
+        self._charts[2].visible = self.curves is not None and bool(self.curves.laxity)
+        for chart, wanted in zip(self._charts, self._plots(), strict=True):
+            for key in ("title", "series", "scales", "data"):
+                setattr(chart, key, wanted[key])
+
+    def _camera(self) -> None:
+        points = self._scene.points_mm
+        middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+        way = np.array([1.0, 0.35, 0.55 * self._scene.lateral])
+        self._server.initial_camera.look_at = tuple(map(float, middle))
+        self._server.initial_camera.position = tuple(
+            map(float, middle + 2.4 * size * way / np.linalg.norm(way))
+        )
+        self._server.initial_camera.fov = 0.6
+
+    # Settings side by side, and files.
+
+    def keep(self) -> None:
+        """Keep what is shown as A, behind what comes."""
+        self._kept = self.answer, self.curves, self._scene
+        self._again()
+
+    def swap(self) -> None:
+        """Show A, and keep what was shown."""
+        if self._kept is not None:
+            setting = self._kept[0].setting
+            self._kept = self.answer, self.curves, self._scene
+            self.go(setting)
+
+    def save_knee(self) -> Path:
+        """Write the setting as a new knee file, without the flexion and the loads."""
+        path = self._free("knee", "yaml")
+        knee = self.subject.knee_at(self.setting)
+        link = f"kneejax explore: {self.setting.link or 'as read'}"
+        write_knee(restated(self.document, knee, link), path, link)
+        return path
+
+    def save_picture(self, client: Any) -> Path:
+        """Write what a page shows of the knee."""
+        from PIL import Image
+
+        path = self._free("picture", "png")
+        Image.fromarray(client.get_render(1080, 1440, transport_format="png")).save(path)
+        return path
+
+    def _free(self, kind: str, ending: str) -> Path:
+        assert self.out is not None
+        self.out.mkdir(parents=True, exist_ok=True)
+        names = (self.out / f"explore-{kind}-{i}.{ending}" for i in range(1, 10_000))
+        return next(path for path in names if not path.exists())
+
+    def _saved(self, save: Callable[[], Path]) -> None:
+        try:
+            words = f"Written: {save()}"
+        except (OSError, ValueError) as problem:
+            words = f"Not written: {problem}"
+        for client in self._server.get_clients().values():
+            client.add_notification("Save", words, auto_close_seconds=8.0)

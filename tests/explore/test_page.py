@@ -1,0 +1,251 @@
+"""The page in a real browser, and what its server refuses."""
+
+import contextlib
+import http.client
+import json
+import os
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+import kneejax as kj
+
+pytest.importorskip("viser", reason="viser is not installed: kneejax[explore]")
+from kneejax.cli._explore import begin
+from kneejax.cli.options import Explore
+from kneejax.explore import Setting
+
+CHROMIUM = Path("/usr/bin/chromium")
+WAIT_MS = 90_000
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    out = tmp_path_factory.mktemp("saved")
+    asked = Explore.read({"subject": "four_ligament", "port": "8410", "out": str(out)})
+    served = begin(asked)
+    settled(served)
+    yield served
+    served.stop()
+
+
+@pytest.fixture(scope="module")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if not CHROMIUM.exists():
+        pytest.skip(f"{CHROMIUM} is not installed: apt-get install chromium")
+    software = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+    with playwright.sync_playwright() as started:
+        yield started.chromium.launch(executable_path=str(CHROMIUM), args=software)
+
+
+@pytest.fixture
+def tab(browser, page):
+    page.go(Setting())
+    opened = browser.new_page(viewport={"width": 1440, "height": 900})
+    opened.goto(page.link)
+    opened.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
+    yield opened
+    opened.close()
+
+
+def settled(page):
+    assert page.solved.wait(120.0)
+
+
+def number(tab, label):
+    return tab.locator(
+        f"xpath=//label[contains(., '{label}')]/following::input[not(@type='hidden')][1]"
+    )
+
+
+def enter(tab, page, label, value):
+    field = number(tab, label)
+    field.fill(str(value))
+    field.press("Enter")
+    until(lambda: page.setting.given)
+    settled(page)
+
+
+def until(holds, seconds=30.0):
+    end = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < end, "never came"
+        time.sleep(0.05)
+
+
+def pixels(tab):
+    """What the knee's side of the page shows."""
+    import io
+
+    from PIL import Image
+
+    clip = {"x": 330, "y": 0, "width": 700, "height": 900}
+    return np.asarray(Image.open(io.BytesIO(tab.screenshot(clip=clip))).convert("RGB"), float)
+
+
+def test_a_slider_moves_the_knee_to_the_pose_of_the_command_line(tab, page):
+    time.sleep(1.0)
+    before = pixels(tab)
+    assert before.std() > 5.0, "the canvas is empty"
+    enter(tab, page, "Flexion", 60)
+    assert page.setting.given == {"flexion_deg": 60.0}
+    motion = kj.passive_flexion(kj.load_knee("four_ligament"), [60.0])
+    expected = np.asarray(motion.to_table())[0, 1:]
+    np.testing.assert_allclose([*page.answer.coordinates.values()], expected, atol=1e-6)
+    tab.get_by_text(f"{page.answer.coordinates['internal_rotation']:.2f} °").wait_for(timeout=9000)
+    until(lambda: np.abs(pixels(tab) - before).mean() > 1.0)
+
+
+def test_a_ligament_is_cut_restored_and_the_change_undone(tab, page):
+    force = page.answer.force_N["ACL"]
+    tab.get_by_role("button", name="Cut", exact=True).click()
+    until(lambda: page.setting.given == {"ACL.cut": 1.0})
+    settled(page)
+    assert page.answer.force_N["ACL"] == 0.0 < force
+    tab.get_by_role("button", name="Restore").click()
+    until(lambda: page.setting == Setting())
+    page.undo()
+    settled(page)
+    assert page.setting.given == {"ACL.cut": 1.0}
+    assert page.curves.setting == page.setting
+
+
+def test_a_click_on_fibres_cuts_their_ligament(page):
+    page.go(Setting())
+    page._clicked("MCL")
+    assert page.setting.given == {"MCL.cut": 1.0}
+    page.go(Setting())
+
+
+def test_two_tabs_show_the_same_after_reload_and_resize(tab, page, browser):
+    other = browser.new_page(viewport={"width": 390, "height": 844})
+    other.goto(page.link)
+    enter(tab, page, "Flexion", 45)
+    value = f"{page.answer.coordinates['superior']:.2f} mm"
+    tab.set_viewport_size({"width": 1024, "height": 768})
+    tab.reload()
+    tab.get_by_text(value).wait_for(timeout=WAIT_MS)
+    until(lambda: value in other.inner_text("body") or other.locator("canvas").count() > 1)
+    other.close()
+
+
+def test_a_link_holds_the_setting(tab, page, browser):
+    wanted = Setting.of({"flexion_deg": 20.0, "LCL.cut": 1.0})
+    other = browser.new_page()
+    other.goto(f"{page.link}&{wanted.link}")
+    until(lambda: page.setting == wanted)
+    settled(page)
+    assert page._address.value == f"{page.link}&{wanted.link}"
+    other.close()
+
+
+def test_a_knee_file_is_saved_into_the_folder_and_reads_as_the_setting(tab, page):
+    page.set("ACL.stiffness", 3000.0)
+    settled(page)
+    tab.get_by_text("Save knee file").click()
+    until(lambda: [*page.out.glob("explore-knee-*.yaml")])
+    time.sleep(0.3)
+    (path,) = page.out.glob("explore-knee-*.yaml")
+    assert float(kj.load_knee(path).ligaments.stiffness[0]) == pytest.approx(3000.0)
+    tab.get_by_text("Save picture").click()
+    until(lambda: [*page.out.glob("explore-picture-*.png")], 60.0)
+
+
+def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
+    page._server._websock_server.disconnect_all_clients()
+    time.sleep(0.5)
+    page.set("flexion_deg", 33.0)
+    settled(page)
+    words = f"{page.answer.coordinates['adduction']:.2f} °"
+    tab.get_by_text(words).first.wait_for(timeout=WAIT_MS)
+
+
+# What is refused.
+
+
+def status(page, path="/", **headers):
+    there = urlsplit(page.link)
+    connection = http.client.HTTPConnection(there.hostname, there.port, timeout=10)
+    connection.putrequest("GET", path, skip_host="Host" in headers)
+    for name, value in headers.items():
+        connection.putheader(name, value)
+    connection.endheaders()
+    with contextlib.closing(connection), connection.getresponse() as answer:
+        answer.read()
+        return answer.status
+
+
+def token(page):
+    return f"/?{urlsplit(page.link).query}"
+
+
+def test_only_this_machine_with_the_token_is_answered(page):
+    assert page._server.get_host() == "127.0.0.1"
+    assert status(page, token(page)) == 200
+    assert status(page) == 403
+    assert status(page, "/?token=wrong") == 403
+    assert status(page, token(page), Host="evil.example") == 403
+    assert status(page, token(page), Origin="http://evil.example") == 403
+    assert status(page, Cookie="a=b; kneejax-8410=wrong") == 403
+
+
+def socket(page, origin=None, cookie=True):
+    from websockets.sync.client import connect
+
+    there = urlsplit(page.link)
+    own = f"http://{there.netloc}" if origin is None else origin
+    secret = there.query.removeprefix("token=")
+    headers = {"Cookie": f"kneejax-{there.port}={secret}"} if cookie else {}
+    return connect(f"ws://{there.netloc}/", origin=own or None, additional_headers=headers,
+                   subprotocols=[f"viser-v{__import__('viser').__version__}"])  # fmt: skip
+
+
+@pytest.mark.parametrize("how", [{"cookie": False}, {"origin": "http://evil.example"},
+                                 {"origin": ""}])  # fmt: skip
+def test_a_socket_of_another_site_is_refused(page, how):
+    from websockets.exceptions import InvalidStatus
+
+    with pytest.raises(InvalidStatus), socket(page, **how):
+        pass
+
+
+def test_malformed_messages_have_no_effect(page, capfd):
+    import msgspec
+
+    page.go(Setting())
+    settled(page)
+    rng, pack = np.random.default_rng(0), msgspec.msgpack.encode
+    flexion = page._sliders["flexion_deg"]._impl.uuid
+    odd = [float("nan"), float("inf"), 1e9, "60", None, [60.0], {"a": 1}, True, b"x"]
+    messages = [pack({"type": "GuiUpdateMessage", "uuid": flexion, "updates": {"value": x}})
+                for x in odd]  # fmt: skip
+    messages += [pack({"type": "GuiUpdateMessage", "uuid": flexion, "updates": {x: 1.0}})
+                 for x in ("update_cb", "min", "removed", "__class__")]  # fmt: skip
+    messages += [pack({"type": x}) for x in ("ShareUrlRequest", "RunJavascriptMessage", "Nothing")]
+    messages += [pack({"type": "TransformControlsUpdateMessage", "name": "/ends/x", "wxyz": x,
+                       "position": x}) for x in ([], [1.0], "a", [None] * 3)]  # fmt: skip
+    messages += [json.dumps({"type": "GuiUpdateMessage"}).encode(), pack([1]), pack("x"), b""]
+    messages += [rng.bytes(int(n)) for n in rng.integers(0, 300, 300 - len(messages))]
+
+    before = page.setting
+    assert before == Setting()
+    with socket(page) as connection:
+        for message in [*messages, "words"]:
+            connection.send(message)
+        time.sleep(1.0)
+        assert page.setting == before
+        # The connection still lives, and a good message has its effect.
+        good = {"type": "GuiUpdateMessage", "uuid": flexion, "updates": {"value": 10}}
+        connection.send(pack(good))
+        until(lambda: page._sliders["flexion_deg"].value == 10.0)
+    assert page._server._share_tunnel is None
+    assert "Traceback" not in "".join(capfd.readouterr())
+
+
+def test_nothing_is_written_without_a_folder(tmp_path, page):
+    names = {path.name.split("-")[0] for path in page.out.iterdir()}
+    assert names <= {"explore"} and os.listdir(tmp_path) == []
