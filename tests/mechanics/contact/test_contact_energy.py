@@ -117,7 +117,7 @@ def test_the_force_on_a_tilted_plane_acts_along_its_normal(femoral):
     normal = np.array([float(c) for c in plane.frame.placement.turn((0.0, 1.0, 0.0))])
 
     def of_shift(shift):
-        return contact.energy(geo.Placement(None, geo.Vector(shift[0], shift[1], shift[2])))
+        return contact.energy(geo.Placement(None, geo.Vector.of(shift)))
 
     shift = jnp.asarray(-24.0 * normal)
     force = -np.asarray(jax.jit(jax.grad(of_shift))(shift))
@@ -129,7 +129,7 @@ def test_the_force_between_two_spheres_acts_along_the_line_of_their_centres():
     contact = Contact(geo.Sphere(25.0), geo.Sphere(35.0))
     shift = jnp.array([3.0, -58.0, 5.0])
     force = -np.asarray(
-        jax.jit(jax.grad(lambda s: contact.energy(geo.Placement(None, geo.Vector(s[0], s[1], s[2])))))(shift)
+        jax.jit(jax.grad(lambda s: contact.energy(geo.Placement(None, geo.Vector.of(s)))))(shift)
     )
     line = np.asarray(shift) / np.linalg.norm(shift)
     np.testing.assert_allclose(np.cross(force, line), 0.0, atol=1e-9 * abs(force).max())
