@@ -13,7 +13,7 @@ import numpy as np
 
 import kneejax as kj
 from kneejax.files import bundled_knee_descriptions, load_knee_file
-from kneejax.geometry import TIBIA, vector
+from kneejax.geometry import TIBIA, Vector
 
 kj.configure()
 FOLDER = Path(__file__).resolve().parent
@@ -40,12 +40,12 @@ for name in bundled_knee_descriptions():
             ):
                 at = grid(surface)
                 if bone == TIBIA:
-                    moved = motion.apply(vector(at.reshape(3, -1)))
+                    moved = motion.apply(Vector.of(at.reshape(3, -1)))
                     at = np.stack([np.asarray(x) for x in moved]).reshape(at.shape)
                 axis.plot(at[across], at[1], color=colour, lw=0.3)
         fibres = knee.ligaments
         femoral = np.asarray(fibres.femoral_attachment).T
-        tibial = np.stack(motion.apply(vector(np.asarray(fibres.tibial_attachment).T)))
+        tibial = np.stack([*motion.apply(Vector.of(np.asarray(fibres.tibial_attachment).T))])
         for number, fibre in enumerate(fibres.names):
             colour = next((c for key, c in COLOURS.items() if fibre.startswith(key)), "0.35")
             ends = [(x[across][number], x[1][number]) for x in (femoral, tibial)]

@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
-from kneejax.files import reading
-from kneejax.files.reading import Choice, Number, Part, Text, entries, meaning, reads, within, wrong
+from kneejax.files import InputProblem, reading
+from kneejax.files.reading import (
+    Choice,
+    Mistakes,
+    Number,
+    Part,
+    Text,
+    entries,
+    meaning,
+    reads,
+    within,
+    wrong,
+)
 from kneejax.quantities import RANGES
 from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
 
 if TYPE_CHECKING:
+    from kneejax.experiments import MeasuredTest
     from kneejax.files import LabTable, LaxityBand, Measurement
+    from kneejax.mechanics import Knee
 
 PATELLA = ("flexion", "rotation", "tilt", "anterior", "superior", "lateral")
 COORDINATES = (*UNITS, *(f"patella_{name}" for name in PATELLA))
@@ -231,3 +244,35 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
     if not size > 0:
         raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
     return size
+
+
+def check_tests(
+    knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
+    measured: bool, mistakes: Mistakes,
+) -> None:  # fmt: skip
+    """Of tests no two have one name, and none is better known than the poses can say, whose noise
+    is stated in mm and degrees, where they are measured."""
+    if not tests:  # importing takes longer than everything else here
+        return
+    from kneejax.inference.fit import check_readable
+    from kneejax.parameters import cut
+
+    for number, test in enumerate(tests):
+        place = f"tests[{number}]"
+        with mistakes.gathered(place):
+            cut(knee, test.cut)
+            check_readable(knee, test.readings)
+            if test.name in [one.name for one in tests[:number]]:
+                raise InputProblem("", "name", test.name, "every name once")
+            for unit, noise in stated.items():
+                if test.readings and noise is None:
+                    expected = f"noise_{unit} of the study too, against which it counts"
+                    raise InputProblem("", "", next(iter(test.readings)), expected)
+                if (sd := getattr(test, f"sd_{unit}")) is None:
+                    continue
+                if not (math.isfinite(sd) and sd > 0):
+                    expected = "a standard deviation above 0"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)
+                if noise is None and measured:
+                    expected = f"noise_{unit} of the study too, against which tests are weighed"
+                    raise InputProblem("", f"sd_{unit}", sd, expected)

@@ -17,6 +17,7 @@ from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Mistakes, fill, plain, wrong
 from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.studies._fields import UNITS
+from kneejax.studies._lab_tests import check_tests
 from kneejax.studies._reading import check_fields, objects_of
 from kneejax.studies._schema import STUDY_FIELDS, StudyFields
 
@@ -274,35 +275,6 @@ def _check_free(study: Study, selection: Selection) -> None:
         )  # fmt: skip
 
 
-def _check_tests(study: Study, mistakes: Mistakes) -> None:
-    """Of tests no two have one name, and none is better known than the poses can say."""
-    if not study.tests:  # importing takes longer than everything else here
-        return
-    from kneejax.inference.fit import check_readable
-    from kneejax.parameters import cut
-
-    stated = {"mm": study.noise_mm, "deg": study.noise_deg}
-    for number, test in enumerate(study.tests):
-        place = f"tests[{number}]"
-        with mistakes.gathered(place):
-            cut(study.knee, test.cut)
-            check_readable(study.knee, test.readings)
-            if test.name in [one.name for one in study.tests[:number]]:
-                raise InputProblem("", "name", test.name, "every name once")
-            for unit, noise in stated.items():
-                if test.readings and noise is None:
-                    expected = f"noise_{unit} of the study too, against which it counts"
-                    raise InputProblem("", "", next(iter(test.readings)), expected)
-                if (sd := getattr(test, f"sd_{unit}")) is None:
-                    continue
-                if not (np.isfinite(sd) and sd > 0):
-                    expected = "a standard deviation above 0"
-                    raise InputProblem("", f"sd_{unit}", sd, expected)
-                if noise is None and study.synthetic is None:
-                    expected = f"noise_{unit} of the study too, against which tests are weighed"
-                    raise InputProblem("", f"sd_{unit}", sd, expected)
-
-
 def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
     """Names, bounds and data that must suit the knee."""
     from kneejax import parameters
@@ -313,7 +285,8 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
         if len(sizes) not in (1, count):
             expected = f"one for all poses, or {count}, one for each"
             mistakes.keep(InputProblem("", f"loads.{name}", f"{len(sizes)} sizes", expected))
-    _check_tests(study, mistakes)
+    noise = {"mm": study.noise_mm, "deg": study.noise_deg}
+    check_tests(study.knee, study.tests, noise, study.synthetic is None, mistakes)
     if study.prior and None in study.noise:
         expected = "noise_mm and noise_deg too, against which a prior counts"
         mistakes.keep(InputProblem("", "prior", ", ".join(study.prior), expected))

@@ -172,7 +172,7 @@ def test_another_file_in_the_place_of_a_knee(meshes, tmp_path, capsys):
     ("table", "words"),
     [
         (HEADER.replace(",anterior_mm", "") + "\n0,0,0,1,0\n", "anterior_mm: missing"),
-        ("name: a knee\nside: right\n", "flexion_deg: missing"),
+        ("name: a knee\nside: right\n", f"{HEADER.replace(',', ', ')}: missing"),
         (HEADER + "\n0,0,0,0.001,-0.03,0.001\n", "metres are suspected"),
     ],
 )

@@ -129,8 +129,9 @@ def test_a_table_says_where_the_patella_is_or_which_column_is_missing(tmp_path, 
     assert read_patella_poses(table).tolist() == [[20.0, 1.0, -2.0, 45.0, 3.0, 4.0]]
     table.write_text(f"{names},{','.join(columns[:2])}\n30,1,4,2,-0.5,0.5,20,1\n")
     assert main(["view", "four_ligament", str(table), "--out", str(tmp_path / "out")]) == 2
-    assert "patella_tilt_deg: missing" in capsys.readouterr().err
+    missing = ", ".join(columns[2:])
+    assert f"{missing}: missing" in capsys.readouterr().err
     table.write_text(f"{names}\n30,1,4,2,-0.5,0.5\n")
     assert read_patella_poses(table) is None
     assert main(["view", "four_ligament", str(table), "--patella", "--out", str(tmp_path)]) == 2
-    assert "patella_flexion_deg: missing" in capsys.readouterr().err
+    assert f"{', '.join(columns)}: missing" in capsys.readouterr().err

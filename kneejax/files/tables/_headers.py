@@ -199,7 +199,7 @@ def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[floa
             )
             table.mistakes.append(InputProblem(
                 table.file, one.own, f"up to {largest:.3g}",
-                f"its unit: degrees and radians cannot be told apart; write {one.name}: {ways} "
+                f"its unit: degrees and radians cannot be distinguished; write {one.name}: {ways} "
                 "under columns",
             ))  # fmt: skip
             return None
