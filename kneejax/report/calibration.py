@@ -132,7 +132,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
         Section("Tests under load", [prose("test_errors")], [load_tests.errors_table(calibration)],
                 ["tests"] * bool(len(calibration.measured)), printed=True),
         Section("Procedures" if several else "Search", searched, [procedures_table(calibration)],
-                ["convergence"], printed=True),
+                ["convergence"], printed=several),
         Section("Sums of squares", [prose("objectives")], [_objectives(calibration)]),
         Section("Correlation", drawings=["correlation"]),
         Section("Forces", drawings=["ligament_forces"]),

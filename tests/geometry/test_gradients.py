@@ -19,7 +19,7 @@ seeds = st.integers(0, 2**31)
 
 
 def _rows(vector):
-    return jnp.stack(vector.full())
+    return jnp.stack([*geo.Vector(*vector).full()])
 
 
 def conventions(x):
