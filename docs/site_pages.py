@@ -350,7 +350,7 @@ def plain_docstring(app, what, name, obj, options, lines) -> None:
 
 
 def skip_member(app, what, name, obj, skip, options) -> bool | None:
-    """Fields of pydantic and of tuples are told under Attributes."""
+    """Fields of pydantic and of tuples are listed under Attributes."""
     return True if name.startswith("model_") else None
 
 

@@ -161,7 +161,9 @@ def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
     page.set("flexion_deg", 33.0)
     settled(page)
     words = f"{page.answer.coordinates['adduction']:.2f} °"
-    tab.get_by_text(words).first.wait_for(timeout=WAIT_MS)
+    shown = tab.get_by_text(words).first
+    shown.wait_for(timeout=WAIT_MS)
+    assert shown.is_visible()
 
 
 # What is refused.

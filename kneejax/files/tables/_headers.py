@@ -126,7 +126,7 @@ def by_headers(
     """Columns that their headers name, beside those that are known already.
 
     Args:
-        table: a `Table`; what cannot be told of its columns is added to its mistakes.
+        table: a `Table`; what is doubtful about its columns is added to its mistakes.
         taken: name -> column and factor of what is known.
         ignore: columns that do not count.
         about: what the table is of, in words, for a load without a direction.
@@ -182,7 +182,7 @@ def _times(one: Header) -> str:
 
 def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[float, str] | None:
     """The factor of columns of one kind whose unit is not stated, by the size of their numbers,
-    and what that assumes; None where it cannot be told."""
+    and what that assumes; None where the size does not decide."""
     unit, factor = columns[0].unit, 1.0
     words = _WORDS[unit]
     largest = max(np.abs(table.sizes(one.own)).max(initial=0.0) for one in columns)

@@ -73,7 +73,7 @@ def minimise_bounded(
     usual = getattr(jax.config, least)
     jax.config.update(least, 0.0)  # its loops are 200 small programs, slower to compile than to run
     try:
-        with jax.disable_jit():  # which close over arrays: compiled anew in every iteration
+        with jax.disable_jit():  # which close over arrays: compiled again in every iteration
             answer, state = solver.run(jnp.asarray(start / scale), bounds=bounds)
     finally:
         jax.config.update(least, usual)

@@ -57,6 +57,12 @@ def test_columns_of_simvitro_need_no_mapping(tmp_path, written):
     check(read(table(tmp_path, columns), "lateral_mm from -Knee JCS Medial"))
 
 
+def test_extension_is_flexion_with_its_sign_reversed():
+    bent, straight = (header_meaning(f"Knee JCS {way} [deg]") for way in ("Flexion", "Extension"))
+    assert bent[1:] == ("flexion_deg", 1.0, "deg", True, False)
+    assert straight[1:] == ("flexion_deg", -1.0, "deg", True, False)
+
+
 def test_metres_and_radians_are_converted_as_the_header_says(tmp_path):
     other = {"mm": ("m", 1e-3), "deg": ("rad", np.pi / 180), "N": ("kN", 1e-3), "Nm": ("Nmm", 1e3)}
     columns = {}
