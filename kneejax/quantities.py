@@ -75,7 +75,8 @@ class Quantity:
 
     Attributes:
         name: as in `ACL.stiffness`.
-        owners: kinds of parts that have it: `ligament`, `contact`, `line`, `muscle`, `load`,
+        owners: kinds of parts that have it: `ligament`, `band` (fibres whose cross-section is
+            known), `contact`, `line`, `muscle`, `load`,
             `obstacle` (what fibres wrap around); empty where no part is advised to name it.
         unit: of a parameter; empty for a plain number.
         allowed: what every knee's numbers lie between.
@@ -164,8 +165,12 @@ _ALL = (
     _attachment("femur", "femoral"),
     _attachment("tibia", "tibial"),
     _attachment("patella", "patellar"),
-    Quantity("youngs_modulus", ("contact",), "MPa", Range(1e-3, 1e5, "MPa",
+    Quantity("youngs_modulus", ("contact", "band"), "MPa", Range(1e-3, 1e5, "MPa",
              too_large="Pa are suspected"), "youngs_modulus_MPa"),
+    Quantity("area", ("band",), "mm2", Range(1e-4, 1e4, "mm2", or_zero=True), "area_mm2",
+             summed=True, relative=0.2),
+    Quantity("prestretch", ("band",), "", Range(0.1, 1.5, too_large=_PERCENT), "prestretch",
+             bounds=(0.8, 1.2), deviation=0.02),
     Quantity("poisson_ratio", ("contact",), "", Range(0.0, 0.4999), "poisson_ratio"),
     Quantity("layer_thickness", ("contact",), "mm", Range(0.1, 50.0, "mm", too_small=_METRES),
              "layer_thickness_mm"),
@@ -198,12 +203,16 @@ PUBLISHED_STIFFNESS = {
 }
 #: Name -> quantity.
 QUANTITIES = {one.name: one for one in _ALL}
-#: What a parameter of a ligament may be called after its name.
-FIBRE_QUANTITIES = tuple(
-    f"{one.name}.{axis}" if axis else one.name
-    for one in _ALL
-    if "ligament" in one.owners
-    for axis in (AXES if one.bone else ("",))
+#: What a parameter of a ligament may be called after its name; the last of them of bands alone.
+BAND_QUANTITIES = tuple(one.name for one in _ALL if "band" in one.owners)
+FIBRE_QUANTITIES = (
+    *(
+        f"{one.name}.{axis}" if axis else one.name
+        for one in _ALL
+        if "ligament" in one.owners
+        for axis in (AXES if one.bone else ("",))
+    ),
+    *BAND_QUANTITIES,
 )
 _OTHER = Quantity("", (), "", Range(-float("inf"), float("inf")))
 

@@ -67,7 +67,8 @@ def check_fibres(ligaments: Ligaments, inside: Array, lengths: Array) -> None:
                    RANGES["point_mm"])  # fmt: skip
     _check_lengths(names, np.asarray(lengths), points)
     for one in QUANTITIES.values():
-        if "ligament" in one.owners and hasattr(ligaments, one.name) and not one.bone:
+        own = {"ligament", "band"} & {*one.owners}
+        if own and hasattr(ligaments, one.name) and not one.bone:
             values = np.asarray(getattr(ligaments, one.name))
             _check_numbers(names, one.name, values, one.allowed)
 

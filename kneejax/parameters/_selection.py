@@ -22,15 +22,18 @@ from kneejax.numerics import numpy_for, traced
 from kneejax.parameters._leaves import Leaf, leaves_called, parts_of, quantities_of
 from kneejax.parameters._structures import (
     BONES,
+    OF_STRAIN,
     doubt_value,
     numbers_of,
     strained,
     value_of,
     write_value,
 )
-from kneejax.quantities import AXES, FIBRE_QUANTITIES, quantity_of
+from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, quantity_of
 
 _MOST_SHOWN = 12  # names in an error
+#: Quantity -> the one whose numbers it sets, where that has another name.
+_WRITES = dict.fromkeys(OF_STRAIN, "slack_length") | {"youngs_modulus": "stiffness"}
 
 
 class UnknownParameter(ValueError):
@@ -109,8 +112,8 @@ class Selection:
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.
 
-        Reference strains are turned into slack lengths at the reference pose, after attachments
-        have been moved.
+        Reference strains and prestretches are turned into slack lengths at the reference pose,
+        after attachments have been moved.
 
         Args:
             knee: any knee with these ligaments.
@@ -121,8 +124,8 @@ class Selection:
             leaf = self.leaf(i)
             if leaf is not None:
                 knee = leaf.write(knee, values[i])
-            elif self.quantity(i) == "reference_strain":
-                strains.append((self._place(i)[0], values[i]))
+            elif self.quantity(i) in OF_STRAIN:
+                strains.append((self._place(i)[0], values[i] - OF_STRAIN[self.quantity(i)]))
             else:
                 knee = write_value(knee, *self._place(i), values[i])
         return strained(knee, strains) if strains else knee
@@ -193,9 +196,14 @@ def _numbers_called(
 
 def _quantities_of_fibres(knee: Knee, name: str) -> tuple[str, ...]:
     """Quantities of a ligament or of a group: of attachments, those to the bones that it joins."""
-    pairs = [knee.ligaments.bodies[row] for row in fibre_rows(knee, name)]
+    rows = fibre_rows(knee, name)
+    pairs = [knee.ligaments.bodies[row] for row in rows]
+    area = knee.ligaments.area
+    band = traced(area) or bool(np.all(np.asarray(area)[rows] > 0.0))
     known = []
     for quantity in FIBRE_QUANTITIES:
+        if quantity in BAND_QUANTITIES and not band:
+            continue
         bone = BONES.get(quantity.split(".")[0])
         if bone is None or all(bone in pair for pair in pairs):
             known.append(quantity)
@@ -248,8 +256,7 @@ def _check_once(selection: Selection) -> None:
         other = driven.setdefault(("leaf", leaf), name) if leaf else name
         if other != name:
             raise UnknownParameter(f"{other} and {name} are one number: choose one")
-        # Either gives the slack length.
-        quantity = selection.quantity(i).replace("reference_strain", "slack_length")
+        quantity = _WRITES.get(selection.quantity(i), selection.quantity(i))
         for fibre in selection.fibres(i):
             other = driven.setdefault((fibre, quantity), name)
             if other != name:
@@ -289,7 +296,7 @@ def with_values(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
         True
     """
     _check_one_slack(knee, values)
-    for name in sorted(values, key=lambda name: name.endswith(".reference_strain")):
+    for name in sorted(values, key=lambda name: name.rpartition(".")[2] in OF_STRAIN):
         value, selection = values[name], select(knee, [name])
         if not traced(value):
             value = float(value)
@@ -309,7 +316,7 @@ def _check_one_slack(knee: Knee, values: Mapping[str, float]) -> None:
     ways = {name: name.rpartition(".")[2] for name in values}
     given: dict[str, str] = {}
     for name, quantity in ways.items():
-        if quantity not in ("slack_length", "reference_strain"):
+        if quantity != "slack_length" and quantity not in OF_STRAIN:
             continue
         selection = select(knee, [name])
         for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):

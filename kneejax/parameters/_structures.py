@@ -26,6 +26,8 @@ from kneejax.quantities import AXES, PUBLISHED_STIFFNESS, QUANTITIES, quantity_o
 
 #: Ends of a ligament, by the bones that they are on.
 BONES = {one.name: one.bone for one in QUANTITIES.values() if one.bone}
+#: Quantities that say how a fibre is strained at the reference pose -> what they are without strain.
+OF_STRAIN = {"reference_strain": 0.0, "prestretch": 1.0}
 
 
 def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
@@ -44,10 +46,14 @@ def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
 def numbers_of(knee: Knee, quantity: str) -> Array:
     """A quantity of every fibre."""
     fibres = knee.ligaments
-    if quantity == "reference_strain":
+    if quantity in OF_STRAIN:
         both = knee.reference_length(), fibres.slack_length
         length, slack = map(numpy_for(both).asarray, both)
-        return length / slack - 1.0
+        return length / slack - (1.0 - OF_STRAIN[quantity])
+    if quantity == "youngs_modulus":
+        both = fibres.stiffness, fibres.area
+        stiffness, area = map(numpy_for(both).asarray, both)
+        return stiffness / numpy_for(both).where(area > 0.0, area, np.inf)
     end, _, axis = quantity.partition(".")
     if not axis:
         return getattr(fibres, quantity)
@@ -71,7 +77,7 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
     Args:
         knee: any knee.
         rows: of the structure's fibres.
-        quantity: any of a fibre but `reference_strain` (see `strained`).
+        quantity: any of a fibre but what tells its strain (see `strained`).
         value: sum or mean, as `value_of` reads it.
     """
     end, _, axis = quantity.partition(".")
@@ -80,6 +86,11 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
     old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
     changed = _shared(old, rows, value, shifts=bool(axis))
     xp = numpy_for(knee, changed)
+    if quantity == "youngs_modulus":
+        quantity, old, changed = "stiffness", knee.ligaments.stiffness, changed * knee.ligaments.area
+    elif quantity == "area":  # of the same material
+        stiffness = numbers_of(knee, "youngs_modulus") * changed
+        knee = _with(knee, "stiffness", xp.where(own, stiffness, knee.ligaments.stiffness))
     if not axis:
         return _with(knee, quantity, xp.where(own, changed, old))
     column, first = np.arange(len(AXES)) == AXES.index(axis), _is_first(knee, end)

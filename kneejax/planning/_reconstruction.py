@@ -21,7 +21,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import FEMUR_AND_TIBIA
-from kneejax.mechanics import Knee, Ligaments, Muscles
+from kneejax.mechanics import BLANKEVOORT, Knee, Ligaments, Muscles
 from kneejax.parameters import fibre_rows
 
 #: Length to which a measured stiffness belongs, mm: between the tunnels' mouths a graft is about as
@@ -273,7 +273,8 @@ def _with_fibres(own: Ligaments, names: tuple[str, ...], row: int, tears: float)
         more(own.slack_length), more(own.transition_strain, TRANSITION_STRAIN),
         more(own.transition_width, TRANSITION_WIDTH), (*own.names, *names), own.courses,
         more(own.failure_strain, tears), (*own.bodies, *(FEMUR_AND_TIBIA,) * len(names)),
-        more(own.damping, 0.0), own.dampers,
+        more(own.damping, 0.0), own.dampers, more(own.area, 0.0),
+        (*own.laws, *(BLANKEVOORT,) * len(names)),
     )  # fmt: skip
 
 

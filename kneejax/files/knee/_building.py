@@ -33,7 +33,7 @@ def knee_of(document: KneeDocument, side: str, file: str) -> mechanics.Knee:
         side: of the knee that it was read from.
         file: where it stands, for errors.
     """
-    state = geometry.State({TIBIA: _pose(document.reference_pose)})
+    state = geometry.State({TIBIA: pose_of(document.reference_pose)})
     return _built(document, None, side, file, state, None)
 
 
@@ -53,7 +53,7 @@ def knee_with_patella(
     patella = document.patella
     assert isinstance(patella, Patella)
     poses = {TIBIA: document.reference_pose, PATELLA: patella.reference_pose}
-    state = geometry.State({bone: _pose(pose) for bone, pose in poses.items()})
+    state = geometry.State({bone: pose_of(pose) for bone, pose in poses.items()})
     muscles = _muscles(patella, state, file, tension_N)
     return _built(document, patella, side, file, state, muscles)
 
@@ -94,7 +94,8 @@ def _floats(numbers: Any) -> np.ndarray:
     return np.array(numbers, float)
 
 
-def _pose(stated: Any) -> geometry.Pose:
+def pose_of(stated: Any) -> geometry.Pose:
+    """A pose of a document."""
     return geometry.Pose.from_table([x for name, x in stated if name != "source"])
 
 
@@ -121,12 +122,14 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
             _floats([getattr(part, part.ends[1]) for part in ligaments]),
             column("stiffness_N"),
             slack,
-            column("transition_strain"),
+            _floats([_transition_strain(part) for part in ligaments]),
             column("transition_width"),
             tuple(ways),
             _courses([*ways.values()]),
             _floats(tears),
             damping=column("damping_N_s"),
+            area=column("area_mm2"),
+            laws=tuple(part.law for part in ligaments),
             bodies=tuple(way.bones for way in ways.values()),
         )
 
@@ -151,6 +154,11 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
                 place = f"patella.ligaments.{name}.{given}"
                 raise InputProblem(file, place, getattr(part, given), expected)
     return found
+
+
+def _transition_strain(part: parts.Ligament) -> float:
+    """Of the law of Blankevoort; the other has none, and any number will do."""
+    return 0.06 if part.transition_strain is None else part.transition_strain
 
 
 def _at_its_place(problem: Implausible, part: Any, file: str) -> InputProblem:
@@ -234,6 +242,9 @@ def slack_length(part: parts.Ligament, length: float) -> float:
         return float(part.slack_length_mm)
     if part.reference_strain is not None:
         return float(mechanics.ligament_law.slack_length_from_strain(length, part.reference_strain))
-    values = (part.reference_force_N, part.stiffness_N, part.transition_strain,
-              part.transition_width)  # fmt: skip
-    return float(mechanics.ligament_law.slack_length_from_force(length, *values))
+    values = part.reference_force_N, part.stiffness_N
+    if part.law == mechanics.NEO_HOOKEAN:
+        law = mechanics.neo_hookean_law
+        return float(law.slack_length_from_force(length, *values, part.transition_width))
+    corners = part.transition_strain, part.transition_width
+    return float(mechanics.ligament_law.slack_length_from_force(length, *values, *corners))

@@ -13,6 +13,7 @@ from pydantic import Field, create_model, model_validator
 
 from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
+from kneejax.files.knee._bands import Band, fibre_names
 from kneejax.files.knee._parts import (
     Ligament,
     LigamentOfTwo,
@@ -133,6 +134,7 @@ class KneeDocument(Part):
     contacts: Annotated[dict[Name, TibialContact], reading.named("a contact", empty=True)]
     patella: Annotated[Patella | SameAs, Chosen(_patella)] | None = None
     surfaces: Surfaces = Surfaces()
+    bands: Annotated[dict[Name, Band], reading.named("a band")] = {}
     wraps: Obstacles = {}
     groups: Annotated[dict[Name, Group], reading.named("a list of ligaments")] = {}
     lines: Annotated[dict[Name, Line], reading.named("one of the lines")] = {}
@@ -143,11 +145,16 @@ class KneeDocument(Part):
 
     @model_validator(mode="after")
     def _check_names(self) -> KneeDocument:
-        mistakes, known = Mistakes(), tuple(self.ligaments)
-        if not self.ligaments and not self.contacts:
+        fibres = [one for item in self.bands.items() for one in fibre_names(*item)]
+        mistakes, known = Mistakes(), (*self.ligaments, *fibres)
+        if not known and not self.contacts:
             expected = "a mapping from a name to a ligament, or contacts"
             mistakes.append(wrong({}, expected, at="ligaments"))
+        for name in sorted({*fibres, *self.bands} & {*self.ligaments, *self.groups}):
+            expected = "a band whose name, alone or with a number, no ligament or group has"
+            mistakes.append(wrong(name, expected, at="bands"))
         _check_wraps(self.ligaments, self.wraps, "ligaments", mistakes)
+        _check_wraps(self.bands, self.wraps, "bands", mistakes)
         for name, wrap in self.wraps.items():
             with mistakes.gathered(f"wraps.{name}.bone"):
                 reading.choice(wrap.bone, BONES)
@@ -168,7 +175,7 @@ class KneeDocument(Part):
 
 
 def _check_wraps(
-    parts: Mapping[str, Ligament | Muscle], wraps: Mapping[str, Any], section: str,
+    parts: Mapping[str, Ligament | Muscle | Band], wraps: Mapping[str, Any], section: str,
     mistakes: Mistakes,
 ) -> None:  # fmt: skip
     for name, part in parts.items():

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from kneejax.files.knee._building import knee_of, knee_with_patella
+from kneejax.files.knee._bands import drawn
+from kneejax.files.knee._building import knee_of, knee_with_patella, pose_of
 from kneejax.files.knee._document import (
     check_knee,
     mirror_document,
@@ -92,6 +93,8 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
     regions along Z swap and change sign, odd powers of the width or z change sign. The reference
     pose is given by clinical meaning and stays.
 
+    Bands become fibres, each band a group: in the document too.
+
     Args:
         path: the file.
 
@@ -126,7 +129,11 @@ def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFi
     Raises:
         InputProblem: likewise.
     """
-    read = right = check_knee(document, path)
+    read = check_knee(document, path)
+    if read.bands:
+        document = drawn(document, read.bands, pose_of(read.reference_pose).placement)
+        read = check_knee(document, path)
+    right = read
     if read.side == "left":
         right = check_knee(mirror_document(document), path)
     knee = knee_of(right, read.side, os.fspath(path))

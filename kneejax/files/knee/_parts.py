@@ -20,7 +20,15 @@ from pydantic import BeforeValidator, model_validator
 from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Number, Part, Text, entries, one_of, reads, text, wrong
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
-from kneejax.mechanics import AXES, BONES, RANGES, ConstantTensionLine, Load
+from kneejax.mechanics import (
+    AXES,
+    BLANKEVOORT,
+    BONES,
+    LIGAMENT_LAWS,
+    RANGES,
+    ConstantTensionLine,
+    Load,
+)
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
@@ -77,7 +85,7 @@ def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
     return {name: found[0] for name, found in every.items() if found}
 
 
-_UNITS = ("_N_s", "_mm", "_deg", "_Nmm", "_N", "_MPa")
+_UNITS = ("_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
 #: Fields that no attribute of what is built stands for.
 _ELSEWHERE = (*_LAST, "via_points")
 
@@ -108,7 +116,8 @@ def _point(x: Any, _: Any) -> list[float]:
     return [x[0], x[1], negative(x[2])]
 
 
-def _points(x: Any, _: Any) -> list[list[float]]:
+def mirrored_points(x: Any, _: Any) -> list[list[float]]:
+    """Points of the mirrored knee."""
     return [_point(one, _) for one in x]
 
 
@@ -207,11 +216,13 @@ class Ligament(Course):
     patellar_attachment_mm: Point | None = None
     tibial_attachment_mm: Point | None = None
     wrap: Wrap = None
+    law: Annotated[str, one_of(LIGAMENT_LAWS), WORD] = BLANKEVOORT
     stiffness_N: Number
+    area_mm2: Number = 0.0
     reference_strain: Number | None = None
     slack_length_mm: Number | None = None
     reference_force_N: Number | None = None
-    transition_strain: Number
+    transition_strain: Number | None = None
     transition_width: Annotated[Number, SPARED]
     failure_strain: Annotated[Number | None, SPARED] = None
     damping_N_s: Number = 0.0
@@ -238,6 +249,8 @@ class Ligament(Course):
         if len(ends) != 2:
             expected = f"two of {', '.join(ENDS)}"
             mistakes.append(wrong(", ".join(ends) or "none", expected))
+        if self.law == BLANKEVOORT and self.transition_strain is None:
+            mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():
             self.check_bones(tuple(ENDS[end] for end in ends))
         mistakes.check()
@@ -265,7 +278,7 @@ class Line(Sourced):
     makes = ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(_points)]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(mirrored_points)]
 
 
 class Muscle(Course):

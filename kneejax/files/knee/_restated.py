@@ -16,11 +16,18 @@ from kneejax.files.knee._document import mirror_document, with_own_patella
 from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
-from kneejax.mechanics import RANGES, Fibres, Knee, at_reference, usual_failure_strain
+from kneejax.mechanics import (
+    NEO_HOOKEAN,
+    RANGES,
+    Fibres,
+    Knee,
+    at_reference,
+    usual_failure_strain,
+)
 
 #: Fields of a fibre whose numbers stand in an array of fibres.
-_OF_FIBRE = ("stiffness_N", "transition_strain", "transition_width", "failure_strain",
-             "damping_N_s")  # fmt: skip
+_OF_FIBRE = ("stiffness_N", "area_mm2", "transition_strain", "transition_width",
+             "failure_strain", "damping_N_s")  # fmt: skip
 #: Those of a fibre that runs straight between its ends.
 _STRAIGHT = ("femoral_attachment_mm", "tibial_attachment_mm", *_OF_FIBRE)
 #: Numbers that differ by less than so many of the last digit are one.
@@ -148,7 +155,10 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> No
     for row, (part, model) in enumerate(zip(ligaments.values(), models, strict=True)):
         found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
         found |= {field: values[row] for field, values in numbers.items()}
-        changed = _put(part, found, {"failure_strain": usual[row], "damping_N_s": 0.0})
+        if model.law == NEO_HOOKEAN:
+            del found["transition_strain"]
+        others = {"failure_strain": usual[row], "damping_N_s": 0.0, "area_mm2": 0.0}
+        changed = _put(part, found, others)
         # The slack length as the part gives it now.
         model = parts.Ligament.model_construct(**part)
         if not _same(slack[row], slack_length(model, lengths[row])):

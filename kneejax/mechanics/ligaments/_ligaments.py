@@ -16,8 +16,12 @@ from jax.typing import ArrayLike
 from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, Pair, State, TautPath, Vector
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.mechanics.ligaments import _law as law
+from kneejax.mechanics.ligaments import _neo_hookean as neo_hookean
 from kneejax.mechanics.ligaments._courses import Course, by_kind
 from kneejax.mechanics.ligaments._law import Dampers, FibreFaults, usual_failure_strain
+
+#: Laws of a fibre: a parabola and a line, and that of an incompressible neo-Hookean band.
+BLANKEVOORT, NEO_HOOKEAN = LIGAMENT_LAWS = "blankevoort", "neo_hookean"
 
 
 class WrapState(eqx.Module):
@@ -214,6 +218,10 @@ class Ligaments(Fibres):
             published value of each fibre's kind by default (`usual_failure_strain`).
         damping: shape `(n, ...)`, N s: times the rate of strain it is the force that resists
             stretching. Nothing at rest depends on it. 0 by default.
+        area: shape `(n, ...)`, mm^2, cross-section of the band of which a fibre is a part; 0 where
+            it is not known. Its stiffness is Young's modulus times this.
+        laws: of each fibre, one of `LIGAMENT_LAWS`; that of Blankevoort by default. The transition
+            strain is no part of the neo-Hookean one.
         dampers: during a step through time; None at rest.
         courses: of the fibres that have via points or an obstacle; the others are straight.
         names: one name per fibre.
@@ -231,6 +239,8 @@ class Ligaments(Fibres):
     transition_width: Array
     failure_strain: Array
     damping: Array
+    area: Array
+    laws: tuple[str, ...] = eqx.field(static=True)
     dampers: Dampers | None
 
     def __init__(
@@ -247,6 +257,8 @@ class Ligaments(Fibres):
         bodies: tuple[Pair, ...] | None = None,
         damping: ArrayLike | None = None,
         dampers: Dampers | None = None,
+        area: ArrayLike | None = None,
+        laws: tuple[str, ...] | list[str] | None = None,
     ):
         # No fibres at all come as empty lists.
         ends = [jnp.asarray(x, float) for x in (femoral_attachment, tibial_attachment)]
@@ -260,8 +272,12 @@ class Ligaments(Fibres):
             usual = usual_failure_strain(names)
             failure_strain = usual.reshape(-1, *(1,) * (self.stiffness.ndim - 1))
         self.failure_strain = jnp.asarray(failure_strain, float)
-        nothing = jnp.zeros_like(self.stiffness)
-        self.damping = nothing if damping is None else jnp.asarray(damping, float)
+        damping, area = (
+            jnp.zeros_like(self.stiffness) if x is None else jnp.asarray(x, float)
+            for x in (damping, area)
+        )
+        self.damping, self.area = damping, area
+        self.laws = (BLANKEVOORT,) * len(names) if laws is None else tuple(laws)
         self.dampers = dampers
         self.courses = tuple(courses)
         self.names = tuple(names)
@@ -282,8 +298,38 @@ class Ligaments(Fibres):
 
     def tension_at(self, length: Array) -> Array:
         """Tension of each fibre at given lengths, N."""
-        strain = length / self.slack_length - 1.0
-        return law.tension(strain, self.stiffness, self.transition_strain, self.transition_width)
+        every = tuple(range(len(self.names)))
+        return self._tension_and_energy(every, length / self.slack_length - 1.0)[0]
+
+    def _tension_and_energy(self, rows: tuple[int, ...], strain: Array) -> tuple[Array, Array]:
+        """Tensions, N, and energies, N mm, of some fibres at given strains."""
+        stiffness, slack_length, toe, width = (
+            self._of(rows, x)
+            for x in (
+                self.stiffness,
+                self.slack_length,
+                self.transition_strain,
+                self.transition_width,
+            )
+        )
+        found = {
+            BLANKEVOORT: lambda: (
+                law.tension(strain, stiffness, toe, width),
+                law.energy(strain, stiffness, toe, width, slack_length),
+            ),
+            NEO_HOOKEAN: lambda: (
+                neo_hookean.tension(strain, stiffness, width),
+                neo_hookean.energy(strain, stiffness, width, slack_length),
+            ),
+        }
+        laws = [self.laws[row] for row in rows]
+        if len(set(laws)) < 2:
+            return found[laws[0] if laws else BLANKEVOORT]()
+        # Both laws are finite at every strain, so no derivative meets what is not a number.
+        which = np.array([name == NEO_HOOKEAN for name in laws])
+        which = which.reshape(-1, *(1,) * (strain.ndim - 1))
+        a, b = found[NEO_HOOKEAN](), found[BLANKEVOORT]()
+        return jnp.where(which, a[0], b[0]), jnp.where(which, a[1], b[1])
 
     def pull(self, state: State) -> tuple[Wrenches, Array, FibreFaults]:
         """What the fibres do to the bones that they join.
@@ -296,28 +342,17 @@ class Ligaments(Fibres):
         answer, energy = Wrenches(), jnp.zeros(state.shape)
         over = past = inside = jnp.zeros_like(energy, bool)
         for course, length, pull, bent in self._ways(self.kinds, state):
-            stiffness, slack_length, transition_strain, transition_width, failure_strain = (
-                self._of(course.rows, x)
-                for x in (
-                    self.stiffness,
-                    self.slack_length,
-                    self.transition_strain,
-                    self.transition_width,
-                    self.failure_strain,
-                )
-            )
-            strain = length / slack_length - 1.0
-            tension = law.tension(strain, stiffness, transition_strain, transition_width)
-            each = law.energy(strain, stiffness, transition_strain, transition_width, slack_length)
+            rows = course.rows
+            strain = length / self._of(rows, self.slack_length) - 1.0
+            tension, each = self._tension_and_energy(rows, strain)
             if self.dampers is not None:
-                rows = course.rows
                 dampers = jax.tree.map(lambda x, rows=rows: self._of(rows, x), self.dampers)
                 tension = tension + dampers.tension(length)
                 each = each + dampers.energy(length)
             forces = Wrench((tension * pull.force).full(), (tension * pull.moment).full())
             answer.add(course.bodies, forces)
             energy = energy + jnp.sum(each, axis=0)
-            over = over | jnp.any(strain > failure_strain, axis=0)
+            over = over | jnp.any(strain > self._of(rows, self.failure_strain), axis=0)
             for path in bent:
                 past = past | jnp.any(path.beyond_ends, axis=0)
                 inside = inside | jnp.any(path.inside, axis=0)

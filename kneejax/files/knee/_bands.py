@@ -1,0 +1,135 @@
+"""Bands of a knee file: ligaments between two areas of bone, drawn as fibres when they are read."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import model_validator
+
+from kneejax import mechanics
+from kneejax.files import reading
+from kneejax.files.knee._parts import Mirrored, Point, Sourced, mirrored_points
+from kneejax.files.reading import Mistakes, Number, Part, Text, one_of, reads, wrong
+from kneejax.geometry import Placement, Vector
+from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
+
+#: Fibres of a band at most.
+_MOST_FIBRES = 400
+_ELLIPSE = ("centre_mm", "half_axes_mm")
+
+
+def _half_axes(value: Any) -> list[tuple[float, ...]]:
+    return reading.rows(reading.items(value, "two half diameters", 2), 3, RANGES["point_mm"])
+
+
+class Area(Part):
+    """Where a band is attached, in its bone's frame: an ellipse, or an outline."""
+
+    centre_mm: Point | None = None
+    half_axes_mm: Annotated[Any, reads(_half_axes), Mirrored(mirrored_points)] = None
+    outline_mm: Annotated[
+        Any, reads(reading.rows, 3, RANGES["point_mm"]), Mirrored(mirrored_points)
+    ] = None
+
+    @model_validator(mode="after")
+    def _check_area(self) -> Area:
+        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        if given not in ([*_ELLIPSE], ["outline_mm"]):
+            expected = f"{' and '.join(_ELLIPSE)}, or outline_mm"
+            raise wrong(", ".join(given) or "none", expected)
+        try:
+            self.ellipse()
+        except ValueError as problem:
+            raise wrong(self.outline_mm, f"an outline around an area ({problem})") from None
+        return self
+
+    def ellipse(self) -> AttachmentArea:
+        """Its ellipse."""
+        if self.outline_mm is not None:
+            return AttachmentArea.of_outline(self.outline_mm)
+        return AttachmentArea(np.array(self.centre_mm, float), np.array(self.half_axes_mm, float))
+
+
+def _prestretch(value: Any) -> float | tuple[float, float]:
+    allowed = RANGES["prestretch"]
+    if isinstance(value, list):
+        return tuple(reading.numbers(value, 2, allowed))  # pyright: ignore[reportReturnType]
+    return reading.number(value, allowed)
+
+
+class Band(Sourced):
+    """A ligament between two areas, of a material."""
+
+    femoral_area: Area
+    tibial_area: Area
+    youngs_modulus_MPa: Number
+    area_mm2: Number
+    prestretch: Annotated[Any, reads(_prestretch)]
+    law: Annotated[str, one_of(LIGAMENT_LAWS)]
+    transition_strain: Number | None = None
+    transition_width: Number
+    failure_strain: Number | None = None
+    damping_N_s: Number = 0.0
+    wrap: Text | None = None
+    fibres: Annotated[int, reads(reading.whole, 1, _MOST_FIBRES)] = 24
+
+    @model_validator(mode="after")
+    def _check_band(self) -> Band:
+        mistakes = Mistakes()
+        if (self.law == BLANKEVOORT) == (self.transition_strain is None):
+            given = "missing" if self.transition_strain is None else self.transition_strain
+            expected = f"a transition strain with the law {BLANKEVOORT}, and only with that"
+            mistakes.append(wrong(given, expected, at="transition_strain"))
+        mistakes.check()
+        return self
+
+
+def fibre_names(name: str, band: Band) -> tuple[str, ...]:
+    """Names of a band's fibres: its own with a number."""
+    return tuple(f"{name}{row + 1:0{len(str(band.fibres))}d}" for row in range(band.fibres))
+
+
+def drawn(
+    document: dict[str, Any], bands: Mapping[str, Band], tibia: Placement
+) -> dict[str, Any]:
+    """A knee document whose bands are fibres, each band a group.
+
+    Half diameters that are given belong to each other, first to first; those of an outline are
+    chosen so that the band is twisted least at the reference pose.
+
+    Args:
+        document: content of a knee file.
+        bands: its section `bands`, read.
+        tibia: where the tibia is at the reference pose.
+    """
+    fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
+    for name, band in bands.items():
+        femoral, tibial = band.femoral_area.ellipse(), band.tibial_area.ellipse()
+        if band.femoral_area.outline_mm is not None or band.tibial_area.outline_mm is not None:
+            axes = [np.array([*map(float, tibia.turn(Vector(*x)))]) for x in tibial.half_axes]
+            turned = mechanics.untwisted(femoral, AttachmentArea(tibial.centre, np.array(axes)))
+            back = [np.array([*map(float, tibia.turn_back(Vector(*x)))]) for x in turned.half_axes]
+            tibial = AttachmentArea(tibial.centre, np.array(back))
+        field = mechanics.fibre_field(
+            femoral, tibial, band.youngs_modulus_MPa, band.area_mm2, band.prestretch, band.fibres
+        )
+        same = {x: getattr(band, x) for x in ("law", "transition_width", "failure_strain", "wrap")}
+        same["transition_strain"] = band.transition_strain
+        names = fibre_names(name, band)
+        for row, fibre in enumerate(names):
+            numbers = {
+                "femoral_attachment_mm": field.femoral[row].tolist(),
+                "tibial_attachment_mm": field.tibial[row].tolist(),
+                "stiffness_N": float(field.stiffness[row]),
+                "area_mm2": float(field.area[row]),
+                "reference_strain": float(field.prestretch[row]) - 1.0,
+                "damping_N_s": band.damping_N_s * float(field.area[row]) / band.area_mm2,
+            }
+            given = {key: value for key, value in same.items() if value is not None}
+            said = band.source if isinstance(band.source, str) else "; ".join(band.source.values())
+            fibres[fibre] = numbers | given | {"source": f"band {name}: {said}"}
+        groups[name] = [*names]
+    rest = {key: value for key, value in document.items() if key != "bands"}
+    return rest | {"ligaments": fibres, "groups": groups}
