@@ -50,10 +50,12 @@ if TYPE_CHECKING:
     from kneejax.files.knee import write_knee as write_knee
     from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
     from kneejax.files.meshes import THICKNESSES as THICKNESSES
+    from kneejax.files.meshes import MeshBand as MeshBand
     from kneejax.files.meshes import MeshImport as MeshImport
     from kneejax.files.meshes import MeshOptions as MeshOptions
     from kneejax.files.meshes import MeshPoints as MeshPoints
     from kneejax.files.meshes import SheetFit as SheetFit
+    from kneejax.files.meshes import band_of_meshes as band_of_meshes
     from kneejax.files.meshes import bone_surface as bone_surface
     from kneejax.files.meshes import import_meshes as import_meshes
     from kneejax.files.meshes import read_mesh_points as read_mesh_points

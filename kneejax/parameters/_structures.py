@@ -26,7 +26,7 @@ from kneejax.quantities import AXES, PUBLISHED_STIFFNESS, QUANTITIES, quantity_o
 
 #: Ends of a ligament, by the bones that they are on.
 BONES = {one.name: one.bone for one in QUANTITIES.values() if one.bone}
-#: Quantities that say how a fibre is strained at the reference pose -> what they are without strain.
+#: Quantities that say how a fibre is strained at the reference pose -> their value without strain.
 OF_STRAIN = {"reference_strain": 0.0, "prestretch": 1.0}
 
 
@@ -87,7 +87,8 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
     changed = _shared(old, rows, value, shifts=bool(axis))
     xp = numpy_for(knee, changed)
     if quantity == "youngs_modulus":
-        quantity, old, changed = "stiffness", knee.ligaments.stiffness, changed * knee.ligaments.area
+        quantity, old = "stiffness", knee.ligaments.stiffness
+        changed = changed * knee.ligaments.area
     elif quantity == "area":  # of the same material
         stiffness = numbers_of(knee, "youngs_modulus") * changed
         knee = _with(knee, "stiffness", xp.where(own, stiffness, knee.ligaments.stiffness))

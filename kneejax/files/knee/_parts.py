@@ -278,7 +278,9 @@ class Line(Sourced):
     makes = ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(mirrored_points)]
+    origin_mm: Annotated[
+        Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(mirrored_points)
+    ]
 
 
 class Muscle(Course):

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
+    from kneejax.files.meshes._bands import MeshBand as MeshBand
+    from kneejax.files.meshes._bands import band_of_meshes as band_of_meshes
     from kneejax.files.meshes._import import THICKNESSES as THICKNESSES
     from kneejax.files.meshes._import import MeshImport as MeshImport
     from kneejax.files.meshes._import import MeshOptions as MeshOptions

@@ -1,12 +1,13 @@
 """A ligament as a band between two areas of bone: fibres at the points of a quadrature.
 
-A band of Young's modulus `E` and cross-section `A` carries the integral of its fibres' tensions over
-the cross-section. The areas are ellipses, images of one unit disc, and a fibre joins the images of
-one point of it. The points are those of a product rule on the disc: Gauss's points in the square of
-the radius on `rings` circles, equal angles on each. It is exact for polynomials of degree
-`2 rings - 1` and less than the number of angles, so force and moment of a band that is taut all over
-converge faster than any power of the number of fibres; where a part of it is slack, the corner of
-the law at the border of that part leaves an order of about 3/2 in the number of fibres.
+A band of Young's modulus `E` and cross-section `A` carries the integral of its fibres' tensions
+over the cross-section. The areas are ellipses, images of one unit disc, and a fibre joins the images of
+one point of it. The points are those of a product rule on the disc: Gauss's points in the square
+of the radius on `rings` circles, equal angles on each, exact for polynomials of degree
+`4 rings - 1` below the number of angles. So force and moment of a band that is taut all over
+converge faster than any power of the number of fibres. Where a part of it is slack, the law's
+corner at the border of that part leaves an order of about 1 in the number of fibres (neo-Hookean)
+or 3/2 (Blankevoort, whose tension begins with a parabola).
 """
 
 from __future__ import annotations
@@ -31,13 +32,13 @@ class AttachmentArea(NamedTuple):
     half_axes: np.ndarray
 
     @classmethod
-    def of_points(cls, points: ArrayLike) -> AttachmentArea:
-        """The ellipse of points that are spread evenly over an area: the same mean, and the same
-        second moments.
+    def of_points(cls, points: ArrayLike, weights: ArrayLike | None = None) -> AttachmentArea:
+        """The ellipse of points that are spread over an area: the same mean, and the same second
+        moments.
 
         Args:
-            points: shape `(n, 3)`, mm: vertices of a ligament's mesh where it touches the bone, or
-                points of a footprint.
+            points: shape `(n, 3)`, mm: of a footprint, or middles of triangles.
+            weights: the part of the area that each stands for, `(n,)`; evenly spread without.
 
         Raises:
             ValueError: fewer than three points, or points on a line.
@@ -52,9 +53,12 @@ class AttachmentArea(NamedTuple):
         points = np.asarray(points, float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 3:
             raise ValueError(f"points of shape {points.shape}; expected (n, 3), n at least 3")
-        centre = points.mean(axis=0)
-        _, sizes, directions = np.linalg.svd(points - centre, full_matrices=False)
-        half = 2.0 * sizes[:2] / np.sqrt(len(points))  # a disc's second moment is r^2 / 4
+        share = np.ones(len(points)) if weights is None else np.asarray(weights, float)
+        share = share / share.sum()
+        centre = share @ points
+        spread = np.sqrt(share)[:, None] * (points - centre)
+        _, sizes, directions = np.linalg.svd(spread, full_matrices=False)
+        half = 2.0 * sizes[:2]  # a disc's second moment is r^2 / 4
         if not half[1] > 1e-9 * half[0]:
             raise ValueError("points on a line; expected points spread over an area")
         return cls(centre, half[:, None] * directions[:2])
@@ -181,8 +185,8 @@ def fibre_field(
             so tell how the band is twisted (`untwisted`).
         youngs_modulus: MPa.
         area: cross-section, mm^2.
-        prestretch: length at the reference pose over slack length; one for all fibres, or two: at
-            the ends of the first half diameter, `-half_axes[0]` and `+half_axes[0]`, linear between.
+        prestretch: length at the reference pose over slack length; one for all fibres, or two, at
+            `-half_axes[0]` and at `+half_axes[0]` of `femoral`, linear between.
         fibres: see `disc_quadrature`.
 
     Returns:

@@ -1,8 +1,8 @@
 """A fibre of an incompressible neo-Hookean band: the second law of a ligament.
 
 In uniaxial tension such a material carries, by area before stretching, `E / 3 (l - l^-2)` at a
-stretch `l`: slope `E` where it begins, a third of it when it is long. Below a stretch of one a fibre
-is slack. The corner there is rounded by putting the rounded positive part of the strain,
+stretch `l`: slope `E` where it begins, a third of it when it is long. Below a stretch of one a
+fibre is slack. The corner there is rounded by putting the rounded positive part of the strain,
 `p = (e + sqrt(e^2 + w^2)) / 2`, in the place of the strain; since `e = p - w^2 / (4 p)`, tension
 has its energy in closed form.
 

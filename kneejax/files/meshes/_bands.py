@@ -1,0 +1,131 @@
+"""A ligament's mesh as a band: the areas where it touches two bones, and its cross-section."""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple
+
+import numpy as np
+
+from kneejax.files.meshes._anatomy import moved
+from kneejax.files.meshes._points import bone_surface, read_mesh_points
+from kneejax.files.reading import InputProblem
+from kneejax.geometry import Pose, Vector
+from kneejax.mechanics import AttachmentArea, untwisted
+
+_FEWEST = 6  # triangles of an area
+_STATIONS = 21  # along the ligament
+
+
+class MeshBand(NamedTuple):
+    """What a ligament's mesh tells of a band.
+
+    Attributes:
+        femoral: where it is attached to the first bone, in its frame.
+        tibial: likewise, to the second; its half diameters are those that twist the band least.
+        direction: unit vector from the first to the second area, in the first bone's frame.
+        along_mm: distances from the first area to where cross-sections were measured, `(n,)`.
+        areas_mm2: those cross-sections, across the direction, `(n,)`.
+        femoral_triangles: triangles of the mesh that touch the first bone.
+        tibial_triangles: those that touch the second.
+    """
+
+    femoral: AttachmentArea
+    tibial: AttachmentArea
+    direction: np.ndarray
+    along_mm: np.ndarray
+    areas_mm2: np.ndarray
+    femoral_triangles: int
+    tibial_triangles: int
+
+    @property
+    def area_mm2(self) -> float:
+        """Cross-section of a bar of even width that is as compliant: the harmonic mean."""
+        return float(1.0 / np.mean(1.0 / self.areas_mm2))
+
+    def entry(self) -> dict[str, object]:
+        """The fields of a band in a knee file that a mesh can tell."""
+        return {
+            f"{name}_area": {"centre_mm": area.centre.tolist(),
+                             "half_axes_mm": area.half_axes.tolist()}
+            for name, area in (("femoral", self.femoral), ("tibial", self.tibial))
+        } | {"area_mm2": self.area_mm2}  # fmt: skip
+
+
+def band_of_meshes(
+    ligament: str | os.PathLike[str],
+    first_bone: str | os.PathLike[str],
+    second_bone: str | os.PathLike[str],
+    pose: Pose,
+    within_mm: float = 1.0,
+) -> MeshBand:
+    """The band that a ligament's mesh is.
+
+    Args:
+        ligament: a closed mesh in the frame of the first bone, at the pose in which it was
+            scanned; STL, PLY, OBJ or VTP.
+        first_bone: a mesh in its own frame of the knee.
+        second_bone: likewise.
+        pose: of the second bone in the first, when the ligament was scanned.
+        within_mm: how far from a bone the ligament's surface may be where it is attached.
+
+    Returns:
+        Areas, direction and cross-sections. Young's modulus, prestretch and law are no matter of
+        a mesh.
+
+    Raises:
+        InputProblem: a file is no mesh, the ligament does not touch a bone, or is not closed
+            between its areas.
+    """
+    mesh, there = read_mesh_points(ligament), pose.placement
+    corners = mesh.points_mm[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middles, sizes = corners.mean(axis=1), 0.5 * np.linalg.norm(normals, axis=1)
+    found, counts = [], []
+    for bone, to_bone in ((first_bone, None), (second_bone, there.inverse())):
+        own = mesh.points_mm if to_bone is None else moved(to_bone, mesh.points_mm)
+        near = bone_surface(bone)(own)[2] <= within_mm
+        touching = near[mesh.faces].all(axis=1)
+        if touching.sum() < _FEWEST:
+            expected = (
+                f"{_FEWEST} or more within {within_mm:g} mm of {os.fspath(bone)}; is the ligament "
+                "in the frame of the first bone, and is the pose that of the scan?"
+            )
+            raise InputProblem(ligament, "triangles", int(touching.sum()), expected)
+        found.append(AttachmentArea.of_points(middles[touching], sizes[touching]))
+        counts.append(int(touching.sum()))
+    first, second = found[0], untwisted(*found)
+    span = second.centre - first.centre
+    length = float(np.linalg.norm(span))
+    along = length * np.linspace(0.2, 0.8, _STATIONS)
+    areas = np.array([_section(corners, normals, first.centre, span / length, x) for x in along])
+    if not np.all(areas > 0.0):
+        expected = "a closed mesh, with the ligament's inside between its areas"
+        raise InputProblem(ligament, "cross-section", f"{areas.min():.3g} mm^2", expected)
+    back = there.inverse()
+    turned = np.array([[*map(float, back.turn(Vector(*x)))] for x in second.half_axes])
+    tibial = AttachmentArea(moved(back, second.centre[None])[0], turned)
+    return MeshBand(first, tibial, span / length, along, areas, counts[0], counts[1])
+
+
+def _section(corners, normals, origin, direction, at: float) -> float:
+    """Area in which a plane across a direction cuts a closed mesh, mm^2, from its border: each
+    triangle that is cut gives a piece with its outward normal, half of whose product with the
+    place of the piece is summed."""
+    height = (corners - origin) @ direction - at
+    cut = (height.min(axis=1) < 0.0) & (height.max(axis=1) >= 0.0)
+    total = 0.0
+    for three, above, normal in zip(corners[cut], height[cut], normals[cut], strict=True):
+        ends = [
+            three[j] + (three[k] - three[j]) * above[j] / (above[j] - above[k])
+            for j, k in ((0, 1), (1, 2), (2, 0))
+            if (above[j] < 0.0) != (above[k] < 0.0)
+        ]
+        outwards = normal - (normal @ direction) * direction
+        size = float(np.linalg.norm(outwards))
+        if size > 0.0:
+            piece = ends[1] - ends[0]
+            total += 0.25 * float((ends[0] + ends[1] - 2.0 * origin) @ outwards) / size * float(
+                np.linalg.norm(piece)
+            )
+    return total
