@@ -181,7 +181,7 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[np.ndarray, np.nda
         low, high = quantity.bounds_around(float(value))
         if quantity.name == "stiffness" and fibres:
             low, high = structure_range(knee, fibres, (low, high))
-        elif quantity.summed and fibres:
+        elif quantity.summed and quantity.bounds is not None and fibres:
             low, high = low, high * len(fibres)
         pairs.append((low, high))
     lower, upper = np.reshape(pairs, (-1, 2)).T

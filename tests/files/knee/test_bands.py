@@ -2,15 +2,17 @@
 
 import copy
 import dataclasses
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
+import yaml
 
 import kneejax as kj
 from kneejax.files import InputProblem, load_knee_file, read_knee, write_knee
 from kneejax.files.knee import mirror_document
-from kneejax.parameters import UnknownParameter
+from kneejax.parameters import UnknownParameter, default_bounds
 from tests.files.knee.knee_documents import changed, write
 
 TURNS = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
@@ -99,6 +101,8 @@ def test_material_and_prestretch_are_parameters_of_bands_alone(tmp_path, documen
     other = kj.with_values(knee, {"ACL.area": 20.0, "ACL.prestretch": 1.05})
     found = kj.select(other, [*names, "ACL.stiffness"][1:]).read(other)
     np.testing.assert_allclose(found, [20.0, 1.05, 2400.0])
+    lower, upper = default_bounds(knee, kj.select(knee, names))
+    np.testing.assert_allclose([*lower, *upper], [60.0, 20.0, 0.8, 240.0, 80.0, 1.2])
     stiff = kj.with_values(knee, {"ACL.youngs_modulus": 240.0})
     np.testing.assert_allclose(
         stiff.ligaments.stiffness[-6:], 2.0 * knee.ligaments.stiffness[-6:], rtol=1e-13
@@ -134,3 +138,11 @@ def test_a_poses_slopes_by_material_area_and_prestretch_are_differences(
     found = kj.local_sensitivity(knee, names, [20.0]).derivative[0]
     assert np.abs(found).max(axis=0).min() > 1e-4  # each of them moves the tibia
     np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-8)
+
+
+def test_the_example_of_the_page_on_bands_is_read(tmp_path, document):
+    page = (Path(__file__).parents[3] / "docs" / "bands.md").read_text(encoding="utf-8")
+    document["bands"] = yaml.safe_load(page.split("```yaml\n")[1].split("```")[0])["bands"]
+    knee = read_knee(write(tmp_path / "knee.yaml", document)).knee
+    assert len(dict(knee.groups)["ACL"]) == 24
+    assert float(kj.select(knee, ["ACL.prestretch"]).read(knee)[0]) == pytest.approx(1.02)
