@@ -52,6 +52,7 @@ from kneejax.mechanics.contact import Foundation as Foundation
 from kneejax.mechanics.contact import Gap as Gap
 from kneejax.mechanics.contact import PointFaults as PointFaults
 from kneejax.mechanics.contact import Pressed as Pressed
+from kneejax.mechanics.contact import Ring as Ring
 from kneejax.mechanics.contact import Sampled as Sampled
 from kneejax.mechanics.contact import cartilage_law as cartilage_law
 from kneejax.mechanics.contact import contact_damping_force as contact_damping_force

@@ -15,5 +15,6 @@ from kneejax.mechanics.contact._patch import Gap as Gap
 from kneejax.mechanics.contact._patch_force import Pressed as Pressed
 from kneejax.mechanics.contact._points import Sampled as Sampled
 from kneejax.mechanics.contact._points_force import PointFaults as PointFaults
+from kneejax.mechanics.contact._ring import Ring as Ring
 
 __all__ = ["cartilage_law"]

@@ -33,6 +33,7 @@ from kneejax.mechanics.contact._patch import Gap
 from kneejax.mechanics.contact._patch_force import Pressed, press
 from kneejax.mechanics.contact._points import Sampled
 from kneejax.mechanics.contact._rays import faded
+from kneejax.mechanics.contact._ring import Ring
 from kneejax.numerics import positive_part
 
 #: The two ways to compute a contact.
@@ -60,6 +61,8 @@ class Contact(eqx.Module):
         points: quadrature points along the two parameters of the tibial surface.
         bodies: the two bones. Methods ask where the second is in the first: `tibia`.
         damper: what resists compression during a step through time; None at rest.
+        ring: what holds a meniscus from horn to horn; None where the surface stands still. Read by
+            `QUADRATURE` only.
     """
 
     femoral: Surface
@@ -74,6 +77,7 @@ class Contact(eqx.Module):
     points: tuple[int, int] = eqx.field(static=True)
     bodies: Pair = eqx.field(static=True)
     damper: ContactDamper | None
+    ring: Ring | None
 
     def __init__(
         self,
@@ -89,6 +93,7 @@ class Contact(eqx.Module):
         layer_variation: ArrayLike | None = None,
         bodies: Pair = FEMUR_AND_TIBIA,
         damper: ContactDamper | None = None,
+        ring: Ring | None = None,
     ):
         self.femoral = femoral
         self.tibial = tibial
@@ -103,12 +108,15 @@ class Contact(eqx.Module):
         self.points = points
         self.bodies = bodies
         self.damper = damper
+        self.ring = ring
 
     def __check_init__(self):
         if self.law not in law.LAWS:
             raise ValueError(f"Contact.law is {self.law!r}; expected one of {law.LAWS}")
         if self.form not in FORMS:
             raise ValueError(f"Contact.form is {self.form!r}; expected one of {FORMS}")
+        if self.ring is not None and self.form != QUADRATURE:
+            raise ValueError(f"Contact.ring: expected form {QUADRATURE}, not {self.form!r}")
 
     @property
     def modulus(self) -> Array:

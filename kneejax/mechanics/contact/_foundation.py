@@ -39,6 +39,7 @@ from kneejax.mechanics.contact._points_force import (
     sampled_wrenches,
     summed,
 )
+from kneejax.mechanics.contact._ring import Hoops, Ring
 
 if TYPE_CHECKING:
     from kneejax.mechanics.contact._contact import Contact
@@ -52,6 +53,7 @@ class Foundation(eqx.Module):
     Attributes:
         femoral: what presses.
         points: of all contacts, one contact after the other.
+        hoops: of those that give way outwards, menisci; None without any.
         counts: points of each.
         rows: numbers of the contacts among those that it was made of.
         bodies: the two bones.
@@ -59,39 +61,43 @@ class Foundation(eqx.Module):
 
     femoral: Surface | Condyles
     points: Points
+    hoops: Hoops | None
     counts: tuple[int, ...] = eqx.field(static=True)
     rows: tuple[int, ...] = eqx.field(static=True)
     bodies: Pair = eqx.field(static=True)
 
     def press(self, tibia: Placement) -> tuple[Array, Wrench, PointFaults]:
         """Energy, N mm; the wrench on the tibia about its origin, in femur axes; and faults."""
-        energy, wrench, faults = press_points(self.femoral, self.points, tibia.inverse())
+        energy, wrench, faults = press_points(
+            self.femoral, self.points, tibia.inverse(), self.hoops
+        )
         least = jnp.min(self.of_each(jnp.max, faults.depth), axis=0)
         return energy, wrench.turned(tibia), dataclasses.replace(faults, depth=least)
 
     def energy(self, tibia: Placement) -> Array:
         """Energy alone, N mm."""
-
-        def summed(sampled: Sampled) -> Array:
-            return jnp.sum(self.points.energy(sampled.depth), axis=0)
-
-        return self.over_points(tibia, summed)
+        return self.over_points(tibia, lambda sampled: sampled.energy)
 
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the points; see `Sampled`."""
 
         def all_of(sampled: Sampled) -> tuple[Array, ...]:
+            given_way = sampled.points.given_way
             parts = sampled.depth, *sampled.slope, *sampled.twist
+            parts = parts if given_way is None else (*parts, given_way)
             shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in parts))
             return tuple(jnp.broadcast_to(x, shape) for x in (*parts, sampled.lost))
 
         depth, *six, lost = self.over_points(tibia, all_of)
-        return Sampled(self.points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
+        points = self.points
+        if self.hoops is not None:
+            points = dataclasses.replace(points, given_way=six.pop())
+        return Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
 
     def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
         """What a function makes of the depths at the points; faster than `sample` where it returns
         less than it reads."""
-        return over_rays(self.femoral, self.points, tibia.inverse(), answer)
+        return over_rays(self.femoral, self.points, tibia.inverse(), answer, self.hoops)
 
     def of_each(self, reduce: Callable[..., Array], x: Array) -> Array:
         """What a sum, a maximum or the like makes of the points of each contact.
@@ -155,10 +161,15 @@ def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
 
 def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     own = [contacts[row] for row in rows]
-    each, bodies = [_points_of(contact) for contact in own], own[0].bodies
+    rings = [contact.ring for contact in own if contact.ring is not None]
+    places = np.cumsum([0] + [0 if x.ring is None else x.ring.sections for x in own])
+    both = [_points_of(contact, bool(rings), int(first))
+            for contact, first in zip(own, places[:-1], strict=True)]  # fmt: skip
+    each, bodies = [points for points, _ in both], own[0].bodies
     counts = tuple(math.prod(contact.points) for contact in own)
+    hoops = _hoops_of(rings, [held for _, held in both if held is not None]) if rings else None
     if len(own) == 1:
-        return Foundation(own[0].femoral, each[0], counts, tuple(rows), bodies)
+        return Foundation(own[0].femoral, each[0], hoops, counts, tuple(rows), bodies)
     poses = (1,) * jnp.ndim(own[0].onset_width)
 
     def joined(*parts: Array | float) -> Array:
@@ -170,16 +181,41 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     which = jnp.asarray(np.repeat(np.arange(len(own)), counts).reshape(-1, *poses), jnp.int32)
     points = dataclasses.replace(jax.tree.map(joined, *each), which=which)
     femoral = Condyles.of([contact.femoral for contact in own])
-    return Foundation(femoral, points, counts, tuple(rows), bodies)
+    return Foundation(femoral, points, hoops, counts, tuple(rows), bodies)
 
 
-def _points_of(contact: Contact) -> Points:
-    """Points of a contact, in the axes of its second bone."""
+def _hoops_of(rings: Sequence[Ring], placed: Sequence[tuple[Array, Array]]) -> Hoops:
+    """Rings side by side, each with the angle of its sections and its stiffness as a whole."""
+    angle = jnp.concatenate([angle for angle, _ in placed])
+    held = jnp.concatenate([
+        jnp.broadcast_to(ring.coronary_stiffness / ring.sections, own.shape)
+        for ring, (own, _) in zip(rings, placed, strict=True)
+    ])  # fmt: skip
+    stiffness = jnp.stack([whole for _, whole in placed])
+    return Hoops(angle, held, stiffness, tuple(ring.sections for ring in rings))
+
+
+def _points_of(
+    contact: Contact, with_rings: bool, first: int
+) -> tuple[Points, tuple[Array, Array] | None]:
+    """Points of a contact, in the axes of its second bone; and of a ring its sections' angles and
+    the stiffness of the whole.
+
+    Args:
+        contact: over points.
+        with_rings: whether points tell how they give way, since those of another contact do.
+        first: number of the contact's first section among those of all.
+    """
     surface, trailing = contact.tibial, jnp.ndim(contact.onset_width)
     point, normal, area, across = midpoints(surface, contact.points, trailing)
-    frame = surface.frame.placement
+    frame, placed, outwards, section = surface.frame.placement, None, None, None
+    if with_rings:
+        outwards = section = jnp.zeros_like(area)
+    if contact.ring is not None:
+        outwards, section, *placed = contact.ring.placed(point, normal, area)
+        section = section + float(first)
     numbers = contact.modulus, contact.onset_width, contact.femoral.frame.placement
-    return Points(
+    points = Points(
         frame.apply(point),
         frame.turn(normal),
         area,
@@ -188,4 +224,7 @@ def _points_of(contact: Contact) -> Points:
         which=None,
         damper=contact.damper,
         law=contact.law,
+        outwards=outwards,
+        section=section,
     )
+    return points, None if placed is None else (placed[0], placed[1])

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import equinox as eqx
 import jax
@@ -22,6 +22,9 @@ from kneejax.mechanics.contact import _cartilage_law as law
 from kneejax.mechanics.contact import _rays as rays
 from kneejax.mechanics.contact._cartilage_law import ContactDamper
 from kneejax.numerics import positive_part
+
+if TYPE_CHECKING:
+    from kneejax.mechanics.contact._ring import Hoops
 
 Found = TypeVar("Found")
 _ROW = 36
@@ -97,6 +100,7 @@ def over_rays(
     points: Points,
     motion: Placement,
     answer: Callable[[Sampled], Answer],
+    hoops: Hoops | None = None,
 ) -> Answer:
     """What a function makes of the depths at points of tibial surfaces.
 
@@ -108,8 +112,19 @@ def over_rays(
         points: of tibial surfaces.
         motion: from femoral to tibial axes.
         answer: returns arrays.
+        hoops: of rims that give way; None where none does.
     """
     surface = asked_at(femoral, points)
+
+    def settled(sampled: Sampled) -> Answer:
+        if hoops is None:
+            return answer(sampled)
+        own = sampled.points
+        outward = hoops.settled(own, sampled.depth)
+        own = dataclasses.replace(own, given_way=hoops.given_way(own, outward))
+        depth, energy = own.left_of(sampled.depth), hoops.energy(outward)
+        return answer(dataclasses.replace(sampled, points=own, depth=depth, of_hoops=energy))
+
     quick, sound = quick_depths(surface, points, motion)
     usual = quickly(surface, points, motion, quick)
 
@@ -124,9 +139,9 @@ def over_rays(
         kept = of_usual_rows(sound)
         both = zip(_numbers(usual), map(row_after_row, rows), strict=True)
         depth, *six, lost = (jnp.where(kept, x, y[: len(quick)]) for x, y in both)
-        return answer(Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost))
+        return settled(Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost))
 
-    return lax.cond(jnp.all(sound), lambda: answer(usual), again)
+    return lax.cond(jnp.all(sound), lambda: settled(usual), again)
 
 
 def _numbers(sampled: Sampled) -> tuple[Array, ...]:
@@ -192,7 +207,7 @@ def _usual(
     depth = own + jnp.clip(level * per_steep, -rays.LAST_STEP, rays.LAST_STEP)
     lost = jnp.zeros(jnp.shape(depth), bool)
     slope = points.turned(motion, per_steep * gradient)
-    return Sampled(points, depth, slope, ZERO, lost)
+    return Sampled(points, points.left_of(depth), slope, ZERO, lost)
 
 
 def thoroughly(
@@ -214,7 +229,8 @@ def thoroughly(
     slope = points.turned(motion, by_point)
     # A ray's own depth changes by a turn of the normal as if its far end were held: no twist.
     swing = points.turned(motion, by_normal) + depth * slope
-    return Sampled(points, depth, slope, points.normal.cross(swing), found.lost)
+    twist = points.normal.cross(swing)
+    return Sampled(points, points.left_of(depth), slope, twist, found.lost)
 
 
 class Points(eqx.Module):
@@ -232,6 +248,10 @@ class Points(eqx.Module):
         which: number of that surface among several; None where it is the same for all.
         damper: of the contact during a step through time, arrays `(points, ...)`; None at rest.
         law: pressure law.
+        outwards: of rims that give way: mm of depth that are lost for each mm of motion of the
+            section in which a point stands; None where none does. See `Ring`.
+        section: number of that section.
+        given_way: depth that is lost, mm; None as long as it is not known.
     """
 
     point: Vector
@@ -244,6 +264,9 @@ class Points(eqx.Module):
     which: Array | None
     damper: ContactDamper | None
     law: str = eqx.field(static=True)
+    outwards: Array | None = None
+    section: Array | None = None
+    given_way: Array | None = None
 
     def energy(self, depth: Array) -> Array:
         """Energy of each spring at a depth, N mm."""
@@ -274,6 +297,10 @@ class Points(eqx.Module):
             pressing = jnp.where(counted, damper.pressing, 0.0)
             damper = dataclasses.replace(damper, pressing=pressing)
         return dataclasses.replace(self, area=area, damper=damper)
+
+    def left_of(self, depth: Array) -> Array:
+        """Depth that is left where rims have given way, mm."""
+        return depth if self.given_way is None else depth - self.given_way
 
     def touching(self, depth: Array) -> Array:
         """From 0 apart to 1 in touch, over the onset."""
@@ -311,11 +338,13 @@ class Sampled(eqx.Module):
 
     Attributes:
         points: of tibial surfaces.
-        depth: overlap along the normal, mm; negative where the surfaces are apart.
+        depth: overlap along the normal, mm; negative where the surfaces are apart. Of a rim that
+            gives way, what is left of it.
         slope: derivative of the depth with respect to a motion of the point.
         twist: couple that goes with a unit of force along the slope, mm: zero but for rays that
             graze the femur.
         lost: whether the search for a ray's end has not ended.
+        of_hoops: energy of rims that have given way, N mm; None without any.
     """
 
     points: Points
@@ -323,11 +352,20 @@ class Sampled(eqx.Module):
     slope: Vector
     twist: Vector
     lost: Array
+    of_hoops: Array | None = None
+
+    @property
+    def energy(self) -> Array:
+        """Of all springs, and of rims that have given way, N mm."""
+        springs = jnp.sum(self.points.energy(self.depth), axis=0)
+        return springs if self.of_hoops is None else springs + self.of_hoops
 
     @property
     def hit(self) -> Vector:
         """Where the normal's line leaves the femoral solid, mm, in tibial axes."""
-        return self.points.point - self.depth * self.points.normal
+        given_way = self.points.given_way
+        ray = self.depth if given_way is None else self.depth + given_way
+        return self.points.point - ray * self.points.normal
 
     def only(self, counted: Array) -> Sampled:
         """As `Points.only`; those that do not count are far apart, too."""

@@ -9,14 +9,21 @@ by `u` changes the depth there by `-s . u`, where `s` is the slope of the depth,
     f by   a P' s (s . u) - P a (change of s),
     s by   w x s - s (n . w x s) - M u,    M = (I - s n') H (I - n s') / (g . n),
 
+Rims that give way (`Ring`) lose depth `c u`, where the outward motions `u` of their sections are
+such that the energy is least. Their change follows by elimination: with `B` the change of what
+pushes sections outwards and `H` the second derivative of the energy by `u`, the stiffness is less
+by `B' H^-1 B`.
+
 `w` the rotation of the femur, `n` the normal of the tibial surface, `g` and `H` the first two
 derivatives of the femoral level. Any other change, of a surface or of a modulus, is differentiated.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -40,6 +47,7 @@ from kneejax.mechanics.contact._points import (
     thoroughly,
 )
 from kneejax.mechanics.contact._rays import FARTHEST
+from kneejax.mechanics.contact._ring import Hoops
 from kneejax.numerics import instantiate, none_of
 
 
@@ -100,7 +108,7 @@ def faults_at(femoral: Surface, sampled: Sampled, motion: Placement) -> PointFau
 
 @jax.custom_jvp
 def press_points(
-    femoral: Surface | Condyles, points: Points, motion: Placement
+    femoral: Surface | Condyles, points: Points, motion: Placement, hoops: Hoops | None
 ) -> tuple[Array, Wrench, PointFaults]:
     """Energy and wrench of springs at points, and what is wrong with them.
 
@@ -108,18 +116,19 @@ def press_points(
         femoral: what presses.
         points: of tibial surfaces.
         motion: from femoral to tibial axes.
+        hoops: of rims that give way; None where none does.
 
     Returns:
         N mm; the wrench on the tibia about its origin and in its axes; faults, of which the depth
         is told point by point, and which have no derivative.
     """
     answer = partial(_pressed_and_faults, asked_at(femoral, points), motion)
-    (energy, wrench), faults = over_rays(femoral, points, motion, answer)
+    (energy, wrench), faults = over_rays(femoral, points, motion, answer, hoops)
     return energy, wrench, lax.stop_gradient(faults)
 
 
 def _pressed_and_faults(femoral: Surface, motion: Placement, sampled: Sampled):
-    energy = jnp.sum(sampled.points.energy(sampled.depth), axis=0)
+    energy = sampled.energy
     faults = faults_at(femoral, sampled, motion)
     depth = jnp.broadcast_to(faults.depth, jnp.shape(faults.too_deep))
     found = (jnp.any(x, axis=0) for x in (faults.too_deep, faults.outside, faults.lost))
@@ -127,11 +136,12 @@ def _pressed_and_faults(femoral: Surface, motion: Placement, sampled: Sampled):
 
 
 def _press_points_jvp(primals, tangents):
-    femoral, points, motion = primals
-    *of_parts, of_motion = tangents
+    femoral, points, motion, hoops = primals
+    *of_parts, of_motion, of_hoops = tangents
+    of_parts = *of_parts, of_hoops
     if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
-    energy, wrench, by_twist, faults = _stiff(femoral, points, motion)
+    energy, wrench, by_twist, faults = _stiff(femoral, points, motion, hoops)
     shift, turn = _twist(motion, instantiate(of_motion))
     change = Wrench(ZERO, ZERO)
     for rate, by in zip((*shift, *turn), by_twist, strict=True):
@@ -141,58 +151,116 @@ def _press_points_jvp(primals, tangents):
     return (energy, wrench, faults), (work, change, none_of(faults))
 
 
-def _stiff(femoral: Surface | Condyles, points: Points, motion: Placement):
+def _stiff(
+    femoral: Surface | Condyles, points: Points, motion: Placement, hoops: Hoops | None
+):
     """Energy and wrench, the wrench's change by three shifts and three turns, and faults."""
     surface = asked_at(femoral, points)
     quick, sound = quick_depths(surface, points, motion)
     sampled, *level = quickly_with_bend(surface, points, motion, quick)
+    outward = None
+    if hoops is not None:
+        depth = _every_depth(femoral, points, motion, sampled, quick, sound)
+        outward = hoops.settled(points, depth)
+        points = dataclasses.replace(points, given_way=hoops.given_way(points, outward))
+        left = points.left_of(sampled.depth)
+        sampled = dataclasses.replace(sampled, points=points, depth=left)
     usual = sampled.only(of_usual_rows(sound))
     held, faults = _pressed_and_faults(surface, motion, usual)
-    sums = held, stiffness(usual, motion, *level)
+    sums = held, stiffness(usual, motion, *level), _pushes(hoops, usual)
 
     def again():
-        search = partial(_stiff_row, femoral, motion)
-        *rows, found = over_unusual_rows(points, quick, sound, search, _nothing)
+        search = partial(_stiff_row, femoral, motion, hoops)
+        nothing = partial(_nothing, hoops)
+        *rows, found = over_unusual_rows(points, quick, sound, search, nothing)
         held, by_twist = jax.tree.map(lambda x: jnp.sum(x, axis=0), rows)
-        changes = [jax.tree.map(lambda x, k=k: x[k], by_twist) for k in range(6)]
+        changes, pushes = (
+            [jax.tree.map(lambda x, k=k: x[k], one) for k in range(6)] for one in by_twist
+        )
         depth = jnp.maximum(faults.depth, row_after_row(found.depth)[: len(quick)])
         bad = (
             x | jnp.any(y, axis=0)
             for x, y in zip(jax.tree.leaves(faults)[1:], jax.tree.leaves(found)[1:], strict=True)
         )
-        return jax.tree.map(jnp.add, sums, (held, changes)), PointFaults(depth, *bad)
+        more = held, changes, pushes
+        return jax.tree.map(jnp.add, sums, more), PointFaults(depth, *bad)
 
-    (held, changes), faults = lax.cond(jnp.all(sound), lambda: (sums, faults), again)
-    return *held, changes, faults
+    (held, changes, pushes), faults = lax.cond(jnp.all(sound), lambda: (sums, faults), again)
+    energy, wrench = held
+    if hoops is not None and outward is not None:
+        energy = energy + hoops.energy(outward)
+        firm = hoops.firm(points, points.left_of(depth))
+        moved = [hoops.solved(firm, push) for push in pushes]
+        changes = [
+            change + _of_six([-jnp.sum(push * move, axis=0) for push in pushes])
+            for change, move in zip(changes, moved, strict=True)
+        ]
+    return energy, wrench, changes, faults
+
+
+def _of_six(rows: list[Array]) -> Wrench:
+    return Wrench(Vector(*rows[:3]), Vector(*rows[3:]))
+
+
+def _pushes(hoops: Hoops | None, sampled: Sampled) -> list[Any]:
+    """Change of what pushes the sections of rims outwards by three shifts and three turns of the
+    femur, each `(sections, ...)`; nothing without rims."""
+    if hoops is None:
+        return [()] * 6
+    _, firm = jax.jvp(sampled.points.force, (sampled.depth,), (jnp.ones_like(sampled.depth),))
+    turn = sampled.hit.cross(sampled.slope)
+    return [hoops.pushed(sampled.points, -firm * x) for x in (*sampled.slope, *turn)]
+
+
+def _every_depth(
+    femoral: Surface | Condyles, points: Points, motion: Placement, usual: Sampled, quick: Array,
+    sound: Array,
+) -> Array:  # fmt: skip
+    """Depth of all points, of unusual rays too, mm."""
+
+    def of_row(own: Points, known: Array, is_known: Array) -> Array:
+        return thoroughly(asked_at(femoral, own), own, motion, known, is_known).depth
+
+    def again() -> Array:
+        rows = over_unusual_rows(points, quick, sound, of_row, jnp.zeros_like)
+        found = row_after_row(rows)[: len(quick)]
+        return jnp.where(of_usual_rows(sound), usual.depth, found)
+
+    return lax.cond(jnp.all(sound), lambda: usual.depth, again)
 
 
 def _stiff_row(
-    femoral: Surface | Condyles, motion: Placement, points: Points, known: Array, is_known: Array
-):
+    femoral: Surface | Condyles, motion: Placement, hoops: Hoops | None, points: Points,
+    known: Array, is_known: Array,
+):  # fmt: skip
     """As `_stiff`, differentiated: of points whose rays are searched thoroughly."""
     surface, nowhere = asked_at(femoral, points), (jnp.zeros(known.shape[1:]),) * 6
 
     def pressed(*twist: Array):
         sampled = thoroughly(surface, points, _displaced(motion, twist), known, is_known)
-        return _pressed_and_faults(surface, motion, sampled)
+        held, faults = _pressed_and_faults(surface, motion, sampled)
+        own = sampled.points
+        push = () if hoops is None else hoops.pushed(own, own.force(sampled.depth))
+        return (*held, push), faults
 
     def by(unit: Array):
         rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
         return jax.jvp(pressed, nowhere, rates, has_aux=True)
 
-    held, (_, changes), faults = lax.map(by, jnp.eye(6))
-    held, faults = jax.tree.map(lambda x: x[0], (held, faults))
-    return held, changes, faults
+    held, (_, *changes), faults = lax.map(by, jnp.eye(6))
+    (energy, wrench, _), faults = jax.tree.map(lambda x: x[0], (held, faults))
+    return (energy, wrench), tuple(changes), faults
 
 
-def _nothing(known: Array):
+def _nothing(hoops: Hoops | None, known: Array):
     """What `_stiff_row` gives of points that do nothing."""
     zero, fine = jnp.zeros(known.shape[1:]), jnp.zeros(known.shape[1:], bool)
     wrench, changes = (
         Wrench(Vector(x, x, x), Vector(x, x, x)) for x in (zero, jnp.zeros((6, *zero.shape)))
     )
+    pushes = () if hoops is None else jnp.zeros((6, sum(hoops.counts), *zero.shape))
     apart = jnp.full(known.shape, -FARTHEST)
-    return (zero, wrench), changes, PointFaults(apart, fine, fine, fine)
+    return (zero, wrench), (changes, pushes), PointFaults(apart, fine, fine, fine)
 
 
 def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:

@@ -1,0 +1,224 @@
+"""A meniscus: a rim whose sections give way outwards until its hoop tension holds them.
+
+A wedge that lies on a plateau without friction is pushed outwards by the femur, and so stretches
+along its arc. Without friction the tension is the same all along the ring, from horn to horn. With
+`u` the outward motion of each section, the depth of a point on it becomes less by `c u`, where `c`
+is the part of its normal that points inwards, and the ring is longer by the sum of `u` times the
+angle of each section. The sections stand where
+
+    springs of all points (depth - c u)  +  1/2 coronary u^2  +  1/2 hoop (sum of angle u)^2
+
+is least: a convex function of a few numbers, whose second derivative is a diagonal and one product
+of vectors a ring, so that a Newton step is a few sums. The force on the femur is the derivative of
+the least by the pose, and needs no derivative of `u`; its stiffness has that of `u` by elimination
+(`kneejax.mechanics.contact._points_force`).
+"""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.typing import ArrayLike
+
+from kneejax.geometry import Vector
+from kneejax.mechanics.contact._points import Points
+from kneejax.numerics import jvp_of_moved, ruled
+
+# Newton steps at most; the longest of them, mm; and the length of the last.
+_STEPS, _LONGEST, _ACCURACY = 40, 1.0, 1e-11
+
+
+class Ring(eqx.Module):
+    """What holds a rim from horn to horn.
+
+    Attributes:
+        youngs_modulus: along the arc, MPa.
+        cross_section: mm^2.
+        horn_stiffness: of the attachment of each horn, N/mm.
+        coronary_stiffness: of all that holds the ring's border along its arc, N/mm.
+        middle: about which angles are counted, forwards and to the person's right in the plane of
+            the surface, mm.
+        horns: angles at which the ring begins and ends, rad, from the front towards the right.
+        sections: number of pieces of equal angle that move on their own.
+    """
+
+    youngs_modulus: Array
+    cross_section: Array
+    horn_stiffness: Array
+    coronary_stiffness: Array
+    middle: Array
+    horns: Array
+    sections: int = eqx.field(static=True)
+
+    def __init__(
+        self,
+        youngs_modulus: ArrayLike,
+        cross_section: ArrayLike,
+        horn_stiffness: ArrayLike,
+        coronary_stiffness: ArrayLike,
+        middle: ArrayLike,
+        horns: ArrayLike,
+        sections: int = 12,
+    ):
+        self.youngs_modulus = jnp.asarray(youngs_modulus, float)
+        self.cross_section = jnp.asarray(cross_section, float)
+        self.horn_stiffness = jnp.asarray(horn_stiffness, float)
+        self.coronary_stiffness = jnp.asarray(coronary_stiffness, float)
+        self.middle = jnp.asarray(middle, float)
+        self.horns = jnp.asarray(horns, float)
+        self.sections = sections
+
+    def placed(
+        self, point: Vector, normal: Vector, area: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """How its points give way.
+
+        Args:
+            point: in the frame of the surface, mm, components `(points, ...)`.
+            normal: outward unit normals there.
+            area: that each point stands for, mm^2.
+
+        Returns:
+            Depth that is lost for each mm of outward motion, `(points, ...)`; number of the
+            section, likewise; angle of each section, `(sections, ...)`, rad; and N/mm of the whole
+            hoop with its horns in series, `(...)`.
+        """
+        forwards, right = point.x - self.middle[0], point.z - self.middle[1]
+        away = jnp.sqrt(forwards * forwards + right * right)
+        outwards = -(normal.x * forwards + normal.z * right) / away
+        begin, span = self.horns[0], self.horns[1] - self.horns[0]
+        turn = jnp.mod(jnp.arctan2(right, forwards) - begin, 2.0 * jnp.pi)
+        place = jnp.clip(jnp.floor(self.sections * turn / span), 0, self.sections - 1)
+        on_ring = (turn <= span) & (area > 0.0)
+        angle = jnp.broadcast_to(span / self.sections, (self.sections, *jnp.shape(span)))
+        weight = jnp.where(on_ring, area, 0.0)
+        radius = jnp.sum(weight * away, axis=0) / jnp.sum(weight, axis=0)
+        hoop = self.youngs_modulus * self.cross_section / (radius * span)
+        series = 1.0 / (1.0 / hoop + 2.0 / self.horn_stiffness)
+        return jnp.where(on_ring, outwards, 0.0), lax.stop_gradient(place), angle, series
+
+
+class Hoops(eqx.Module):
+    """Rings of a foundation, with the sections of all of them.
+
+    Attributes:
+        angle: of each section, rad, `(sections, ...)`.
+        held: N/mm by which each section is held by itself, `(sections, ...)`.
+        stiffness: of each ring as a whole, N/mm, `(rings, ...)`.
+        counts: sections of each ring.
+    """
+
+    angle: Array
+    held: Array
+    stiffness: Array
+    counts: tuple[int, ...] = eqx.field(static=True)
+
+    def tension(self, outward: Array) -> Array:
+        """Of each ring, N, `(rings, ...)`.
+
+        Args:
+            outward: motion of each section, mm, `(sections, ...)`.
+        """
+        return self.stiffness * self._of_rings(self.angle * outward)
+
+    def energy(self, outward: Array) -> Array:
+        """Of rings and what holds their sections, N mm."""
+        longer = self._of_rings(self.angle * outward)
+        own = jnp.sum(self.held * outward * outward, axis=0)
+        return 0.5 * (own + jnp.sum(self.stiffness * longer * longer, axis=0))
+
+    def settled(self, points: Points, depth: Array) -> Array:
+        """Outward motion of each section, mm, `(sections, ...)`, differentiable.
+
+        Args:
+            points: with `outwards` and `section`, without `given_way`.
+            depth: overlap of each point if no section moved, mm, `(points, ...)`.
+        """
+        still, fixed, below = lax.stop_gradient((self, points, depth))
+
+        def nearer(state):
+            count, outward, _ = state
+            left = still._residual(fixed, below, outward)
+            step = -still.solved(still._firm(fixed, below, outward), left)
+            step = jnp.clip(step, -_LONGEST, _LONGEST)
+            return count + 1, outward + step, jnp.max(jnp.abs(step))
+
+        nothing = jnp.zeros((sum(self.counts), *depth.shape[1:]))
+        state = jnp.asarray(0), nothing, jnp.asarray(jnp.inf)
+        going_on = lambda s: (s[0] < _STEPS) & (s[2] > _ACCURACY)  # noqa: E731
+        _, found, _ = lax.while_loop(going_on, nearer, state)
+        return ruled(_settled_rule, found, self, points, depth)
+
+    def given_way(self, points: Points, outward: Array) -> Array:
+        """Depth that each point has lost, mm, `(points, ...)`."""
+        chosen = jnp.tensordot(self._members(points).T, outward, 1)
+        return points.outwards * chosen
+
+    def pushed(self, points: Points, x: Array) -> Array:
+        """Sum over the points of each section of what moves it outwards, `(sections, ...)`.
+
+        Args:
+            points: of the rings and others.
+            x: force of each point, N, or its change.
+        """
+        return jnp.tensordot(self._members(points), points.outwards * x, 1)
+
+    def solved(self, firm: Array, right: Array) -> Array:
+        """Solution of the system with the second derivative of the energy.
+
+        Args:
+            firm: N/mm by which points hold each section, `(sections, ...)`.
+            right: `(sections, ...)`.
+        """
+        inverse = 1.0 / (firm + self.held)
+        along, across = inverse * right, inverse * self.angle
+        share = self._of_rings(self.angle * along)
+        # Sherman and Morrison's formula, ring by ring.
+        share = share / (1.0 / self.stiffness + self._of_rings(self.angle * across))
+        return along - across * self._to_sections(share)
+
+    def firm(self, points: Points, depth: Array) -> Array:
+        """N/mm by which points hold each section, `(sections, ...)`.
+
+        Args:
+            points: with `outwards` and `section`.
+            depth: that presses, mm.
+        """
+        _, firm = jax.jvp(points.force, (depth,), (jnp.ones_like(depth),))
+        return self.pushed(points, points.outwards * firm)
+
+    def _firm(self, points: Points, depth: Array, outward: Array) -> Array:
+        return self.firm(points, depth - self.given_way(points, outward))
+
+    def _residual(self, points: Points, depth: Array, outward: Array) -> Array:
+        """Derivative of the energy by the motion of each section, N."""
+        force = points.force(depth - self.given_way(points, outward))
+        hoop = self.angle * self._to_sections(self.tension(outward))
+        return self.held * outward + hoop - self.pushed(points, force)
+
+    def _members(self, points: Points) -> Array:
+        """Which points are of which section, `(sections, points)`."""
+        place = points.section.reshape(len(points.section), -1)[:, 0]
+        return (place == jnp.arange(sum(self.counts))[:, None]).astype(float)
+
+    def _of_rings(self, x: Array) -> Array:
+        ends = np.cumsum((0, *self.counts))
+        pairs = zip(ends[:-1], ends[1:], strict=True)
+        return jnp.stack([jnp.sum(x[a:b], axis=0) for a, b in pairs])
+
+    def _to_sections(self, x: Array) -> Array:
+        return jnp.repeat(x, np.array(self.counts), axis=0, total_repeat_length=sum(self.counts))
+
+
+def _settled_rule(outward: Array, primals, tangents):
+    def residual(hoops: Hoops, points: Points, depth: Array) -> Array:
+        return hoops._residual(points, depth, outward)
+
+    hoops, points, depth = primals
+    change = jvp_of_moved(residual, primals, tangents)[1]
+    return outward, -hoops.solved(hoops._firm(points, depth, outward), change)
+
+

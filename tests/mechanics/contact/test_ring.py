@@ -1,0 +1,140 @@
+"""A meniscus: a rim that gives way against its hoop tension, beside closed forms and differences."""
+
+import dataclasses
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import kneejax.geometry as geo
+from kneejax.mechanics import Contact, Ring
+
+SPAN = np.deg2rad(300.0)
+RING = Ring(100.0, 25.0, 400.0, 8.0, [0.0, 0.0], [-0.5 * SPAN, 0.5 * SPAN], sections=6)
+TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+
+
+def rim(ring=RING, depth=0.4, points=(24, 24)):
+    """A bowl, higher outside, of which a ring between radii of 8 and 16 mm is covered, under a
+    sphere that touches it where it is 12 mm wide."""
+    rise = 0.02
+    table = np.zeros((3, 3))
+    table[2, 0] = table[0, 2] = rise * 16.0**2
+    outer, inner = (np.stack([r * np.cos(TURNS), r * np.sin(TURNS)], axis=1) for r in (16.0, 8.0))
+    outline = np.concatenate([outer, outer[:1], inner[:1], inner[::-1]])
+    bowl = geo.Plateau(table, [-16.5, 16.5], [-16.5, 16.5], outline=outline)
+    slope = 2.0 * rise * 12.0
+    radius = 12.0 * np.sqrt(1.0 + slope**2) / slope
+    centre = rise * 144.0 + radius / np.sqrt(1.0 + slope**2)
+    sphere = geo.Sphere(radius, geo.Frame([0.0, centre - depth, 0.0]))
+    return Contact(sphere, bowl, 20.0, 0.2, 5.0, law="linear", form="quadrature", points=points,
+                   onset_width=0.05, ring=ring)  # fmt: skip
+
+
+def there(pose):
+    return geo.State({"tibia": geo.Pose(*pose)}).tibia.placement
+
+
+@eqx.filter_jit
+def outward_and_tension(contact):
+    foundation = contact.foundation
+    still = dataclasses.replace(foundation, hoops=None)
+    depth = still.sample(there(jnp.zeros(6))).depth
+    outward = foundation.hoops.settled(foundation.points, depth)
+    left = depth - foundation.hoops.given_way(foundation.points, outward)
+    force = foundation.points.force(left)
+    return outward, foundation.hoops.tension(outward), foundation.hoops.pushed(
+        foundation.points, force
+    )  # fmt: skip
+
+
+energy = eqx.filter_jit(lambda contact, pose: contact.energy(there(pose)))
+slope_of_energy = eqx.filter_jit(
+    lambda contact, pose: jax.grad(lambda x: contact.energy(there(x)))(pose)
+)
+
+
+@eqx.filter_jit
+def wrench_and_rates(contact, pose):
+    """Force and moment on the tibia, and their derivative by its six coordinates."""
+
+    def force(x):
+        wrench = contact.wrench(there(x))
+        return jnp.stack([*wrench.force, *wrench.moment])
+
+    return force(pose), jax.jacfwd(force)(pose)
+
+
+def test_a_ring_under_even_pressure_has_the_tension_of_the_closed_form():
+    """Radial equilibrium of a thin ring: what pushes a section is tension times its angle, and the
+    tension is the stretch times E A, its horns in series."""
+    free = eqx.tree_at(lambda r: r.coronary_stiffness, RING, 1e-9)
+    outward, tension, pushed = map(np.asarray, outward_and_tension(rim(free)))
+    angle = SPAN / 6
+    np.testing.assert_allclose(pushed, np.full(6, tension[0] * angle), rtol=1e-9)
+    assert np.all(outward > 0.0) and tension[0] > 1.0
+    longer = angle * outward.sum()
+    hoop = longer - 2.0 * tension[0] / 400.0
+    # The middle of what is covered and weighs: nearly the middle radius of the ring's area.
+    radius = 100.0 * 25.0 * hoop / (tension[0] * SPAN)
+    middle = (2.0 / 3.0) * (16.0**3 - 8.0**3) / (16.0**2 - 8.0**2)
+    assert radius == pytest.approx(middle, rel=0.02)
+
+
+def test_a_symmetric_ring_moves_symmetrically():
+    outward, _, _ = map(np.asarray, outward_and_tension(rim()))
+    np.testing.assert_allclose(outward, outward[::-1], rtol=1e-9)
+    assert np.ptp(outward) < 0.1 * outward.mean()
+
+
+def test_what_holds_endlessly_stands_still_and_what_holds_nothing_carries_less():
+    pose = jnp.zeros(6)
+    stands, gives = float(energy(rim(None), pose)), float(energy(rim(), pose))
+    firm = dataclasses.replace(RING, coronary_stiffness=jnp.asarray(1e12))
+    assert float(energy(rim(firm), pose)) == pytest.approx(stands, rel=1e-6)
+    soft = dataclasses.replace(RING, youngs_modulus=jnp.asarray(1.0))
+    assert float(energy(rim(soft), pose)) < gives < stands
+
+
+POSES = [np.zeros(6), np.array([0.02, -0.03, 0.05, 0.6, -0.1, 0.4])]
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_force_is_the_derivative_of_the_least_energy(pose, central_difference):
+    contact = rim()
+    slope = central_difference(lambda x: float(energy(contact, jnp.asarray(x))), pose, 1e-3)
+    found = np.asarray(slope_of_energy(contact, jnp.asarray(pose)))
+    np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-5 * np.abs(slope).max())
+    # Of translations, in the femur's axes: minus what the wrench says.
+    force, _ = wrench_and_rates(contact, jnp.asarray(pose))
+    np.testing.assert_allclose(-np.asarray(force)[:3], slope[3:], rtol=1e-6, atol=1e-5)
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_stiffness_by_elimination_is_that_of_differences(pose, central_difference):
+    contact = rim()
+
+    def force(x):
+        return np.asarray(wrench_and_rates(contact, jnp.asarray(x))[0])
+
+    slopes = central_difference(force, pose, 1e-4)
+    found = np.asarray(wrench_and_rates(contact, jnp.asarray(pose))[1])
+    np.testing.assert_allclose(found, slopes, rtol=1e-6, atol=1e-6 * np.abs(slopes).max())
+
+
+@pytest.mark.parametrize(
+    "name", ["youngs_modulus", "cross_section", "horn_stiffness", "coronary_stiffness"]
+)
+def test_forces_follow_the_numbers_of_a_ring(name, central_difference):
+    @functools.partial(jax.jit)
+    def up(value):
+        ring = dataclasses.replace(RING, **{name: value})
+        return rim(ring).wrench(there(jnp.zeros(6))).force.y
+
+    at = float(getattr(RING, name))
+    slope = central_difference(lambda x: float(up(x)), np.array(at), 1e-3 * at)
+    assert float(jax.jit(jax.grad(up))(at)) == pytest.approx(float(slope), rel=1e-6)
+    assert abs(float(slope)) > 0.0
