@@ -18,8 +18,6 @@ from kneejax.files import (
     read_calibrated,
     read_candidates,
     write_netcdf,
-    write_rows,
-    write_text,
 )
 from kneejax.files.reading import load_json
 from kneejax.files.results import CLAIM
@@ -126,25 +124,12 @@ def sensitivity(arguments: options.Sensitivity) -> int:
 
 def _knees_side_by_side(arguments: options.Sensitivity) -> int:
     """Change one ligament at a time in each knee, print scores, write tables and figures."""
-    knees, out = _loaded(arguments.knees), arguments.out
-    from kneejax.papers import knee_comparison_report as shown
-    from kneejax.papers.knee_comparison import compare_knees
-    from kneejax.report import save_figure
+    knees = _loaded(arguments.knees)
+    from kneejax.papers import knee_comparison, knee_comparison_report
 
     with balances_on_terminal("knees") as progress:
-        found = compare_knees(knees, progress=progress)
-    tables = shown.comparison_tables(found)
-    for name, (columns, rows) in tables.items():
-        write_rows(out / name, columns, rows)
-    document = shown.comparison_document(found)
-    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    save_figure(shown.score_figure(found), out / "figures", "scores", svg=arguments.svg)
-    for one in found.parameters:
-        figure = shown.ramp_figure(found, one)
-        save_figure(figure, out / "figures", one.replace(".", "-"), svg=arguments.svg)
-    print(shown.comparison_summary(found))
-    print(f"written: {out}/{', '.join([*tables, 'result.json'])}, settings.json, figures/")
-    return 1 if found.doubts else 0
+        found = knee_comparison.compare_knees(knees, progress=progress)
+    return deliver(knee_comparison_report.comparison_answer(found), arguments)
 
 
 def _loaded(names: list[str]) -> dict[str, Knee]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
+from kneejax.quantities import AXES
 from kneejax.report.look import (
     BLACK,
     GREEN,
@@ -16,14 +17,13 @@ from kneejax.report.look import (
     ORANGE,
     PURPLE,
     WIDTH,
-    aligned,
-    json_safe,
     styled,
     verbatim,
     without_frame,
-    wrapped,
 )
 from kneejax.report.look.colours import uniform_colours
+from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.tables import Column, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,14 +37,79 @@ _MARKERS = {"varus": "^", "valgus": "v"}
 #: Compartments, by dashes and fill: colours are for values.
 _CONTACT_STYLES = (("-", GREY), ((0, (4, 1.5)), "white"))
 _MOST_COLUMNS = 5
+_SCORED = (
+    "Scores of each parameter, means of varus and valgus; hatched where the knee does not have the "
+    "parameter, or nothing could be compared."
+)
+_RAMPED = (
+    "Rotation over the moment, the moment that each value holds, and the peak contact pressures at "
+    "the moment at which all are compared."
+)
 #: A score that is not known.
 _UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
 
 
-def comparison_tables(found: KneeComparison) -> dict[str, tuple[list[str], list[list[Any]]]]:
-    """Name of a CSV file -> columns and rows."""
+def comparison_answer(found: KneeComparison) -> Answer:
+    """Knees side by side: scores of every parameter, ramps, and every number in tables."""
+    settings, best = found.settings, []
+    for knee in found.knees:
+        known = [one for one in knee.influences if np.isfinite(one.score)]
+        if known:
+            most = max(known, key=lambda one: one.score)
+            outcome = _OUTCOMES[most.outcome].lower()
+            best.append(f"{knee.name}: {most.parameter} on {outcome}, {most.score:g}")
+    drawings = {"scores": Drawing(score_figure, found, more=_SCORED)}
+    for name in found.parameters:
+        drawings[name.replace(".", "-")] = Drawing(ramp_figure, found, name, more=_RAMPED)
+    return Answer(
+        title="Knees side by side: " + ", ".join(knee.name for knee in found.knees),
+        asked=f"What does a change of one ligament do under {settings.body_weight_N / 2:.1f} N "
+        f"along the tibia and {settings.full_Nm:g} N m of varus or valgus at extension? Scores 0 "
+        "to 3 of Rooks et al. 2022 (paper 4), Table 5, means of varus and valgus.",
+        sentence=f"Highest scores: {'; '.join(best)}." if best else "Nothing could be compared.",
+        tables=_tables(found), main=[_scores(knee) for knee in found.knees], drawings=drawings,
+        doubts=found.doubts,
+        sections=[Section("Ramps of each parameter", drawings=list(drawings)[1:])],
+        document={
+            "knees": [knee.name for knee in found.knees],
+            "settings": dataclasses.asdict(settings),
+            "scores": {
+                knee.name: {
+                    name: {one.outcome: one.score for one in knee.influences
+                           if one.parameter == name}
+                    for name in knee.parameters
+                }
+                for knee in found.knees
+            },
+            "unchanged": {
+                knee.name: {
+                    direction: {
+                        "moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
+                        "tension_N": knee.tension_N[direction],
+                    }
+                    for direction, run in knee.runs.items()
+                }
+                for knee in found.knees
+            },
+            "doubts": found.doubts,
+            "seconds": {knee.name: knee.seconds for knee in found.knees},
+            "versions": found.versions,
+        },
+    )  # fmt: skip
+
+
+def _scores(knee: KneeStudy) -> Table:
+    """What matters in a knee: a row a parameter, a column an outcome."""
+    columns = [Column("parameter", " ", words=True)]
+    columns += [Column(name, label.lower(), "g") for name, label in _OUTCOMES.items()]
+    rows = [[name, *(knee.score(name, outcome) for outcome in LIMITS)] for name in knee.parameters]
+    return Table(columns, rows, f"{knee.name} ({knee.seconds:.0f} s)")
+
+
+def _tables(found: KneeComparison) -> dict[str, Table]:
+    """Every outcome, pressure, score and rotation."""
     changed = ["knee", "parameter", "change", "direction"]
-    place = [f"{axis}_mm" for axis in ("anterior", "superior", "lateral")]
+    place = [f"{axis}_mm" for axis in AXES]
     outcomes, pressures, scores, rotations = [], [], [], []
     for knee in found.knees:
         for one in knee.outcomes:
@@ -62,80 +127,20 @@ def comparison_tables(found: KneeComparison) -> dict[str, tuple[list[str], list[
             scores.append([knee.name, one.parameter, one.outcome, *both, one.score])
         names = [("", "unchanged"), *((c.parameter, c.label) for c in knee.changes)]
         for direction, run in knee.runs.items():
-            variants = zip(names, run.held, run.adduction_deg, strict=True)
-            rotations += [
-                [knee.name, *name, direction, run.ramp.axial_N[step], run.ramp.moment_Nm[step],
-                 angles[step]]
-                for name, held, angles in variants
-                for step in np.flatnonzero(held)
-            ]  # fmt: skip
-    return {
-        "outcomes.csv": (
-            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
-        ),
-        "pressures.csv": (
-            [*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
-             *(f"unchanged_{column}" for column in place)], pressures,
-        ),
-        "scores.csv": (
-            ["knee", "parameter", "outcome", "varus", "valgus", "varus_score", "valgus_score",
-             "score"], scores,
-        ),
-        "rotations.csv": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
+            loads = np.c_[run.ramp.axial_N, run.ramp.moment_Nm].tolist()
+            for name, held, angles in zip(names, run.held, run.adduction_deg, strict=True):
+                first = [knee.name, *name, direction]
+                rotations += [[*first, *loads[x], angles[x]] for x in np.flatnonzero(held)]
+    named = {
+        "outcomes": ([*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"],
+                     outcomes),
+        "pressures": ([*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
+                       *(f"unchanged_{column}" for column in place)], pressures),
+        "scores": (["knee", "parameter", "outcome", "varus", "valgus", "varus_score",
+                    "valgus_score", "score"], scores),
+        "rotations": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
     }  # fmt: skip
-
-
-def comparison_document(found: KneeComparison) -> dict[str, Any]:
-    """What result.json of a comparison holds: settings, scores, doubts, versions."""
-    scores = {
-        knee.name: {
-            name: {one.outcome: one.score for one in knee.influences if one.parameter == name}
-            for name in knee.parameters
-        }
-        for knee in found.knees
-    }
-    unchanged = {
-        knee.name: {
-            direction: {
-                "moment_reached_Nm": run.moment_reached_Nm[0],
-                "ending": run.ending[0],
-                "tension_N": knee.tension_N[direction],
-            }
-            for direction, run in knee.runs.items()
-        }
-        for knee in found.knees
-    }
-    return json_safe(
-        {
-            "knees": [knee.name for knee in found.knees],
-            "settings": dataclasses.asdict(found.settings),
-            "scores": scores,
-            "unchanged": unchanged,
-            "doubts": found.doubts,
-            "seconds": {knee.name: knee.seconds for knee in found.knees},
-            "versions": found.versions,
-        }
-    )
-
-
-def comparison_summary(found: KneeComparison) -> str:
-    """What matters in which knee: lines of fewer than 100 columns, without a final line break."""
-    settings = found.settings
-    lines = wrapped(
-        f"{settings.body_weight_N / 2:.1f} N along the tibia, then {settings.full_Nm:g} N m of "
-        "varus and of valgus at extension; one ligament changed at a time. Scores 0 to 3 of Rooks "
-        "et al. 2022 (paper 4), Table 5, means of varus and valgus:"
-    )
-    for knee in found.knees:
-        rows = [["", "convergence", "rotation", "pressure", "place of peak"]]
-        for name in knee.parameters:
-            own = [one.score for one in knee.influences if one.parameter == name]
-            rows.append([name, *("-" if np.isnan(x) else f"{x:g}" for x in own)])
-        lines += ["", f"{knee.name} ({knee.seconds:.0f} s)"]
-        lines += [f"  {line}" for line in aligned(rows)]
-    for doubt in found.doubts:
-        lines += ["", *wrapped(doubt, "! ")]
-    return "\n".join(lines)
+    return {name: Table([*map(Column, head)], rows) for name, (head, rows) in named.items()}
 
 
 def _parameter_words(parameter: str) -> str:
