@@ -24,6 +24,7 @@ from kneejax.report.look import (
 from kneejax.report.look.colours import uniform_colours
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.tables import Column, Table
+from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,6 +38,7 @@ _MARKERS = {"varus": "^", "valgus": "v"}
 #: Compartments, by dashes and fill: colours are for values.
 _CONTACT_STYLES = (("-", GREY), ((0, (4, 1.5)), "white"))
 _MOST_COLUMNS = 5
+_RAMP_LABELS = ("Varus rotation, deg", "Moment held, N m", "Peak pressure, MPa")
 _SCORED = (
     "Scores of each parameter, means of varus and valgus; hatched where the knee does not have the "
     "parameter, or nothing could be compared."
@@ -162,61 +164,47 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
         the value alone; compartments differ by dashes and by filled or hollow markers.
     """
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     knees = [knee for knee in found.knees if parameter in knee.parameters]
     blocks, columns = -(-len(knees) // _MOST_COLUMNS), min(len(knees), _MOST_COLUMNS)
-    height = 6.6 * blocks + 0.75
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(3 * blocks, columns, sharey="row", squeeze=False)
-    figure.subplots_adjust(
-        left=0.085, right=0.985, top=1 - 0.48 / height, bottom=1.0 / height, wspace=0.08,
-        hspace=0.44,
-    )  # fmt: skip
+    figure, panels = grid(3 * blocks, columns, 6.6 * blocks + 0.75, top=0.48, bottom=1.0,
+                          apart=(0.12, 0.55), sharey="row")  # fmt: skip
     values = [change.value for change in knees[0].changes if change.parameter == parameter]
-    if parameter.endswith(ATTACHMENT):
-        scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
-    else:
-        largest = max(map(abs, values))
-        scale, shades = Normalize(-largest, largest), uniform_colours()
-        colours = {value: shades(float(scale(value))) for value in values}
-    labels = ("Varus rotation, deg", "Moment held, N m", "Peak pressure, MPa")
-    for place in range(blocks * columns):
+    scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
+    if not parameter.endswith(ATTACHMENT):
+        scale = Normalize(-max(map(abs, values)), max(map(abs, values)))
+        colours = {value: uniform_colours()(float(scale(value))) for value in values}
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for place, knee in enumerate(knees):
         block, column = divmod(place, columns)
-        rotation, held, pressure = panels[3 * block : 3 * block + 3, column]
-        if place >= len(knees):
-            for axes in (rotation, held, pressure):
-                axes.set_axis_off()
-            continue
-        rotation.set_title(verbatim(knees[place].name), fontsize=8)
-        _rotation(rotation, knees[place], parameter, colours)
-        _held(held, knees[place], parameter, colours, found.settings.full_Nm)
-        _pressure(pressure, knees[place], parameter)
+        rotation, held, pressure = own = panels[3 * block : 3 * block + 3, column]
+        for axes in own:
+            axes.set_axis_on()
+        rotation.set_title(verbatim(knee.name), fontsize=8)
+        _rotation(rotation, knee, parameter, colours)
+        _held(held, knee, parameter, colours, found.settings.full_Nm)
+        _pressure(pressure, knee, parameter)
         if column == 0:
-            for axes, label in zip((rotation, held, pressure), labels, strict=True):
+            for axes, label in zip(own, _RAMP_LABELS, strict=True):
                 axes.set_ylabel(label)
     for axes in panels[2::3].flat:
         axes.set_ylim(bottom=0.0)
-    figure.suptitle(
-        _parameter_words(parameter), x=0.012, y=1 - 0.08 / height, ha="left", va="top", fontsize=9
-    )
-    _legend(figure, knees[0], height, parameter, scale)
+    figure.suptitle(_parameter_words(parameter), x=0.012, ha="left", fontsize=9)
+    _legend(figure, knees[0], parameter, scale)
     return figure
 
 
 def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours: dict) -> None:
     for run in knee.runs.values():
         shown = run.ramp.loaded
-        x = run.ramp.moment_Nm[shown]
-        for row, change in enumerate(knee.changes, 1):
+        x, angles = run.ramp.moment_Nm[shown], run.adduction_deg[:, shown]
+        for y, change in zip(angles[1:], knee.changes, strict=True):
             if change.parameter == parameter:
-                y = run.adduction_deg[row, shown]
                 axes.plot(x, y, color=colours[change.value], linewidth=0.9)
-        axes.plot(x, run.adduction_deg[0, shown], color=BLACK, linewidth=1.4, linestyle="--")
-    axes.set_xlabel("Moment, N m")
+        axes.plot(x, angles[0], color=BLACK, linewidth=1.4, linestyle="--")
     full = max(run.ramp.full_Nm for run in knee.runs.values())
-    axes.set_xlim(-1.2 * full, 1.2 * full)
-    axes.set_xticks([-full, 0.0, full])
+    axes.set(xlabel="Moment, N m", xlim=(-1.2 * full, 1.2 * full), xticks=[-full, 0.0, full])
     axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
 
 
@@ -234,24 +222,20 @@ def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: f
 
 
 def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
-    moments = []
+    moments, halved = [], parameter.endswith(ATTACHMENT)
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
         peaks, unchanged = np.array([one.peak_MPa for one in own]), own[0].unchanged_peak_MPa
         moments += [one.compared_at_Nm for one in own if np.isfinite(one.compared_at_Nm)][-1:]
         x = np.append([one.change.value for one in own], 0.0)
         order = np.argsort(x)
+        style = {"marker": _MARKERS[direction], "markersize": 4}
         for i, (dashes, fill) in zip(range(len(knee.contacts)), _CONTACT_STYLES, strict=False):
-            y = np.append(peaks[:, i], unchanged[i])
-            axes.plot(
-                x[order], y[order], marker=_MARKERS[direction], color=GREY, markersize=4,
-                linestyle="none" if parameter.endswith(ATTACHMENT) else dashes, linewidth=0.9,
-                markerfacecolor=fill,
-            )  # fmt: skip
-            axes.plot(
-                0.0, unchanged[i], _MARKERS[direction], color=BLACK, markersize=4, zorder=4,
-                markerfacecolor=BLACK if fill == GREY else fill,
-            )  # fmt: skip
+            y, line = np.append(peaks[:, i], unchanged[i]), "none" if halved else dashes
+            axes.plot(x[order], y[order], color=GREY, linestyle=line, linewidth=0.9,
+                      markerfacecolor=fill, **style)  # fmt: skip
+            axes.plot(0.0, unchanged[i], color=BLACK, zorder=4,
+                      markerfacecolor=BLACK if fill == GREY else fill, **style)  # fmt: skip
     _value_axis(axes, knee, parameter)
     axes.set_xlabel(_value_words(parameter))
     words = " and ".join(f"{m:+g}".replace("-", "\u2212") for m in moments)
@@ -260,13 +244,11 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
 
 def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
     if parameter.endswith(ATTACHMENT):
-        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"])
-        axes.tick_params(axis="x", labelsize=6.3)
+        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"], fontsize=6.3)
         axes.set_xlim(-0.5, 3.5)
         return
     largest = max(abs(change.value) for change in knee.changes if change.parameter == parameter)
-    axes.set_xlim(-1.25 * largest, 1.25 * largest)
-    axes.set_xticks([-largest, 0.0, largest])
+    axes.set(xlim=(-1.25 * largest, 1.25 * largest), xticks=[-largest, 0.0, largest])
 
 
 def _value_words(parameter: str) -> str:
@@ -276,39 +258,30 @@ def _value_words(parameter: str) -> str:
     return ", ".join(filter(None, ["Change", CHANGED[quantity]]))
 
 
-def _legend(figure: Figure, knee: KneeStudy, height: float, parameter: str, scale) -> None:
+def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.lines import Line2D
 
+    height = figure.get_figheight()
     handles = [Line2D([], [], color=BLACK, linestyle="--", label="unchanged")]
     handles += [
         Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=4.5, label=name)
         for name, marker in _MARKERS.items()
     ]
     handles += [
-        Line2D(
-            [], [], color=GREY, linestyle=dashes, marker="o", markersize=4, markerfacecolor=fill,
-            linewidth=0.9, label=verbatim(name),
-        )
+        Line2D([], [], color=GREY, linestyle=dashes, marker="o", markersize=4, linewidth=0.9,
+               markerfacecolor=fill, label=verbatim(name))
         for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
     ]  # fmt: skip
-    figure.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
-        handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0,
-    )  # fmt: skip
-    if scale is None:
-        return
-    uniform = uniform_colours()
-    shades = ListedColormap([uniform(float(x)) for x in np.linspace(0.0, 1.0, 128)])
-    place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(scale.vmin, scale.vmax), shades), cax=place,
-        orientation="horizontal", ticks=[scale.vmin, 0.0, scale.vmax],
-    )  # fmt: skip
-    bar.outline.set_visible(False)
-    bar.ax.tick_params(labelsize=7, length=2, pad=1)
-    bar.ax.set_title(_value_words(parameter), fontsize=7, loc="left", pad=2)
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
+                  handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0)  # fmt: skip
+    if scale is not None:
+        place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
+        shades, ticks = ScalarMappable(scale, uniform_colours()), [scale.vmin, 0.0, scale.vmax]
+        bar = figure.colorbar(shades, cax=place, orientation="horizontal", ticks=ticks)
+        bar.outline.set_visible(False)
+        bar.ax.tick_params(labelsize=7, length=2, pad=1)
+        bar.ax.set_title(_value_words(parameter), fontsize=7, loc="left", pad=2)
 
 
 @styled
