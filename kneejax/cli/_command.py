@@ -26,7 +26,7 @@ from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
 from kneejax.files import InputProblem, InputProblems
-from kneejax.files.reading import meaning
+from kneejax.files.reading import meaning, together
 
 if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
@@ -106,6 +106,7 @@ class Command(BaseModel):
         example: a line that runs, for the end of its help.
         body: the module whose `run`, or the function after a colon, does the work; imported when
             it is called.
+        renamed: what a calculation calls an argument -> the field that gave it.
     """
 
     model_config = ConfigDict(
@@ -115,6 +116,7 @@ class Command(BaseModel):
     command: ClassVar[str]
     example: ClassVar[str]
     body: ClassVar[str]
+    renamed: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Self:
@@ -244,9 +246,36 @@ class Command(BaseModel):
         importlib.import_module(self.body.partition(":")[0])
 
     def run(self) -> int:
-        """Do the work; the exit status."""
+        """Do the work; the exit status.
+
+        Raises:
+            InputProblem: also what a calculation refuses, said of the option that gave it.
+        """
         module, _, function = self.body.partition(":")
-        return getattr(importlib.import_module(module), function or "run")(self)
+        work = getattr(importlib.import_module(module), function or "run")
+        try:
+            return work(self)
+        except ValueError as problem:
+            every = [*getattr(problem, "problems", (problem,))]
+            if (said := [self.said(one) for one in every]) == every:
+                raise
+            raise together(said) from None
+
+    def said(self, problem: ValueError) -> ValueError:
+        """What a calculation refuses, said of the option that gave it; anything else as it is."""
+        if isinstance(problem, InputProblem):
+            return problem
+        from kneejax.numerics import WrongValue
+
+        if not isinstance(problem, WrongValue):
+            return problem
+        option = option_name(self.renamed.get(problem.field, problem.field))
+        return InputProblem(self.in_errors, f"--{option}", problem.found, problem.expected)
+
+    @property
+    def in_errors(self) -> str:
+        """The command in errors."""
+        return self.command
 
 
 class Written(Command):

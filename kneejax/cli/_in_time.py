@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import asked_knee, knee_words, read_loads, refused
+from kneejax.cli._given import asked_knee, knee_words, read_loads
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.experiments import (
@@ -24,7 +24,6 @@ from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS
 from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
 from kneejax.mechanics import Knee
-from kneejax.numerics import WrongValue
 from kneejax.report import raised_leg_answer, transient_answer
 from kneejax.studies import stages_on_terminal
 
@@ -73,7 +72,7 @@ def fit_dampers(
         motion: options of `kneejax.experiments.beginning`.
 
     Raises:
-        InputProblem: the motion cannot begin, or ends early with the first sizes.
+        WrongValue: the motion cannot begin, or ends early with the first sizes.
     """
     usual = {"critical": 1.0, "damping_N_s_per_mm": 0.1, "dissipation_s_per_mm": 1e-3}
     first = {name: getattr(arguments, name) or usual[name] for name in arguments.free}
@@ -82,15 +81,11 @@ def fit_dampers(
         def report(done: int) -> None:
             show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
 
-        try:
-            begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
-            found = fit_transient(
-                moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
-                most_mm=arguments.error_mm or MOST_ERROR_MM, progress=report,
-            )  # fmt: skip
-        except WrongValue as problem:
-            raise refused("simulate", problem) from None
-    return found
+        begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
+        return fit_transient(
+            moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
+            most_mm=arguments.error_mm or MOST_ERROR_MM, progress=report,
+        )  # fmt: skip
 
 
 def run_in_time(arguments: Simulate) -> int:
@@ -122,19 +117,13 @@ def moving_on_terminal(
     arguments: Simulate, moving: MovingKnee, times: np.ndarray
 ) -> Iterator[dict[str, Any]]:
     """Options of a motion: how exact, and a line on the terminal, where steps stand for the time.
-
-    Raises:
-        InputProblem: the motion cannot begin.
     """
     with stages_on_terminal(moving.knee.name) as show:
 
         def report(done: int) -> None:
             show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
 
-        try:
-            yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": report}
-        except WrongValue as problem:
-            raise refused("simulate", problem) from None
+        yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": report}
 
 
 def _flexion(arguments: Simulate) -> float:
@@ -165,10 +154,7 @@ def _loads(arguments: Simulate, flexion: float):
     if name != "load":
         asked = {k: getattr(arguments, k) for k in ("force_N", "moment_Nm")}
         asked = {k: v for k, v in asked.items() if v is not None}
-        try:
-            (test,) = lab_tests(name, [flexion], **asked, constant=constant)
-        except WrongValue as problem:
-            raise refused("simulate --dynamic", problem) from None
+        (test,) = lab_tests(name, [flexion], **asked, constant=constant)
         full = dict(test.full)
     ramp = 0.1 if arguments.ramp_s is None else arguments.ramp_s
     load_s = np.array([0.0, max(ramp, 1e-9)])

@@ -6,7 +6,7 @@ import numpy as np
 
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, refused, whole_knee
+from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, whole_knee
 from kneejax.cli.options import EXTENSOR, Simulate
 from kneejax.experiments import (
     DrivenExtensor,
@@ -111,13 +111,10 @@ def _tests(arguments: Simulate) -> tuple[LabTest, ...]:
     if name == "load":
         path = load_cycle(steps, arguments.both)
         return (_wrench(given, angles, path, tuple(arguments.hold)),)
-    try:
-        return lab_tests(
-            name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
-            constant=given,
-        )  # fmt: skip
-    except WrongValue as problem:
-        raise refused(f"simulate {name}", problem) from None
+    return lab_tests(
+        name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
+        constant=given,
+    )  # fmt: skip
 
 
 def _wrench(given, angles, path, held) -> LabTest:
@@ -128,11 +125,7 @@ def _wrench(given, angles, path, held) -> LabTest:
     observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
     flexion = range(0, 91, 15) if angles is None else angles
     ordered = {first: given[first], **given}
-    try:
-        angles = tuple(float(x) for x in flexion)
-        return LabTest("load", ordered, observed, angles, path, held=held)
-    except WrongValue as problem:
-        raise refused("simulate load", problem) from None
+    return LabTest("load", ordered, observed, tuple(map(float, flexion)), path, held=held)
 
 
 def run_extensor(arguments: Simulate) -> int:

@@ -9,7 +9,6 @@ from pathlib import Path
 from kneejax import studies
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import said_of_options
 from kneejax.files import (
     Checkpoints,
     InputProblem,
@@ -34,12 +33,10 @@ def objective_maps(arguments: options.Map) -> int:
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    with said_of_options(studies.Map):
-        question = arguments.question()
+    question = arguments.question()
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
-    with said_of_options(studies.Map):
-        studies.check(study, question)
+    studies.check(study, question)
     about = studies.about_maps(study, question)
     store = Checkpoints(
         arguments.out, about, studies.fingerprint(study, question),
@@ -83,15 +80,14 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
 
 def what_data_tell(arguments: options.Identify) -> int:
     """Say what the data of a study determine; write the answer."""
-    with said_of_options(studies.Identify):
-        table = vars(arguments)["candidates"]
-        candidates = None if table is None else [
-            Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
-            for row in read_candidates(table)
-        ]  # fmt: skip
-        question = arguments.question(candidates=candidates)
+    table = vars(arguments)["candidates"]
+    candidates = None if table is None else [
+        Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
+        for row in read_candidates(table)
+    ]  # fmt: skip
+    question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
-    with said_of_options(studies.Identify), stages_on_terminal("fit and limits") as show:
+    with stages_on_terminal("fit and limits") as show:
         found = studies.identify(study, question, progress=show)
     from kneejax.report import identification_answer
 
@@ -104,15 +100,14 @@ def sensitivity(arguments: options.Sensitivity) -> int:
     """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
     if arguments.knees:
         return _knees_side_by_side(arguments)
-    with said_of_options(studies.Sensitivity):
-        # A count is a whole number; what is none is refused as it was given.
-        lines = {
-            name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-            for name, ends in vars(arguments)["sweep"].items()
-        }
-        question = arguments.question(sweep=lines)
+    # A count is a whole number; what is none is refused as it was given.
+    lines = {
+        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+        for name, ends in vars(arguments)["sweep"].items()
+    }
+    question = arguments.question(sweep=lines)
     study = studies.read_study(arguments.study)
-    with said_of_options(studies.Sensitivity), stages_on_terminal() as progress:
+    with stages_on_terminal() as progress:
         found = studies.sensitivity(study, question, progress=progress)
     from kneejax.report.sensitivity import sensitivity_answer
 

@@ -18,6 +18,7 @@ from kneejax.cli._command import (
     Several,
     Written,
     option_name,
+    shown_name,
 )
 from kneejax.cli._words import Split, plain_type
 from kneejax.cli.options._types import KNEE, Knee
@@ -102,6 +103,15 @@ class Asked(Drawn):
         """The question, checked; values that are read of a file in the place of its name."""
         given = {name: getattr(self, name) for name in self.asks.model_fields}
         return self.asks(**given | read)
+
+    def said(self, problem: ValueError) -> ValueError:
+        """Also what the question refuses names the option."""
+        if not isinstance(problem, InputProblem) or problem.file not in self.asks.model_fields:
+            return super().said(problem)
+        option = shown_name(type(self).model_fields[problem.file])
+        return InputProblem(
+            option, problem.field, problem.value, problem.expected, problem.nearest
+        )
 
 
 def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
