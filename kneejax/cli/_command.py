@@ -282,7 +282,7 @@ class Written(Command):
     """A command that writes a folder of results.
 
     Attributes:
-        folder: where, unless `--out` names another one.
+        folder: where, unless `--out` names another one; called as the command by default.
     """
 
     folder: ClassVar[str]
@@ -292,6 +292,11 @@ class Written(Command):
     verbose: Annotated[bool, Group("Results")] = meaning(
         "say what was compiled, and how long it took", False
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        if hasattr(cls, "command") and "folder" not in vars(cls):
+            cls.folder = f"kneejax-{cls.command.replace(' ', '-')}"
 
     @classmethod
     def usual(cls, values: dict[str, Any]) -> dict[str, Any]:

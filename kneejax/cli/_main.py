@@ -14,7 +14,16 @@ from pathlib import Path
 from kneejax.cli._command import Command, Written
 from kneejax.cli._line import CommandLine
 from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
-from kneejax.cli.options import ABOVE, COMMANDS, Completion, ExportOsim, Init, Knees, Rerun
+from kneejax.cli.options import (
+    ABOVE,
+    COMMANDS,
+    EXAMPLE,
+    Completion,
+    ExportOsim,
+    Init,
+    Knees,
+    Rerun,
+)
 from kneejax.files import InputProblem
 
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
@@ -27,7 +36,7 @@ _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 @functools.cache
 def line() -> CommandLine:
     """The command line of kneejax."""
-    return CommandLine(COMMANDS, ABOVE)
+    return CommandLine(COMMANDS, ABOVE, EXAMPLE)
 
 
 def main(arguments: Sequence[str] | None, begun: float) -> int:

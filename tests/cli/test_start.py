@@ -17,7 +17,7 @@ from kneejax.cli._command import Place, Written, is_given, marks
 from kneejax.cli._main import line
 from kneejax.cli._settings import asked_for, command_again
 from kneejax.cli._words import choices_of
-from kneejax.cli.options import ABOVE, Evaluate
+from kneejax.cli.options import ABOVE, EXAMPLE, Evaluate
 from kneejax.files import bundled_path
 
 HEAVY = {
@@ -39,7 +39,9 @@ def help_of(words, capsys):
 
 
 def example(words):
-    return COMMANDS[words].example if words in COMMANDS else ABOVE[" ".join(words)][2]
+    """Of a command; those above several have that of the first one."""
+    below = [one.example for name, one in COMMANDS.items() if words and name[: len(words)] == words]
+    return [*below, EXAMPLE][0]
 
 
 @pytest.mark.parametrize(

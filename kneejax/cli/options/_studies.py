@@ -162,7 +162,6 @@ class Map(
     command: ClassVar = "map"
     example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
     body: ClassVar = "kneejax.cli._studies:objective_maps"
-    folder: ClassVar = "kneejax-map"
 
     def resumes(self) -> bool:
         """Maps go on, part by part."""
@@ -193,7 +192,6 @@ class Sensitivity(
     command: ClassVar = "sensitivity"
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
     body: ClassVar = "kneejax.cli._studies:sensitivity"
-    folder: ClassVar = "kneejax-sensitivity"
 
     knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = meaning(
         "compare knees instead: varus and valgus moments, scores of paper 4; each a " f"{KNEE}", []
@@ -218,7 +216,6 @@ class Identify(
     command: ClassVar = "identify"
     example: ClassVar = "kneejax identify --next-tests 2"
     body: ClassVar = "kneejax.cli._studies:what_data_tell"
-    folder: ClassVar = "kneejax-identify"
 
 
 class CohortSynthesise(Written):
