@@ -198,6 +198,13 @@ class Simulate(Drawn):
         return self.dynamic or self.experiment in IN_TIME
 
     @property
+    def person(self) -> dict[str, float]:
+        """Whose leg it is."""
+        usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0}
+        given = {name: getattr(self, name) for name in usual}
+        return {name: usual[name] if x is None else x for name, x in given.items()}
+
+    @property
     def in_errors(self) -> str:
         """The command in errors, with its experiment."""
         return f"{self.command} {self.experiment}"
