@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -86,6 +85,11 @@ class File:
     """A file that must exist, and what it is."""
 
     kind: str
+
+
+@dataclasses.dataclass(frozen=True)
+class Parameters:
+    """Names of parameters of the command's knee, with what they are set to."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -207,29 +211,6 @@ class Command(BaseModel):
     def problems(self) -> Iterable[InputProblem]:
         """What is wrong with options that are good one by one; for a subclass to say."""
         return ()
-
-    def check_inputs(self, folder: Path, gone: str = "") -> None:
-        """Refuse files and names of bundled data that are missing, before anything is imported.
-
-        Args:
-            folder: to which names of files are relative.
-            gone: file of settings that name them, if they were recorded earlier.
-
-        Raises:
-            InputProblem: a file is missing, or a name is unknown.
-            InputProblems: several are.
-        """
-        problems = []
-        for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            for one in value if isinstance(value, list) else [value]:
-                try:
-                    if one is not None:
-                        _check_input(field, str(one), folder, gone)
-                except InputProblem as problem:
-                    problems.append(problem)
-        if problems:
-            raise problems[0] if len(problems) == 1 else InputProblems(problems)
 
     def options(self) -> dict[str, Any]:
         """Options and their values, defaults among them, as a result's own settings hold them."""
@@ -355,44 +336,3 @@ def _shown(value: Any) -> Any:
     if isinstance(value, dict):
         return next(iter(value), "")
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
-    if marks(field, Angles):
-        from kneejax.files import parse_flexion
-
-        parse_flexion(value)
-    bundled, files = marks(field, Bundled), marks(field, File)
-    named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
-    if not (bundled or files) or any(c in value for c in "*?["):
-        return
-    if os.path.exists(folder / value):
-        if bundled and bundled[0].kind == "studies" and os.path.isfile(folder / value):
-            _check_study(os.fspath(folder / value), bundled[0].others)
-        return
-    if gone and not named:
-        expected = f"a file that is still there; {folder / value} is gone"
-        raise InputProblem(gone, field.alias or "", value, expected)
-    if bundled:
-        from kneejax.files import named_path
-
-        try:
-            named_path(bundled[0].kind, value)
-        except InputProblem as problem:
-            if not gone:
-                raise
-            expected, near = problem.expected, problem.nearest
-            raise InputProblem(gone, field.alias or "", value, expected, near) from None
-        return
-    from kneejax.files.reading import neighbour
-
-    raise InputProblem(value, "file", "missing", files[0].kind, neighbour(folder / value))
-
-
-def _check_study(value: str, others: bool) -> None:
-    """Refuse a study for what its fields say, before JAX is imported."""
-    from kneejax.cohorts import is_cohort
-    from kneejax.studies import check_study_file
-
-    if value.lower().endswith((".yaml", ".yml")) and not (others and is_cohort(value)):
-        check_study_file(value)

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import PlainValidator
 
-from kneejax.files import InputProblem, named_document, nearest_name, reading
+from kneejax.files import InputProblem, reading
 from kneejax.files.reading import Mistakes, Part, by_parameter, checked, choice, meaning, one_of
-from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.studies._fields import MIRROR, UNITS, Values
 from kneejax.studies._lab_tests import (
     COORDINATES,
@@ -81,32 +80,6 @@ def check_fields(study: StudyFields, mistakes: Mistakes) -> None:
         for i, name in enumerate(stage.data):
             with mistakes.gathered(f"stages[{number}].data[{i}]"):
                 choice(name, known)
-
-
-def check_names(study: StudyFields, mistakes: Mistakes) -> None:
-    """Refuse parameters of ligaments that the knee's file shows to be misspelt.
-
-    What a fibre has with what it wraps around, and names of other parts, the knee itself knows.
-    """
-    if not isinstance(study.knee, str) or study.knee.endswith(".json") or study.patella:
-        return
-    document, _ = named_document("knees", study.knee)
-    fibres = document.get("ligaments") if isinstance(document, dict) else None
-    if not isinstance(fibres, dict):
-        return
-    straight = [name for name, one in fibres.items() if isinstance(one, dict) and "wrap" not in one]
-    owners = {*straight, *(document.get("groups") or ())}
-    known = {f"{owner}.{quantity}" for owner in owners for quantity in FIBRE_QUANTITIES}
-    given = [(f"parameters[{number}]", name) for number, name in enumerate(study.parameters)]
-    for field in ("start", "bounds", "set"):
-        given += [(field, name) for name in getattr(study, field)]
-    for place, name in given:
-        owner, _, quantity = name.partition(".")
-        if owner in owners and not any(f"{one}.".startswith(f"{name}.") for one in known):
-            near = nearest_name(quantity, FIBRE_QUANTITIES)
-            if near is not None:
-                expected = f"a parameter of {study.knee}"
-                mistakes.keep(InputProblem("", place, name, expected, f"{owner}.{near}"))
 
 
 def objects_of(

@@ -16,9 +16,9 @@ from pydantic import PrivateAttr
 from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Mistakes, fill, plain, wrong
 from kneejax.quantities import FIBRE_QUANTITIES
-from kneejax.studies._fields import UNITS
+from kneejax.studies._fields import UNITS, misspelt
 from kneejax.studies._lab_tests import check_tests
-from kneejax.studies._reading import check_fields, check_names, objects_of
+from kneejax.studies._reading import check_fields, objects_of
 from kneejax.studies._schema import STUDY_FIELDS, StudyFields
 
 if TYPE_CHECKING:
@@ -354,7 +354,12 @@ def check_study_file(name_or_path: str | os.PathLike[str]) -> None:
     mistakes = Mistakes(os.fspath(path))
     study, fields = Study.__new__(Study), _without_empty(document, mistakes)
     study._fill_alone(plain(fields), mistakes, path.parent)
-    check_names(study, mistakes)
+    if isinstance(study.knee, str):
+        places = {name: f"parameters[{number}]" for number, name in enumerate(study.parameters)}
+        for field in ("start", "bounds", "set"):
+            places |= dict.fromkeys(getattr(study, field), field)
+        for problem in misspelt(study.knee, places):
+            mistakes.keep(problem, places[problem.value])
     mistakes.check()
 
 
