@@ -89,11 +89,7 @@ def view_knee(arguments: View) -> int:
     out, count = arguments.out, state.shape[0]
     files = {bone: getattr(arguments, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
     bones = [_bone(knee, bone, path) for bone, path in files.items() if path is not None]
-    try:
-        report.need_view_packages()
-    except report.MissingPackage as problem:
-        expected = f"{problem.package}, which comes with pip install 'kneejax[view]'"
-        raise InputProblem("kneejax view", problem.package, "not installed", expected) from None
+    report.need_view_packages()
     bones = [report.simplified(bone) for bone in bones]
     with stages_on_terminal(counted(count, "pose")):
         scenes = report.scenes(knee, state, bones)

@@ -123,9 +123,10 @@ def compiled(
                     # Known numbers under `jax.jacfwd`, too: there JAX would compile anew.
                     with eval_context():
                         answer = program(*_unplaced(arguments, static_argnums))
-            except ValueError as problem:
-                if "compiler_options" not in str(problem):
+            except ValueError:
+                if not within:
                     raise
+                # JAX refuses the options in another program; any other fault comes again.
                 return plain(*arguments)
             finally:
                 _compiling.pop(threading.get_ident(), None)

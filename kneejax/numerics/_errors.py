@@ -20,6 +20,7 @@ _WHO_NEEDS = {
     "tables": "tables need",
     "sensitivity": "global indices need",
     "opensim": "inverse dynamics and static optimisation need",
+    "view": "the 3-D view needs",
 }
 
 
@@ -35,7 +36,8 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
         The module.
 
     Raises:
-        MissingPackage: it is not installed; the sentence says what to do.
+        MissingPackage: it is not installed, or lacks something itself; the sentence says what to
+            do.
     """
     try:
         with warnings.catch_warnings():
@@ -44,9 +46,8 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
             warnings.simplefilter("ignore", DeprecationWarning)
             return importlib.import_module(module)
     except ImportError as problem:
-        if problem.name and not module.startswith(problem.name.split(".")[0]):
-            raise
-        raise _missing(package, extra) from problem
+        found = not problem.name or not module.startswith(problem.name.split(".")[0])
+        raise _missing(package, extra, str(problem) if found else "") from problem
 
 
 def check_installed(package: str, extra: str) -> None:
@@ -65,11 +66,10 @@ def check_installed(package: str, extra: str) -> None:
         raise _missing(package, extra)
 
 
-def _missing(package: str, extra: str) -> MissingPackage:
+def _missing(package: str, extra: str, why: str = "") -> MissingPackage:
     what = _WHO_NEEDS.get(extra, f"the {extra} needs")
-    return MissingPackage(
-        f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
-    )
+    state = f"cannot be imported ({why})" if why else "is not installed"
+    return MissingPackage(f"{what} {package}, which {state}: pip install 'kneejax[{extra}]'")
 
 
 class WrongValue(ValueError):

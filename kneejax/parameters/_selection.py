@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
@@ -34,13 +35,21 @@ from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, quantity
 _MOST_SHOWN = 12  # names in an error
 #: Quantity -> the one whose numbers it sets, where that has another name.
 _WRITES = dict.fromkeys(OF_STRAIN, "slack_length") | {"youngs_modulus": "stiffness"}
+_LONG_NAME = re.compile(r"(?<=')([^']{60})[^']{3,}(?=')")
 
 
-class UnknownParameter(ValueError):
+class _Refused(ValueError):
+    """A sentence for the person who gave a name or data: names in quotes end after 60 letters."""
+
+    def __init__(self, sentence: object = ""):
+        super().__init__(_LONG_NAME.sub(r"\1...", str(sentence)))
+
+
+class UnknownParameter(_Refused):
     """A parameter name that the knee does not have."""
 
 
-class UnsuitableData(ValueError):
+class UnsuitableData(_Refused):
     """Data, bounds or options with which no calibration can begin."""
 
 

@@ -16,7 +16,6 @@ from kneejax.report.scene.rendering import OBSTACLE as OBSTACLE
 from kneejax.report.scene.rendering import SLACK as SLACK
 from kneejax.report.scene.rendering import VIEWS as VIEWS
 from kneejax.report.scene.rendering import CannotRender as CannotRender
-from kneejax.report.scene.rendering import MissingPackage as MissingPackage
 from kneejax.report.scene.rendering import need_view_packages as need_view_packages
 from kneejax.report.scene.rendering import pressure_bands as pressure_bands
 from kneejax.report.scene.rendering import simplified as simplified

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS
 from kneejax.report.scene.scene import BoneMesh, Fibre, Plateau, Scene
 from kneejax.report.scene.surfaces import grid_triangles
@@ -106,18 +106,6 @@ _BONE_MM = 16.0
 _END = "#555555"
 
 
-class MissingPackage(ImportError):
-    """A package that the 3-D view needs is not installed.
-
-    Attributes:
-        package: its name.
-    """
-
-    def __init__(self, package: str, why: str):
-        self.package = package
-        super().__init__(f"the 3-D view needs {package} ({why}): pip install 'kneejax[view]'")
-
-
 class CannotRender(RuntimeError):
     """The machine offers nothing to draw with off-screen; the message says what would do."""
 
@@ -210,12 +198,12 @@ def pyvista() -> Any:
     Raises:
         MissingPackage: it is not installed.
     """
-    return _imported("pyvista", "PyVista")
+    return imported("pyvista", "PyVista", "view")
 
 
 def plotly() -> Any:
     """The module of Plotly's graph objects; as `pyvista`."""
-    return _imported("plotly.graph_objects", "Plotly")
+    return imported("plotly.graph_objects", "Plotly", "view")
 
 
 def need_view_packages() -> None:
@@ -228,17 +216,10 @@ def need_view_packages() -> None:
     plotly()
 
 
-def _imported(module: str, name: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise MissingPackage(name, str(error)) from None
-
-
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
-    vtkLogger = _imported("vtkmodules.vtkCommonCore", "VTK").vtkLogger
+    vtkLogger = imported("vtkmodules.vtkCommonCore", "VTK", "view").vtkLogger
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:

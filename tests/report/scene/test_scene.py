@@ -17,6 +17,7 @@ import kneejax as kj
 from kneejax import report
 from kneejax.files import mirror_document, read_knee, write_knee
 from kneejax.geometry import Frame, Pose, WrapCylinder, WrapEllipsoid, WrapSphere
+from kneejax.numerics import MissingPackage
 from kneejax.report.scene.figures import _apart, _head
 from kneejax.report.scene.rendering import (
     VIEWS,
@@ -282,10 +283,10 @@ def test_pictures_and_film(scenes, drawing):
 
 def test_a_missing_package_is_said_with_its_cure(scenes, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(report.MissingPackage, match=r"pip install 'kneejax\[view\]'"):
+    with pytest.raises(MissingPackage, match=r"pip install 'kneejax\[view\]'"):
         report.scene_figure(scenes[0])
     monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
-    with pytest.raises(report.MissingPackage, match="Plotly"):
+    with pytest.raises(MissingPackage, match="Plotly"):
         report.scene_page(scenes)
 
 
