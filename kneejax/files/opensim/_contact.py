@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Offset, shifted
+from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Rigid, shifted
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._xml import Element
@@ -35,7 +35,7 @@ class OsimMesh:
     bone: str  # `femur`, `tibia` or `patella`
     file: str  # name of the surface's file, without folders
     back_file: str  # likewise of its back; empty if none is named
-    frame: Offset  # from the mesh's coordinates to the bone's
+    frame: Rigid  # from the mesh's coordinates to the bone's
     scale: tuple[float, float, float]  # factors of the vertices along x, y, z
     youngs_modulus_MPa: float  # of its layer
     poisson_ratio: float  # of its layer
@@ -73,7 +73,7 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
         pair = [_of_role(model, force, role, meshes) for role in ("target", "casting")]
         places = [model.socket(mesh, "frame") for mesh, _ in pair]
         bones = [knee.bone_of(body) for body, _ in places]
-        if model.applied(force) and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
+        if force.applied and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
             found = {
                 bone: _read(model, mesh, settings, bone, knee.rigid[body][1].after(frame))
                 for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
@@ -92,7 +92,7 @@ def _of_role(
     name = force.last_word(*tags)
     if name not in meshes:
         word = force.word(*tags) or "missing"
-        raise model.file.problem(force, tag, word, f"a {MESH} of the model", meshes)
+        raise force.problem(tag, word, f"a {MESH} of the model", meshes)
     # Earlier versions of JAM keep the material with the force.
     held = force.child(f"{role}_mesh_contact_params")
     if held is not None and meshes[name].child("elastic_modulus") is None:
@@ -101,24 +101,24 @@ def _of_role(
     return meshes[name], meshes[name]
 
 
-def _read(model: Model, mesh: Element, settings: Element, bone: str, carrier: Offset) -> OsimMesh:
-    own = Offset.of(model.point(mesh, "location"), model.point(mesh, "orientation"))
-    x, y, z = (float(x) for x in model.numbers(mesh, "scale_factors", 3, "1 1 1"))
-    modulus = model.numbers(settings, "elastic_modulus", 1, "1000000")[0]
-    ratio = model.numbers(settings, "poissons_ratio", 1, "0.5")[0]
-    thickness = model.numbers(settings, "thickness", 1, "0.005")[0]
+def _read(model: Model, mesh: Element, settings: Element, bone: str, carrier: Rigid) -> OsimMesh:
+    own = Rigid.of(mesh.point("location"), mesh.point("orientation"))
+    x, y, z = (float(x) for x in mesh.numbers("scale_factors", 3, "1 1 1"))
+    modulus = settings.numbers("elastic_modulus", 1, "1000000")[0]
+    ratio = settings.numbers("poissons_ratio", 1, "0.5")[0]
+    thickness = settings.numbers("thickness", 1, "0.005")[0]
     for tag, value in (("elastic_modulus", modulus), ("thickness", thickness)):
         if value <= 0:
-            raise model.file.problem(settings, tag, settings.word(tag), "a number above 0")
+            raise settings.problem(tag, settings.word(tag), "a number above 0")
     if not 0 <= ratio <= Decimal("0.5"):
         word = settings.word("poissons_ratio")
-        raise model.file.problem(settings, "poissons_ratio", word, "a ratio from 0 to 0.5")
+        raise settings.problem("poissons_ratio", word, "a ratio from 0 to 0.5")
     file, back_file = (PurePosixPath(PureWindowsPath(word).as_posix()).name for word in (
         mesh.word("mesh_file", "filename"), mesh.word("mesh_back_file")))
     return OsimMesh(
         mesh.name, bone, file, back_file, carrier.after(own), (x, y, z),
         shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM),
-        model.truth(settings, "use_variable_thickness", False),
+        settings.truth("use_variable_thickness", False),
     )
 
 
@@ -126,7 +126,7 @@ def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> 
     tag = "elastic_foundation_formulation"
     word = force.word(tag, default="linear")
     if word not in _LAWS:
-        raise model.file.problem(force, tag, word, f"one of {', '.join(_LAWS)}")
+        raise force.problem(tag, word, f"one of {', '.join(_LAWS)}")
     law, pair = _LAWS[word], (femur, other)
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     doubts = []
@@ -140,7 +140,7 @@ def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> 
     ratio = float(sum(Decimal(repr(mesh.poisson_ratio)) for mesh in pair) / 2)
     modulus = float(sum(Decimal(repr(mesh.youngs_modulus_MPa)) for mesh in pair) / 2)
     same = len({(mesh.youngs_modulus_MPa, mesh.poisson_ratio) for mesh in pair}) == 1
-    if not same and model.truth(force, "use_lumped_contact_model", True):
+    if not same and force.truth("use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
@@ -281,7 +281,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
         expected = f"this file; there is {present}{without}"
         known = sorted(path.name for path in by_lower.values())
         raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
-    still = mesh.frame.rotation is None and not any(mesh.frame.translation)
+    still = mesh.frame.turn is None and not any(mesh.frame.shift)
     if still and mesh.scale == (1.0, 1.0, 1.0):
         return path
     import trimesh
@@ -290,7 +290,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     scaled = np.asarray(loaded.vertices) * np.asarray(mesh.scale)
     size = float(np.max(np.ptp(scaled, axis=0)))
     unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
-    shift = np.asarray(mesh.frame.translation, float) * unit
+    shift = np.asarray(mesh.frame.shift, float) * unit
     loaded.vertices = scaled @ mesh.frame.matrix.T + shift
     # What is said about it names the file that a person knows.
     moved = scratch / mesh.bone / ("back" if back else "front") / f"{path.stem}.stl"

@@ -152,7 +152,7 @@ def couple_knee(
         found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
         found += ", upwards" * upwards + ", with other axes" * bones.turned
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
-        raise model.file.problem(joint.element, "joint", found, expected)
+        raise joint.element.problem("joint", found, expected)
     name = flexion_coordinate(model, bones)
     slope, constant = _flexion_of(model, bones, name)
     gone = {c.name for c in joint.coordinates if c.name != name}
@@ -171,7 +171,7 @@ def couple_knee(
     shift = float(np.mean(own))
     if np.rad2deg(np.abs(own - shift)).max() > _STRAIGHT_DEG:
         expected = "frames of the joint whose Z axis is that of the femur, for flexion about it"
-        raise model.file.problem(joint.element, "frames", "turned", expected)
+        raise joint.element.problem("frames", "turned", expected)
     transform = joint.element.child("SpatialTransform")
     assert transform is not None  # otherwise nothing would turn
     wrapped = any(e.tag == "function" for e in transform.iter())
@@ -234,7 +234,7 @@ def _flexion_of(model: Model, bones: OsimKneeJoint, name: str) -> tuple[float, f
     if off > 1.0:
         expected = "flexion that is the coordinate but for its sign and a constant"
         found = f"up to {off:.2g} degrees otherwise"
-        raise model.file.problem(bones.joints[0].element, name, found, expected)
+        raise bones.joints[0].element.problem(name, found, expected)
     return slope, round(constant, 12) + 0.0
 
 
@@ -248,7 +248,7 @@ def _between_frames(
     turn, mirror = np.moveaxis(np.array(rows, float), -1, 0), MIRROR[bones.side]
     place = table[:, 3:] + np.einsum("nij,j->ni", turn, shifts.tibia) - shifts.femur
     there = Rigid(mirror @ turn @ mirror, 1e-3 * place @ mirror)
-    parent, child = Rigid.of(joint.parent_frame), Rigid.of(joint.child_frame)
+    parent, child = joint.parent_frame, joint.child_frame
     return poses_of(parent.inverse().after(there).after(child), bones.side)
 
 
@@ -261,7 +261,7 @@ def _take_out(model: Model, joint: Joint, gone: set[str]) -> list[str]:
             words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
             if gone & words:
                 expected = "a coordinate that stays: this one follows flexion from now on"
-                raise model.file.problem(element, child.tag, ", ".join(gone & words), expected)
+                raise element.problem(child.tag, ", ".join(gone & words), expected)
         own = element.tag == "Coordinate" and element.name in gone
         own = own and joint.element in element.iterancestors()
         if own or {element.last_word(tag) for tag in _ON_COORDINATE} & gone:

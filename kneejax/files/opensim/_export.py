@@ -19,11 +19,12 @@ from kneejax.files.knee import KneeFile, check_knee, read_knee
 from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
 from kneejax.files.opensim._exact import (
     METRES_TO_MM,
-    Offset,
-    Point,
+    Rigid,
     angles_xyz,
+    decimals,
+    metres,
+    millimetres,
     radians,
-    shifted,
     turn_xyz,
     unshifted,
     write_decimal,
@@ -187,32 +188,27 @@ class _Edits:
         elif changed and leaf is not None:
             leaf.set_words(words, changed)
 
-    def vector(self, parent: Element, tag: str, carrier: Offset, old, new, turns=False) -> None:
+    def vector(self, parent: Element, tag: str, carrier: Rigid, old, new, turns=False) -> None:
         """Move a point, mm, or turn what has three angles, degrees, which a child states in
         coordinates that `carrier` takes to the bone's."""
         changed = [i for i in range(3) if float(new[i]) != old[i]]
         if not changed:
             return
-        given = [radians(float(x)) if turns else unshifted(x, METRES_TO_MM) for x in new]
-        if carrier.rotation is None:
-            stated = self.model.point(parent, tag)
-            inner = given if turns else carrier.point_back((given[0], given[1], given[2]))
+        given = [radians(float(x)) for x in new] if turns else metres(new)
+        if carrier.turn is None:
+            stated = parent.point(tag)
+            inner = given if turns else carrier.point_back(given)
             kept = [inner[i] if i in changed else stated[i] for i in range(3)]
             return self.numbers(parent, tag, kept, changed)
         back = carrier.matrix.T
         if turns:
-            inner = _decimals(angles_xyz(back @ turn_xyz(np.deg2rad(new))))
+            inner = decimals(angles_xyz(back @ turn_xyz(np.deg2rad(new))))
             return self.numbers(parent, tag, inner, range(3))
-        inner = carrier.point_back((given[0], given[1], given[2]))
+        inner = carrier.point_back(given)
         for _ in range(3):  # a rounding of the way there is taken back
-            there = [shifted(x, METRES_TO_MM) for x in carrier.point(inner)]
-            inner = _decimals(np.array(inner, float) + back @ np.subtract(new, there) / 1e3)
+            there = millimetres(carrier.point(inner))
+            inner = decimals(np.array(inner, float) + back @ np.subtract(new, there) / 1e3)
         self.numbers(parent, tag, inner, range(3))
-
-
-def _decimals(values: np.ndarray) -> Point:
-    x, y, z = (Decimal(repr(float(value))) for value in values)
-    return x, y, z
 
 
 def _write_ligaments(
@@ -282,7 +278,7 @@ def _write_wraps(edits: _Edits, stated: _Stated, base: OsimImport) -> None:
         for field, tag, count in WRAP_KINDS[wrap.element.tag][1]:
             new, was = (x[field] if count > 1 else [x[field]] for x in (entry, old))
             changed = [i for i in range(count) if float(new[i]) != was[i]]
-            edits.numbers(wrap.element, tag, [unshifted(x, METRES_TO_MM) for x in new], changed)
+            edits.numbers(wrap.element, tag, metres(new), changed)
             edits.say(f"{name}.{field}", old[field], entry[field])
 
 
@@ -326,8 +322,7 @@ def _fibre(name: str, entry: dict[str, Any], stated: _Stated, base: OsimImport) 
     via = [(one["bone"], one["point_mm"]) for one in entry.get("via_points", ())]
     ends = (FEMUR, entry["femoral_attachment_mm"]), (TIBIA, entry["tibial_attachment_mm"])
     for number, (bone, point) in enumerate((ends[0], *via, ends[1]), start=1):
-        x, y, z = (unshifted(x, METRES_TO_MM) for x in point)
-        location = base.knee.rigid[bodies[bone]][1].point_back((x, y, z))
+        location = base.knee.rigid[bodies[bone]][1].point_back(metres(point))
         one = etree.SubElement(objects, "PathPoint", name=f"{name}-P{number}")
         etree.SubElement(one, on_body).text = prefix + bodies[bone]
         etree.SubElement(one, "location").text = " ".join(write_decimal(x) for x in location)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.opensim._exact import MIRROR, Offset, Rigid, poses_of
-from kneejax.files.opensim._joints import at_defaults, moved, placed_above, read_joints, turning
+from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim._joints import moved, read_joints, turning
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._ligaments import OsimLigament
 from kneejax.files.opensim._model import GROUND, Model, read_model
@@ -94,14 +94,14 @@ def anatomical(
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
     expected = f"bodies with {_WANTED}"
-    raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
+    raise knee.joints[0].element.problem("axes", "; ".join(found), expected)
 
 
 def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
     """The knee with turned axes of all its bones."""
     if np.array_equal(rotation, np.eye(3)):
         return knee
-    turn = Offset(rotation)
+    turn = Rigid(rotation)
     back = turn.inverse()
     return dataclasses.replace(
         knee, turned=True,
@@ -125,16 +125,15 @@ def _turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str):
 def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
-    own = {id(joint.element) for joint in knee.joints}
     for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
         places = [
-            knee.rigid[body][1].point(frame.translation)
+            knee.rigid[body][1].point(frame.shift)
             for joint in (knee.joints[0], knee.joints[-1]) for body, frame in joint.ends
             if knee.bone_of(body) == bone
         ]
         middle = np.array(places or [(0, 0, 0)], float).mean(axis=0)
         for joint in joints:
-            if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:
+            if not joint.coordinates or joint.kind == "FreeJoint" or joint in knee.joints:
                 continue
             near = [end for end in joint.ends if knee.bone_of(end[0]) == bone]
             far = [body for body, _ in joint.ends if body not in knee.rigid]
@@ -144,7 +143,7 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
             if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
                 continue
             (body, frame), = near
-            center = np.array(knee.rigid[body][1].point(frame.translation), float)
+            center = np.array(knee.rigid[body][1].point(frame.shift), float)
             way = 1e3 * (center - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
@@ -186,11 +185,9 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     if len(found) != 1:
         return None, 0.0
     (bend,) = found
-    above = {joint.child: joint for joint in read_joints(model)}
-    above |= {joint.child: at_defaults(joint, {bend.name: bend.default + 0.1})
-              for joint in knee.joints}
-    there = placed_above(model, above, knee.femur).inverse()
-    there = there.after(placed_above(model, above, knee.tibia))
+    # By this coordinate alone: nothing that is coupled to it follows.
+    bent = {c.name: c.default for c in every} | {bend.name: bend.default + 0.1}
+    there = moved(model, bent).between(knee.femur, knee.tibia)
     turn = there.matrix @ knee.tibia_in_femur.matrix.T
     axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     if np.linalg.norm(axis) < 1e-3:
@@ -280,7 +277,7 @@ def registration(
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
-        raise model.file.problem(bones.joints[0].element, "axes", axes.unusual[-1], expected)
+        raise bones.joints[0].element.problem("axes", axes.unusual[-1], expected)
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
     if frames == "same" or (frames == "auto" and _made_of(model, document)):
@@ -343,7 +340,7 @@ def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
     names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]
     if not names:
         joint = bones.joints[0]
-        raise model.file.problem(joint.element, "coordinates", "none", "an angle of the knee")
+        raise joint.element.problem("coordinates", "none", "an angle of the knee")
     return names[0]
 
 

@@ -70,10 +70,10 @@ def read_external_loads(
     file = parse_xml(path, KIND)
     top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
     if top is None:
-        raise file.problem(file.root, "", file.root.tag, f"{KIND}: an element ExternalLoads")
+        raise file.root.problem("", file.root.tag, f"{KIND}: an element ExternalLoads")
     word = top.word("datafile")
     if not word:
-        raise file.problem(top, "datafile", "missing", "the table of forces")
+        raise top.problem("datafile", "missing", "the table of forces")
     table = read_storage(Path(path).parent / word)
     found = [
         _force(file, e, model, table, called or {}) for e in top.inside("objects")
@@ -81,7 +81,7 @@ def read_external_loads(
         and e.word("appliesForce").lower() != "false"
     ]
     if not found:
-        raise file.problem(top, "objects", "none", "at least one ExternalForce")
+        raise top.problem("objects", "none", "at least one ExternalForce")
     return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
 
 
@@ -96,7 +96,7 @@ def _force(
         name = model.named(back.get(last, last))
         if not name:
             expected = "a body of the model"
-            raise file.problem(element, tag, word or "missing", expected, model.bodies)
+            raise element.problem(tag, word or "missing", expected, model.bodies)
         return name
 
     def columns(tag: str, needed: bool) -> tuple[str, ...]:
@@ -213,8 +213,8 @@ def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
     """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
     center of mass and its joints; m, `(n,)`."""
     model, here = movement.model, movement.placed[body]
-    marks = [np.zeros(3), np.array(model.point(model.bodies[body], "mass_center"), float)]
-    marks += [np.array(frame.translation, float) for joint in movement.joints
+    marks = [np.zeros(3), np.array(model.bodies[body].point("mass_center"), float)]
+    marks += [np.array(frame.shift, float) for joint in movement.joints
               if GROUND not in (joint.parent, joint.child)
               for end, frame in joint.ends if end == body]
     return np.min([np.linalg.norm(point - here.point(np.broadcast_to(mark, point.shape)), axis=1)

@@ -117,7 +117,7 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
         others = collections.Counter(e.tag for e in model.forces() if _pulls(e))
         listed = ", ".join(f"{n} of class {tag}" for tag, n in others.items())
         plain = f"none that is supported, but {listed}" if others else "none"
-        raise model.file.problem(model.root, "ligaments", plain, f"at least one {KIND}")
+        raise model.root.problem("ligaments", plain, f"at least one {KIND}")
     for element in elements:
         key = keys(element.name, "ligament")
         try:
@@ -162,7 +162,7 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
         raise _Outside(f"does not leave the {bones[0]}")
     if len(bones) > 2:
         raise _Unsupported("runs over three bones")
-    if not model.applied(element):
+    if not element.applied:
         raise _Outside("switched off in the model (appliesForce or isDisabled)")
     for point in points:
         if point.element.tag != "PathPoint":
@@ -188,8 +188,7 @@ def _wrap(
         name = path_wrap.last_word("wrap_object")
         same = [wrap for wrap in wraps if wrap.element.name == name]
         if not same:
-            raise model.file.problem(
-                path_wrap, "wrap_object", path_wrap.word("wrap_object") or "missing",
+            raise path_wrap.problem("wrap_object", path_wrap.word("wrap_object") or "missing",
                 f"a wrap object of the model ({element.tag} {element.name} goes around it)",
                 [wrap.element.name for wrap in wraps],
             )
@@ -225,14 +224,14 @@ def _wrap(
 def _numbers(model: Model, element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
     values, assumed = {}, []
     for field, (tag, own) in NUMBERS.items():
-        if not model.word(element, tag):
+        if not element.word(tag):
             assumed.append(field)
-        values[field] = model.numbers(element, tag, 1, own)[0]
+        values[field] = element.numbers(tag, 1, own)[0]
         limit = ">= 0" if field == "damping_N_s" else "> 0"
         if values[field] < 0 or (values[field] == 0 and field != "damping_N_s"):
             unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
-            word = model.word(element, tag) or f"{own} (OpenSim's default)"
-            raise model.file.problem(element, tag, word, f"a number {limit}{unit}")
+            word = element.word(tag) or f"{own} (OpenSim's default)"
+            raise element.problem(tag, word, f"a number {limit}{unit}")
     return values, tuple(assumed)
 
 
@@ -256,8 +255,7 @@ def outside_obstacles(
         shape = f"the {kind.removeprefix('Wrap').lower()} {ligament.wrap.key}"
         shape += "" if there else " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
-            raise model.file.problem(
-                ligament.element, where, f"{depth:.3g} mm inside {shape}",
+            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",
                 "a point outside what the fibre goes around; --inside straight leaves the "
                 f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
             )
@@ -276,8 +274,8 @@ def check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigamen
         length = 1e3 * float(np.linalg.norm(last - first))
         allowed = RANGES["length_mm"]
         if not allowed.holds(length):
-            raise model.file.problem(
-                ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
+            raise ligament.element.problem(
+                "attachments", f"{length:.4g} mm apart at the reference pose",
                 f"{allowed}: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
             )

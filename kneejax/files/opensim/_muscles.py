@@ -73,7 +73,7 @@ def find_muscles(
     """
     wraps, found = read_wraps(model), []
     for element in model.muscles():
-        if not model.applied(element):
+        if not element.applied:
             continue
         points = path_points(model, element)
         bones = [knee.bone_of(point.body) for point in points]
@@ -87,7 +87,7 @@ def find_muscles(
             notes.append(f"Muscle {element.name} was left out: its path has {why}.")
             continue
         wrap = wrap_of(element, wraps, knee, (bones[0], bones[-1]), doubts)
-        strongest = model.number(element, "max_isometric_force", "1000")
+        strongest = element.number("max_isometric_force", "1000")
         found.append(OsimMuscle(element, tuple(points), wrap, strongest))
     return found
 
@@ -253,13 +253,13 @@ def _way(movement: Movement, element: Element, points: list[OsimPoint], below: s
 def _in_ground(movement: Movement, point: OsimPoint) -> tuple[np.ndarray, np.ndarray]:
     """Where a point of a path is in the ground, `(n, 3)`, m, and whether the path goes there."""
     element = point.element
-    carrier = movement.placed[point.body].after(Rigid.of(point.frame))
+    carrier = movement.placed[point.body].after(point.frame)
     shape = carrier.shift.shape[:-1]
     local, active = np.array(point.location, float), np.ones(shape, bool)
     if element.tag == "MovingPathPoint":
         local = np.stack([_along(movement, element, axis, shape) for axis in "xyz"], -1)
     if element.tag == "ConditionalPathPoint":
-        low, high = (float(x) for x in movement.model.numbers(element, "range", 2))
+        low, high = (float(x) for x in element.numbers("range", 2))
         value = movement.values[_coordinate(movement, element, "coordinate")]
         active = (value >= low - 1e-5) & (value <= high + 1e-5)
     return carrier.point(np.broadcast_to(local, (*shape, 3))), active
@@ -279,19 +279,18 @@ def _coordinate(movement: Movement, element: Element, tag: str) -> str:
     name = name or element.last_word(tag)
     if name not in movement.values:
         expected = "a coordinate of the model"
-        raise movement.model.file.problem(
-            element, tag, name or "missing", expected, movement.values
+        raise element.problem(tag, name or "missing", expected, movement.values
         )
     return name
 
 
 def tension_of_ligament(movement: Movement, way: Way) -> np.ndarray:
     """Tension of a ligament from above the thigh, by the length that its path has, N."""
-    model, element = movement.model, way.element
-    strain = jnp.asarray(way.length / model.number(element, "slack_length", "0") - 1.0)
+    element = way.element
+    strain = jnp.asarray(way.length / element.number("slack_length", "0") - 1.0)
     return np.asarray(ligament_law.exact_tension(
-        strain, model.number(element, "linear_stiffness", "1"),
-        model.number(element, "transition_strain", "0.06"),
+        strain, element.number("linear_stiffness", "1"),
+        element.number("transition_strain", "0.06"),
     ))
 
 

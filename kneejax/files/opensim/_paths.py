@@ -5,19 +5,18 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterable
-from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
 from kneejax.files.opensim._exact import (
-    METRES_TO_MM,
     ORIGIN,
-    Offset,
     Point,
+    Rigid,
     angles_xyz,
+    decimals,
     degrees,
-    shifted,
+    millimetres,
     turn_xyz,
 )
 from kneejax.files.opensim._knee import OsimKneeJoint
@@ -43,10 +42,10 @@ class OsimPoint:
 
     element: Element
     body: str  # that carries its frame
-    frame: Offset  # from the coordinates that it is stated in to the body's
+    frame: Rigid  # from the coordinates that it is stated in to the body's
     location: Point  # m, as stated
 
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
+    def carrier_in_bone(self, knee: OsimKneeJoint) -> Rigid:
         """The motion from the coordinates that it is stated in to its bone's."""
         return knee.rigid[self.body][1].after(self.frame)
 
@@ -56,7 +55,7 @@ class OsimPoint:
 
     def in_bone_mm(self, knee: OsimKneeJoint) -> list[float]:
         """Likewise, mm."""
-        return [shifted(x, METRES_TO_MM) for x in self.in_bone(knee)]
+        return millimetres(self.in_bone(knee))
 
     def in_femur(self, knee: OsimKneeJoint) -> Point:
         """The point in the femur at the reference pose, m."""
@@ -70,7 +69,7 @@ class OsimWrap:
     element: Element
     key: str  # its name; with `#2` if another one before it has the same
     body: str  # that carries it
-    frame: Offset  # from the carrier's coordinates to the body's
+    frame: Rigid  # from the carrier's coordinates to the body's
     active: bool  # whether the model uses it
 
     @property
@@ -89,7 +88,7 @@ class OsimWrap:
             return f"its wrap object {self.key} is confined to the quadrant {quadrant}"
         return ""
 
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
+    def carrier_in_bone(self, knee: OsimKneeJoint) -> Rigid:
         """The motion from the coordinates that it is stated in to its bone's."""
         return knee.rigid[self.body][1].after(self.frame)
 
@@ -101,26 +100,26 @@ class OsimWrap:
         """
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier = self.carrier_in_bone(knee)
-        center = carrier.point(model.point(self.element, "translation"))
-        turn = model.point(self.element, "xyz_body_rotation")
-        if carrier.rotation is None:
+        center = carrier.point(self.element.point("translation"))
+        turn = self.element.point("xyz_body_rotation")
+        if carrier.turn is None:
             angles = [degrees(x) for x in turn]
         else:
-            inner = angles_xyz(carrier.rotation @ turn_xyz(turn))
-            angles = [degrees(Decimal(repr(float(x)))) for x in inner]
+            inner = angles_xyz(carrier.turn @ turn_xyz(turn))
+            angles = [degrees(x) for x in decimals(inner)]
         document: dict[str, Any] = {
             "kind": kind,
             "bone": knee.bone_of(self.body),
-            "center_mm": [shifted(x, METRES_TO_MM) for x in center],
+            "center_mm": millimetres(center),
         }
         if any(angles):
             document["rotation_deg"] = angles
         for field, tag, count in sizes:
-            values = model.numbers(self.element, tag, count)
+            values = self.element.numbers(tag, count)
             if min(values) <= 0:
                 word = self.element.word(tag)
-                raise model.file.problem(self.element, tag, word, "sizes above 0 m")
-            lengths = [shifted(x, METRES_TO_MM) for x in values]
+                raise self.element.problem(tag, word, "sizes above 0 m")
+            lengths = millimetres(values)
             document[field] = lengths if count > 1 else lengths[0]
         if self.side:
             document["side"] = self.side
@@ -143,11 +142,11 @@ class OsimWrap:
 def path_point(model: Model, element: Element) -> OsimPoint:
     """A point of a path with the body that carries it."""
     if element.child("body") is not None:
-        body, frame = model.body_of(element, "body"), Offset()
+        body, frame = model.body_of(element, "body"), Rigid()
     else:
         body, frame = model.socket(element, "parent_frame")
     moving = element.tag == "MovingPathPoint"
-    location = ORIGIN if moving else model.point(element, "location")
+    location = ORIGIN if moving else element.point("location")
     return OsimPoint(element, body, frame, location)
 
 
@@ -182,7 +181,7 @@ def read_wraps(model: Model) -> list[OsimWrap]:
             continue
         carrier = next((e for e in element.iterancestors() if e in carriers), None)
         if carrier is not None:
-            active = model.truth(element, "active", True)
+            active = element.truth("active", True)
             answer.append(OsimWrap(element, keys(element.name), *model.place(carrier), active))
     return answer
 

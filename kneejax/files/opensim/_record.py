@@ -172,7 +172,7 @@ def sorted_files(
                     f"muscles, or with reactions on {bones.tibia}; forces of the ground come with "
                     "their .xml"
                 )
-                found = ", ".join([*words][:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
+                found = ", ".join(sorted(words)[:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
                 raise InputProblem(file, "columns", found, expected, flexion if near else None)
         if kind in kinds:
             raise InputProblem(file, "file", f"a second table of {kind}", "one of each kind")
@@ -223,7 +223,7 @@ def acting_on(
     """What acts besides muscles, by name, in the knee's tibia; the leg's mass; force of the ground
     on this foot."""
     model = movement.model
-    gravity = np.array(model.point(model.root, "gravity", "0 -9.80665 0"), float)
+    gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     masses = [_mass(model, around, name) for name in sorted(below)]
     if given.ground is not None:
         ground = on_bodies(given.ground, movement, below, time)
@@ -247,14 +247,14 @@ def acting_on(
 
 def _mass(model: Model, around: Movement, name: str) -> MovingMass:
     element = model.bodies[name]
-    center = np.array(model.point(element, "mass_center"), float)
+    center = np.array(element.point("mass_center"), float)
     if element.child("inertia") is not None:
-        xx, yy, zz, xy, xz, yz = map(float, model.numbers(element, "inertia", 6))
+        xx, yy, zz, xy, xz, yz = map(float, element.numbers("inertia", 6))
     else:
         tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
-        xx, yy, zz, xy, xz, yz = (model.number(element, tag, "0") for tag in tags)
+        xx, yy, zz, xy, xz, yz = (element.number(tag, "0") for tag in tags)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    there, mass = around.placed[name], model.number(element, "mass", "0")
+    there, mass = around.placed[name], element.number("mass", "0")
     return MovingMass(mass, inertia, there.turn, there.point(center), _STEP_S)
 
 

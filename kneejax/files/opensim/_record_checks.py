@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.opensim._functions import UnknownFunction, evaluate
+from kneejax.files.opensim._functions import evaluate
 from kneejax.files.opensim._joints import (
     Joint,
     coordinate_columns,
@@ -144,11 +144,10 @@ def _missing(
     """Of each joint but the knee's between the ground and the bodies below the knee, coordinates
     that are free, and those of them which neither the table nor the model states."""
     joints = read_joints(model)
-    above = {joint.child: joint for joint in joints}
     known = {*coordinate_columns(model, table), *(name for _, name, _ in couplers(model)),
              *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
     own = {joint.name for joint in bones.joints}
-    on_way = {joint.name: joint for body in sorted(below) for joint in chain(above, body)}
+    on_way = {joint.name: joint for body in sorted(below) for joint in chain(joints, body)}
     for name, joint in on_way.items():
         free = [c.name for c in joint.coordinates if not c.locked]
         if name not in own:
@@ -162,12 +161,7 @@ def with_prescribed(
     and the model prescribes over time."""
     found = dict(values)
     for c in coordinates_of(read_joints(model)):
-        if c.prescribed is None or c.name in values:
-            continue
-        try:
+        if c.prescribed is not None and c.name not in values:
             amount = np.asarray(evaluate(c.prescribed, [time]), float)
-        except UnknownFunction as kind:
-            expected = "a function that kneejax knows, or a column of this coordinate"
-            raise model.file.problem(c.prescribed, c.name, str(kind), expected) from None
-        found[c.name] = np.broadcast_to(amount, time.shape)
+            found[c.name] = np.broadcast_to(amount, time.shape)
     return found

@@ -167,7 +167,7 @@ def _attached(
 
 
 def _how(model: Model, element: Element) -> str:
-    if not model.applied(element):
+    if not element.applied:
         return OFF
     if element.tag.endswith("Actuator"):
         return DRIVEN

@@ -129,7 +129,7 @@ def whole_body(
     if actuators is not None:
         file = parse_xml(actuators, _ACTUATORS)
         if all(element.tag != "ForceSet" for element in file.root.iter("*")):
-            raise file.problem(file.root, "", file.root.tag, _ACTUATORS)
+            raise file.root.problem("", file.root.tag, _ACTUATORS)
     common_times(tables)
     begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
     if time_s is not None:
