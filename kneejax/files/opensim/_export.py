@@ -223,7 +223,7 @@ def _write_ligaments(
             expected = f"a fibre of {base.model.name} that spans the knee, or --replace to add it"
             raise InputProblem(stated.path, place, key, expected, by_key)
         ligament, old = base.ligaments[by_key[key]], base.document["ligaments"][by_key[key]]
-        for field, (tag, _) in NUMBERS.items():
+        for field, (tag, *_) in NUMBERS.items():
             if field in entry:
                 new = float(entry[field])
             elif field == "slack_length_mm":
@@ -330,7 +330,7 @@ def _fibre(name: str, entry: dict[str, Any], stated: _Stated, base: OsimImport) 
         objects = etree.SubElement(etree.SubElement(path, "PathWrapSet"), "objects")
         wrap = etree.SubElement(etree.SubElement(objects, "PathWrap"), "wrap_object")
         wrap.text = stated.key("wraps", entry["wrap"])
-    for field, (tag, _) in NUMBERS.items():
+    for field, (tag, *_) in NUMBERS.items():
         places = METRES_TO_MM if field == "slack_length_mm" else 0
         etree.SubElement(fibre, tag).text = write_decimal(unshifted(entry[field], places))
     etree.indent(fibre, space="\t")

@@ -30,7 +30,12 @@ from kneejax.files.opensim._joints import (
 )
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._muscles import Crossing, crossing, muscles_of, tension_of_ligament
+from kneejax.files.opensim._record_muscles import (
+    Crossing,
+    crossing,
+    muscles_of,
+    tension_of_ligament,
+)
 from kneejax.files.reading import InputProblem, counted, nearest_name
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State

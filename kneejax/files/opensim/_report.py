@@ -75,7 +75,7 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     return {
         "What was taken as what": [*knee.findings, *knee.unusual, *model.notes],
         "Joint": [f"Reference pose, from the coordinates' defaults: {', '.join(pose)}", *joints],
-        "Patella and muscles read": [*patella, *read.patella_notes],
+        "Patella and muscles read": [*patella, *read.patella.notes],
         "Wrap objects read": [_wrap(read, wrap) for wrap in read.wraps],
         "Contact": contacts,
         "Not supported": list(read.doubts),

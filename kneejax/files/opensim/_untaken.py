@@ -13,9 +13,10 @@ from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._xml import Element
 from kneejax.geometry import PATELLA
 
-ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE = (
+ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
     "acts on the knee", "acts on the knee in motion only", "acts on the knee when it is driven",
     "would act on the knee, switched off in the model", "does not act on this knee",
+    "as asked by --without", "as asked by --without-patella",
 )
 #: What a class of OpenSim is called by, the first that fits, in the singular and the plural.
 _KINDS = (
@@ -48,10 +49,13 @@ class Untaken:
 
 
 def untaken(
-    model: Model, knee: OsimKneeJoint, taken: Iterable[Element]
+    model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
+    patella: bool,
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those that were read or about which everything has been said, and
     bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
+
+    `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`.
 
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
@@ -84,14 +88,18 @@ def untaken(
         sides = {parts[body] for body in on}
         alone = not any(child.tag.endswith("Path") for child in element.children) and len(on) == 1
         across = len(sides) > 1 or (alone and sides != {joined})
-        how = _how(model, element) if asked or (across and on & near) else ELSEWHERE
-        patella = any(knee.bone_of(body) == PATELLA for body in on)
+        how = _how(element) if asked or (across and on & near) else ELSEWHERE
+        goes = any(knee.bone_of(body) == PATELLA for body in on) or element.tag.endswith("Muscle")
+        if element.name in unwanted:
+            how = ASKED
+        elif goes and not patella and how != ELSEWHERE:
+            how = WITHOUT_PATELLA
         said = tuple(sorted(on & near if across else set()) + sorted(asked))
-        answer.append(Untaken(element, how, said, patella or element.tag.endswith("Muscle")))
+        answer.append(Untaken(element, how, said, goes))
     return answer, [body for body in inner if body not in knee.rigid]
 
 
-def listed(found: Collection[Untaken]) -> list[str]:
+def listed(found: Iterable[Untaken]) -> list[str]:
     """Things counted by class, with their names and what they are attached to.
 
     Example:
@@ -166,7 +174,7 @@ def _attached(
     return on, asked
 
 
-def _how(model: Model, element: Element) -> str:
+def _how(element: Element) -> str:
     if not element.applied:
         return OFF
     if element.tag.endswith("Actuator"):
