@@ -153,7 +153,7 @@ def couple_knee(
         found += ", upwards" * upwards + ", with other axes" * bones.turned
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
         raise joint.element.problem("joint", found, expected)
-    name = flexion_coordinate(model, bones)
+    name = flexion_coordinate(bones)
     slope, constant = _flexion_of(model, bones, name)
     gone = {c.name for c in joint.coordinates if c.name != name}
     changes = _take_out(model, joint, gone)

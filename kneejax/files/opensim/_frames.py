@@ -330,7 +330,7 @@ def registered(
     return registration(model, find_knee(model, side, *(bones or ())), knee, document, frames)
 
 
-def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
+def flexion_coordinate(bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee: the first angle of its joints.
 
     Raises:
@@ -363,7 +363,7 @@ def _made_of(model: Model, document: dict[str, Any]) -> bool:
 def _flexion_line(model: Model, bones: OsimKneeJoint, reference_deg: float):
     """Direction and middle of the flexion axis in the femur, m, and where the tibia is in the femur
     at a flexion."""
-    name = flexion_coordinate(model, bones)
+    name = flexion_coordinate(bones)
     sign = np.sign(np.diff(flexions(model, bones, name, np.array([0.0, 1e-3])))[0])
     degrees = np.deg2rad(np.array([*_BETWEEN, reference_deg]))
     there = moved(model, {name: sign * degrees}).between(bones.femur, bones.tibia)

@@ -137,7 +137,7 @@ def whole_body(
             expected = f"two times from {begin:g} to {end:g} s, which the tables cover"
             raise InputProblem("--time-s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
         begin, end = time_s
-    coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
+    coordinates = _coordinates(model, flexion_coordinate(bones), table)
     rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
     lower = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
