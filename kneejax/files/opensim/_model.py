@@ -6,6 +6,7 @@ import os
 import posixpath
 import re
 from collections.abc import Iterator
+from pathlib import Path
 
 from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
@@ -35,20 +36,24 @@ class Model:
         bodies: name -> element; ground among them.
         frames: path of a component -> element, of bodies and offset frames.
         notes: what was assumed on reading.
-        defaults: class -> element of `<defaults>`, whose values hold where an object has none.
         joints: what `read_joints` read, once it has.
     """
 
     def __init__(self, file: XmlFile):
         self.file = file
-        self.version = _version(file)
+        if file.root.tag != "OpenSimDocument":
+            raise file.root.problem("", file.root.tag, f"{KIND}, an OpenSimDocument")
+        word = file.root.get("Version", "")
+        if not word.isdecimal() or not 20000 <= int(word) < 50000:
+            expected = "schema 2, 3 or 4: a version from 20000 to 49999"
+            raise file.root.problem("Version", word or "missing", expected)
+        self.version = int(word)
         found = file.root.child("Model")
         if found is None:
             kinds = ", ".join(child.tag for child in file.root.children) or "nothing"
             raise file.root.problem("content", kinds, f"{KIND}: an element Model")
         self.root = found
         self.notes: list[str] = []
-        self.defaults = {element.tag: element for element in found.inside("defaults")}
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
@@ -157,16 +162,6 @@ def read_model(path: str | os.PathLike[str], data: bytes | None = None) -> Model
     return Model(parse_xml(path, KIND, data))
 
 
-def _version(file: XmlFile) -> int:
-    if file.root.tag != "OpenSimDocument":
-        raise file.root.problem("", file.root.tag, f"{KIND}, an OpenSimDocument")
-    word = file.root.get("Version", "")
-    if not word.isdecimal() or not 20000 <= int(word) < 50000:
-        expected = "schema 2, 3 or 4: a version from 20000 to 49999"
-        raise file.root.problem("Version", word or "missing", expected)
-    return int(word)
-
-
 def _path(element: Element) -> str:
     """The component path, e.g. /bodyset/femur or /jointset/knee/femur_offset."""
     names = []
@@ -181,35 +176,4 @@ def _path(element: Element) -> str:
 
 
 #: A right knee of one hinge and one fibre, for examples: in schema 4, in metres and newtons.
-SMALLEST_MODEL = """<?xml version="1.0" encoding="UTF-8"?>
-<OpenSimDocument Version="40000">
-  <Model name="smallest">
-    <length_units>meters</length_units>
-    <force_units>N</force_units>
-    <BodySet><objects><Body name="femur_r"/><Body name="tibia_r"/></objects></BodySet>
-    <JointSet><objects>
-      <PinJoint name="knee_r">
-        <socket_parent_frame>/bodyset/femur_r</socket_parent_frame>
-        <socket_child_frame>/bodyset/tibia_r</socket_child_frame>
-        <coordinates><Coordinate name="knee_angle_r"/></coordinates>
-      </PinJoint>
-    </objects></JointSet>
-    <ForceSet><objects>
-      <Blankevoort1991Ligament name="LCL">
-        <GeometryPath><PathPointSet><objects>
-          <PathPoint name="origin">
-            <socket_parent_frame>/bodyset/femur_r</socket_parent_frame>
-            <location>0.002 0.004 0.038</location>
-          </PathPoint>
-          <PathPoint name="insertion">
-            <socket_parent_frame>/bodyset/tibia_r</socket_parent_frame>
-            <location>-0.018 -0.052 0.036</location>
-          </PathPoint>
-        </objects></PathPointSet></GeometryPath>
-        <linear_stiffness>2000</linear_stiffness>
-        <slack_length>0.057</slack_length>
-      </Blankevoort1991Ligament>
-    </objects></ForceSet>
-  </Model>
-</OpenSimDocument>
-"""
+SMALLEST_MODEL = Path(__file__).with_name("smallest.osim").read_text(encoding="utf-8")
