@@ -25,7 +25,7 @@ from kneejax.files.opensim._ligaments import (
 from kneejax.files.opensim._model import Model, read_model
 from kneejax.files.opensim._patella import PatellaSection, read_patella, wrap_names
 from kneejax.files.opensim._paths import OsimWrap, file_names
-from kneejax.files.opensim._untaken import (
+from kneejax.files.opensim._report import (
     ACTS,
     ASKED,
     ELSEWHERE,
@@ -164,8 +164,6 @@ def import_osim(
         >>> read.doubts
         ()
     """
-    if side not in SIDES:
-        raise InputProblem(path, "--side", side, "r or l")
     model = read_model(path, data)
     knee = find_knee(model, side, femur, tibia, may_be_named=True)
     whole = with_pelvis_and_foot(model, knee, at)

@@ -93,6 +93,8 @@ def find_knee(
     Raises:
         InputProblem: the model has no such knee, several, or not those bodies.
     """
+    if side not in SIDES:
+        raise InputProblem(model.file.path, "--side", side, "r or l")
     joints = read_joints(model)
     findings: list[str] = []
     doubts: list[str] = []

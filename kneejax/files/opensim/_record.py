@@ -30,7 +30,7 @@ from kneejax.files.opensim._joints import (
     read_joints,
     turning,
 )
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, chain, connected, find_knee
+from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
 from kneejax.files.opensim._record_muscles import recorded_muscles
 from kneejax.files.reading import InputProblem, nearest_name
@@ -114,8 +114,6 @@ def read_activity(
         InputProblem: a file cannot be read or is of no known kind, tables do not overlap in time,
             numbers are in another unit than they should be, or the model has no such knee.
     """
-    if side not in SIDES:
-        raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
     given = sorted_files(model, bones, files, called)

@@ -18,7 +18,7 @@ from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
 from kneejax.files.opensim._frames import flexion_coordinate
 from kneejax.files.opensim._ground import read_external_loads
 from kneejax.files.opensim._joints import coordinate_columns, read_joints
-from kneejax.files.opensim._knee import SIDES, find_knee
+from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
@@ -120,8 +120,6 @@ def whole_body(
             than the header says, or the model has no such knee.
     """
     check_installed("opensim", "opensim")
-    if side not in SIDES:
-        raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
     table = read_storage(motion)
