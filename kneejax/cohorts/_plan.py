@@ -68,6 +68,10 @@ class KneeDone:
         name: of the knee.
         failed: why there is no answer, in a sentence; empty where there is one.
         seconds: that it took, its share of the task's.
+
+    Example:
+        >>> KneeDone("S01", failed="no equilibrium").failed
+        'no equilibrium'
     """
 
     name: str

@@ -107,6 +107,10 @@ class Cohort:
         title: for reports.
         members: one a knee, in the order of the file or of their names.
         file: where the cohort stands.
+
+    Example:
+        >>> Cohort("none yet", (), "cohort.yaml").title
+        'none yet'
     """
 
     title: str
@@ -115,7 +119,12 @@ class Cohort:
 
 
 class CohortProblems(ValueError):
-    """Everything that is wrong with a cohort, a sentence each in `problems`, row by row."""
+    """Everything that is wrong with a cohort, a sentence each in `problems`, row by row.
+
+    Example:
+        >>> issubclass(CohortProblems, Exception)
+        True
+    """
 
     def __init__(self, problems: Sequence[object]):
         """Keep the sentences."""
