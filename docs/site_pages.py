@@ -353,8 +353,8 @@ def where_shown(name: str, thing: Any) -> str:
     if inspect.isclass(thing) and makers:
         return f"Example: `{makers[0]}`."
     used = [file for file, words in _words_of_tests().items() if name in words]
-    rooms = ("tests/", "notebooks/", "kneejax/", "benchmarks/")
-    used.sort(key=lambda file: (next(k for k, x in enumerate(rooms) if file.startswith(x)), len(file)))
+    order = ("tests", "notebooks", "kneejax", "benchmarks")
+    used.sort(key=lambda file: (order.index(file.split("/")[0]), len(file)))
     return f"Runs in `{used[0]}`." if used else f"Runs within `{_caller(thing, name)}`."
 
 

@@ -78,7 +78,7 @@ def test_links_between_pages_lead_somewhere(made):
 
 
 def test_every_public_name_has_an_example_that_runs(pages):
-    """Its own doctest; of what rooms offer also that of what returns it, or a test; few have none."""
+    """Its own doctest; of what rooms offer also that of what returns it, or a test."""
     assert not [x for x in pages._top_level() if not pages.has_example(getattr(kneejax, x))]
     silent = []
     for room in pages.ROOMS:
