@@ -108,6 +108,10 @@ class Cohort:
         title: for reports.
         members: one a knee, in the order of the file or of their names.
         file: where the cohort stands.
+
+    Example:
+        >>> Cohort("none yet", (), "cohort.yaml").title
+        'none yet'
     """
 
     title: str

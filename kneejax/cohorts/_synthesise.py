@@ -40,6 +40,10 @@ class Spread:
         reference_strain: of a reference strain; normal about the bundled knee's.
         noise_mm: of measured positions.
         noise_deg: of measured rotations.
+
+    Example:
+        >>> Spread(stiffness=0.1).stiffness
+        0.1
     """
 
     size: float = 0.075

@@ -9,7 +9,15 @@ from typing import Any
 
 
 class MissingPackage(ValueError):
-    """An optional package that a question needs and that is not installed."""
+    """An optional package that a question needs and that is not installed.
+
+    Example:
+        >>> try:
+        ...     imported("no_such_module", "no-such-package", "maps")
+        ... except MissingPackage as error:
+        ...     print("maps" in str(error))
+        True
+    """
 
 #: Extra of kneejax -> how a sentence on its packages begins.
 _WHO_NEEDS = {
@@ -38,6 +46,10 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
     Raises:
         MissingPackage: it is not installed, or lacks something itself; the sentence says what to
             do.
+
+    Example:
+        >>> imported("math", "math", "maps").pi > 3
+        True
     """
     try:
         with warnings.catch_warnings():
@@ -61,6 +73,9 @@ def check_installed(package: str, extra: str) -> None:
 
     Raises:
         MissingPackage: it is not installed; the sentence says what to do.
+
+    Example:
+        >>> check_installed("numpy", "maps")
     """
     if importlib.util.find_spec(package) is None:
         raise _missing(package, extra)
@@ -79,6 +94,10 @@ class WrongValue(ValueError):
         field: name of the argument, or of the part of it.
         found: what was given, in words.
         expected: what should be given.
+
+    Example:
+        >>> print(WrongValue("flexion", "400 degrees", "between -20 and 160"))
+        flexion: 400 degrees; expected between -20 and 160
     """
 
     def __init__(self, field: str, found: str, expected: str):

@@ -46,11 +46,25 @@ class _Refused(ValueError):
 
 
 class UnknownParameter(_Refused):
-    """A parameter name that the knee does not have."""
+    """A parameter name that the knee does not have.
+
+    Example:
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.select(kj.load_knee("four_ligament"), ["ACL.stifness"])
+        ... except UnknownParameter as error:
+        ...     print("stiffness" in str(error))
+        True
+    """
 
 
 class UnsuitableData(_Refused):
-    """Data, bounds or options with which no calibration can begin."""
+    """Data, bounds or options with which no calibration can begin.
+
+    Example:
+        >>> issubclass(UnsuitableData, ValueError)
+        True
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -244,7 +258,12 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
 
 
 def nearest_of(word: str, known: Iterable[str]) -> str | None:
-    """The one of some names that a word may be meant to be; None if it is like none of them."""
+    """The one of some names that a word may be meant to be; None if it is like none of them.
+
+    Example:
+        >>> nearest_of("stifness", ["stiffness", "slack_length"]), nearest_of("xyz", ["stiffness"])
+        ('stiffness', None)
+    """
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), by_lower, 1)
     return by_lower[near[0]] if near else None
@@ -368,6 +387,11 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
 
     Raises:
         UnknownParameter: naming the nearest ligament or group.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> fibre_rows(load_knee("four_ligament"), "ACL")
+        [0]
     """
     fibres = knee.ligaments.names
     groups = {**{own: (own,) for own in fibres}, **dict(knee.groups)}

@@ -54,6 +54,11 @@ class CoupledMotion:
         secondary: at the knots, degrees and mm, `(k, 5)`, in the order of
             `kneejax.geometry.FREE_COORDINATES`.
         rms: what the splines leave of the poses, `(5,)`, likewise.
+
+    Example:
+        >>> motion = CoupledMotion(np.array([0.0, 90.0]), np.zeros((2, 5)), np.zeros(5))
+        >>> motion.secondary.shape
+        (2, 5)
     """
 
     flexion_deg: np.ndarray

@@ -46,6 +46,10 @@ class OsimExport:
         data: content of the new file; the model's own bytes where nothing changed.
         changes: a sentence for each number that changed, and each fibre put in or taken out.
         notes: what a person should know.
+
+    Example:
+        >>> OsimExport(b"", ("ACL.stiffness_N: 820 -> 902",), ()).changes
+        ('ACL.stiffness_N: 820 -> 902',)
     """
 
     data: bytes

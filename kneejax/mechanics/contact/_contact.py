@@ -60,6 +60,12 @@ class Contact(eqx.Module):
         points: quadrature points along the two parameters of the tibial surface.
         bodies: the two bones. Methods ask where the second is in the first: `tibia`.
         damper: what resists compression during a step through time; None at rest.
+
+    Example:
+        >>> from kneejax.geometry import Plane, Sphere
+        >>> touch = Contact(Sphere(20.0), Plane(), youngs_modulus=5.0, layer_thickness=4.0)
+        >>> touch.form, touch.law, float(touch.layer_thickness)
+        ('elliptical_patch', 'log', 4.0)
     """
 
     femoral: Surface
