@@ -16,7 +16,7 @@ import kneejax as kj
 pytest.importorskip("viser", reason="viser is not installed: kneejax[explore]")
 from kneejax.cli._explore import begin
 from kneejax.cli.options import Explore
-from kneejax.explore import Setting
+from kneejax.explorer import Setting
 
 CHROMIUM = Path("/usr/bin/chromium")
 WAIT_MS = 90_000

@@ -213,19 +213,19 @@ def pyvista() -> Any:
     return _imported("pyvista", "PyVista")
 
 
-def plotly() -> Any:
-    """The module of Plotly's graph objects; as `pyvista`."""
-    return _imported("plotly.graph_objects", "Plotly")
+def viser() -> Any:
+    """The module; as `pyvista`."""
+    return _imported("viser", "viser")
 
 
 def need_view_packages() -> None:
     """Import what pictures and pages in space need, before anything is computed.
 
     Raises:
-        MissingPackage: PyVista or Plotly is not installed.
+        MissingPackage: PyVista or viser is not installed.
     """
     pyvista()
-    plotly()
+    viser()
 
 
 def _imported(module: str, name: str) -> Any:

@@ -40,9 +40,10 @@ class BoneMesh:
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """A grid of points on a surface: `(m, n, 3)`, mm, in the tibia's frame."""
+    """A grid of points on a bone's surface: `(m, n, 3)`, mm, in the tibia's frame."""
 
     name: str
+    bone: str
     points_mm: np.ndarray
 
 
@@ -104,6 +105,8 @@ class Scene:
         fibres: all ligament fibres, then bands and heads of the quadriceps near the knee.
         obstacles: what ligaments wrap around.
         bones: meshes, placed.
+        places: bone -> rotation from its axes to the tibia's, `(3, 3)`, and translation, `(3,)`,
+            of the knee's own side.
     """
 
     title: str
@@ -114,6 +117,7 @@ class Scene:
     fibres: tuple[Fibre, ...]
     obstacles: tuple[Sheet, ...]
     bones: tuple[BoneMesh, ...]
+    places: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @property
     def groups(self) -> dict[str, list[Fibre]]:
@@ -174,7 +178,7 @@ def scenes(
     state = state_of(poses)
     places, sign = Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
-    condyles = [Sheet(name, surface_grid(contact.femoral, points))
+    condyles = [Sheet(name, FEMUR, surface_grid(contact.femoral, points))
                 for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
     pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
     drawn = [_to_the_rim(field) for field in pressures]
@@ -185,6 +189,11 @@ def scenes(
         def seen(points_mm: np.ndarray, bone: str) -> np.ndarray:
             """From a bone of the stored twin to the tibia as it is drawn."""
             return places.moved(points_mm, bone, TIBIA, i) * mirror
+
+        def placed(bone: str) -> tuple[np.ndarray, np.ndarray]:
+            """Rotation and translation of a bone's axes, both of the knee's own side."""
+            origin, *ends = (seen(x, bone) for x in np.vstack([np.zeros(3), np.diag(mirror)]))
+            return np.stack(ends, axis=-1) - origin[:, None], origin
 
         def pressed(field: PlateauPressure, shown) -> Plateau:
             plateau = _at_pose(field, i, shown)
@@ -206,16 +215,17 @@ def scenes(
             title=f"{knee.name}, {knee.side} knee",
             flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
             lateral=sign,
-            condyles=tuple(Sheet(sheet.name, seen(sheet.points_mm, FEMUR)) for sheet in condyles),
+            condyles=tuple(dataclasses.replace(x, points_mm=seen(x.points_mm, FEMUR)) for x in condyles),
             plateaus=tuple(map(pressed, pressures, drawn)),
             fibres=tuple(x for x in fibres if all(x is not y for y in far)),
-            obstacles=tuple(Sheet("", seen(grid, bone)) for grid, bone in grids),
+            obstacles=tuple(Sheet("", bone, seen(grid, bone)) for grid, bone in grids),
             bones=tuple(
                 dataclasses.replace(
                     mesh, points_mm=seen(np.asarray(mesh.points_mm, float) * mirror, mesh.bone)
                 )
                 for mesh in bones
             ),
+            places={bone: placed(bone) for bone in (FEMUR, *state.poses)},
         )
         near = _near([*far, *map(line, muscles)], scene.points_mm) if far or muscles else ()
         return dataclasses.replace(scene, fibres=(*scene.fibres, *near))

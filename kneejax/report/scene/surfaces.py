@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -18,20 +19,18 @@ _REMEMBERED = 32
 _BEYOND = 12.0
 
 
-def remembered(
-    find: Callable[[Surface, tuple[int, int]], np.ndarray],
-) -> Callable[[Surface, tuple[int, int]], np.ndarray]:
-    """A function of a surface that does not compute again what it has found of equal numbers."""
+def remembered(find: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+    """A function of surfaces and arrays that does not compute again what it has found of equals."""
     known: dict[tuple, np.ndarray] = {}
 
     @functools.wraps(find)
-    def answer(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
-        leaves, structure = jax.tree.flatten(surface)
-        key = structure, points, *(np.asarray(x).tobytes() for x in leaves)
+    def answer(*given: Any) -> np.ndarray:
+        leaves, structure = jax.tree.flatten(given)
+        key = structure, *(np.asarray(x).tobytes() for x in leaves)
         if key not in known:
             if len(known) >= _REMEMBERED:
                 known.pop(next(iter(known)))
-            known[key] = find(surface, points)
+            known[key] = find(*given)
         return known[key]
 
     return answer

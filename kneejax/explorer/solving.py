@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import Mechanics, evaluate
-from kneejax.explore.setting import Setting, Subject
+from kneejax.explorer.setting import Setting, Subject
 from kneejax.geometry import FREE_COORDINATES, State, scales, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis, load_of, pull_of
 from kneejax.numerics import compiled
@@ -180,6 +180,7 @@ class Solver:
     Attributes:
         subject: the knee and what can be set of it.
         names: parameters by which there are derivatives.
+        owner: fibre -> the ligament that it is set with.
 
     Example:
         >>> import kneejax as kj
@@ -195,6 +196,8 @@ class Solver:
         rows = [fibre_rows(knee, one) for one in subject.ligaments]
         owner = {row: i for i, some in enumerate(rows) for row in some}
         self._owners = tuple(owner[row] for row in range(len(knee.ligaments.names)))
+        owners = (subject.ligaments[i] for i in self._owners)
+        self.owner = dict(zip(knee.ligaments.names, owners, strict=True))
         self._vary = _Varied(subject.plain, subject.strains, self._owners)
         self.names = subject.selection.names
         self._last: tuple[float, np.ndarray, np.ndarray, State] | None = None

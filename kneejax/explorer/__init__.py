@@ -1,0 +1,9 @@
+"""A knee to move in the browser: settings, answers within a tenth of a second, the page."""
+
+from kneejax.explorer.page import Page as Page
+from kneejax.explorer.server import serve as serve
+from kneejax.explorer.setting import Setting as Setting
+from kneejax.explorer.setting import Subject as Subject
+from kneejax.explorer.solving import Answer as Answer
+from kneejax.explorer.solving import Curves as Curves
+from kneejax.explorer.solving import Solver as Solver
