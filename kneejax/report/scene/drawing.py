@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
@@ -63,12 +64,17 @@ def tube(line: np.ndarray, thickness: float, sides: int = 8) -> tuple[np.ndarray
     second = np.cross(along, first)
     turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)[:, None, None]
     rings = line + 0.5 * thickness * (np.cos(turn) * first + np.sin(turn) * second)
-    number = np.arange(len(line) * sides).reshape(len(line), sides)
+    return rings.swapaxes(0, 1).reshape(-1, 3).astype(np.float32), _faces(len(line), sides)
+
+
+@functools.cache
+def _faces(count: int, sides: int) -> np.ndarray:
+    """Triangles between rings of corners."""
+    number = np.arange(count * sides).reshape(count, sides)
     a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
     c, d = number[1:], np.roll(number[1:], -1, axis=1)
     faces = np.concatenate([np.stack([a, b, c], -1), np.stack([b, d, c], -1)]).reshape(-1, 3)
-    corners = rings.swapaxes(0, 1).reshape(-1, 3)
-    return corners.astype(np.float32), faces.astype(np.uint32)
+    return faces.astype(np.uint32)
 
 
 class Drawing:

@@ -11,7 +11,7 @@ from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.report.scene.lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
 from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures, state_of
-from kneejax.report.scene.surfaces import grid_triangles, surface_grid
+from kneejax.report.scene.surfaces import grid_triangles, remembered, surface_grid
 
 #: Bones whose meshes may be shown.
 BONES = (FEMUR, TIBIA, PATELLA)
@@ -181,7 +181,7 @@ def scenes(
     condyles = [Sheet(name, FEMUR, surface_grid(contact.femoral, points))
                 for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
     pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
-    drawn = [_to_the_rim(field) for field in pressures]
+    drawn = [_to_the_rim(x.covered, x.points_mm, x.rim_mm) for x in pressures]
     courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)
     grids = obstacles(knee, courses, places)
 
@@ -255,29 +255,31 @@ def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
     return tuple(answer)
 
 
-def _to_the_rim(field: PlateauPressure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@remembered
+def _to_the_rim(
+    covered: np.ndarray, points_mm: np.ndarray, rim_mm: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and triangles up to the cartilage's border, and each point's pressed neighbour.
 
     Points of the grid just outside are moved to the border, which would else have teeth.
     """
-    covered = field.covered.ravel()
-    faces = grid_triangles(*field.covered.shape)
+    shape, covered = points_mm.shape, covered.ravel()
+    faces = grid_triangles(*shape[:2])
     faces = faces[covered[faces].any(axis=1)]
-    points, own = field.points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
+    points, own = points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
     outside = np.unique(faces[~covered[faces]])
     if len(outside):
-        start = field.rim_mm
-        along = np.roll(start, -1, axis=0) - start
-        away = points[outside, None] - start
+        along = np.roll(rim_mm, -1, axis=0) - rim_mm
+        away = points[outside, None] - rim_mm
         square = np.maximum(np.sum(along**2, axis=1), 1e-12)
         share = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
-        nearest = start + share[..., None] * along
+        nearest = rim_mm + share[..., None] * along
         best = np.argmin(np.sum((points[outside, None] - nearest) ** 2, axis=2), axis=1)
         points[outside] = nearest[np.arange(len(outside)), best]
         inside = np.flatnonzero(covered)
         apart = points[outside, None] - points[inside]
         own[outside] = inside[np.argmin(np.sum(apart**2, axis=2), axis=1)]
-    return points.reshape(field.points_mm.shape), faces, own
+    return points.reshape(shape), faces, own
 
 
 def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:

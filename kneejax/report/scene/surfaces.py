@@ -10,21 +10,21 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import Obstacle, Surface, Vector, WrapCylinder
+from kneejax.geometry import Frame, Obstacle, Surface, Vector, WrapCylinder
 
 _ROUND = 48
 #: Surfaces whose points are kept: a knee has four to eight, and is drawn again at every pose.
-_REMEMBERED = 32
-#: A long cylinder is drawn this far beyond the fibres that pass it, mm.
-_BEYOND = 12.0
+_REMEMBERED = 64
+#: A long cylinder is drawn this far beyond the fibres that pass it, in steps of, mm.
+_BEYOND, _STEP = 12.0, 5.0
 
 
-def remembered(find: Callable[..., np.ndarray]) -> Callable[..., np.ndarray]:
+def remembered(find: Callable[..., Any]) -> Callable[..., Any]:
     """A function of surfaces and arrays that does not compute again what it has found of equals."""
-    known: dict[tuple, np.ndarray] = {}
+    known: dict[tuple, Any] = {}
 
     @functools.wraps(find)
-    def answer(*given: Any) -> np.ndarray:
+    def answer(*given: Any) -> Any:
         leaves, structure = jax.tree.flatten(given)
         key = structure, *(np.asarray(x).tobytes() for x in leaves)
         if key not in known:
@@ -60,21 +60,37 @@ def grid_triangles(rows: int, columns: int) -> np.ndarray:
 
 def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
     """Points on a wrap obstacle, `(m, n, 3)`, in its bone's frame, mm."""
+    if not isinstance(obstacle, WrapCylinder):
+        return _closed(obstacle)
+    turn, shift = _placed(obstacle.frame)
+    along, half = (passing_mm - shift) @ turn[:, 2], 0.5 * float(obstacle.length)
+    # In whole steps: fibres that slide a little leave it as it is.
+    ends = np.floor((along.min() - _BEYOND) / _STEP), np.ceil((along.max() + _BEYOND) / _STEP)
+    t = np.clip(np.linspace(*np.multiply(ends, _STEP), _ROUND // 2 + 1), -half, half)
+    around, t = np.meshgrid(np.linspace(0, 2 * np.pi, _ROUND + 1), t, indexing="ij")
+    radius = float(obstacle.radius)
+    own = np.stack([radius * np.cos(around), radius * np.sin(around), t], axis=-1)
+    return own @ turn.T + shift
+
+
+@remembered
+def _closed(obstacle: Obstacle) -> np.ndarray:
+    """Points on a ball or an ellipsoid."""
     around, up = np.meshgrid(np.linspace(0, 2 * np.pi, _ROUND + 1),
                              np.linspace(0, np.pi, _ROUND // 2 + 1), indexing="ij")  # fmt: skip
-    if isinstance(obstacle, WrapCylinder):
-        radius, half = float(obstacle.radius), 0.5 * float(obstacle.length)
-        inside = obstacle.frame.placement.apply_inverse(Vector.of(passing_mm.T))
-        along = np.asarray(inside[2])
-        low, high = max(-half, along.min() - _BEYOND), min(half, along.max() + _BEYOND)
-        t = low + (high - low) * up / np.pi
-        own = np.stack([radius * np.cos(around), radius * np.sin(around), t], axis=-1)
-    else:
-        axes = (float(x) for x in obstacle.semi_axes_along_frame)
-        unit = [np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)]
-        own = np.stack([r * x for r, x in zip(axes, unit, strict=True)], axis=-1)
-    there = obstacle.frame.placement.apply(Vector.of(np.moveaxis(own, -1, 0)))
-    return _stacked(there, own.shape[:2])
+    axes = (float(x) for x in obstacle.semi_axes_along_frame)
+    unit = [np.cos(around) * np.sin(up), np.sin(around) * np.sin(up), np.cos(up)]
+    own = np.stack([r * x for r, x in zip(axes, unit, strict=True)], axis=-1)
+    turn, shift = _placed(obstacle.frame)
+    return own @ turn.T + shift
+
+
+@remembered
+def _placed(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation and translation of a frame."""
+    origin, *ends = (np.stack([np.asarray(x, float) for x in frame.placement.apply(Vector(*point))])
+                     for point in np.vstack([np.zeros(3), np.eye(3)]))  # fmt: skip
+    return np.stack(ends, axis=-1) - origin[:, None], origin
 
 
 def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:
