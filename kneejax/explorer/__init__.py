@@ -1,5 +1,8 @@
-"""A knee to move in the browser: settings, answers within a tenth of a second, the page."""
+"""A knee to move by hand: settings, answers within a tenth of a second, a page, a notebook."""
 
+from kneejax.explorer.by_hand import ByHand as ByHand
+from kneejax.explorer.notebook import Explorer as Explorer
+from kneejax.explorer.notebook import explore as explore
 from kneejax.explorer.page import Page as Page
 from kneejax.explorer.server import serve as serve
 from kneejax.explorer.setting import Setting as Setting
