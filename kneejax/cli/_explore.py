@@ -13,9 +13,8 @@ import yaml
 
 from kneejax import report
 from kneejax.cli.options import Explore
-from kneejax.explorer import Page, Subject, serve
+from kneejax.explorer import Page, Setting, Subject, serve
 from kneejax.files import (
-    InputProblem,
     bundled_studies,
     load_knee_file,
     read_calibrated,
@@ -24,7 +23,6 @@ from kneejax.files import (
 )
 from kneejax.geometry import FEMUR, FREE_COORDINATES, PATELLA, TIBIA
 from kneejax.mechanics import Knee
-from kneejax.numerics import MissingPackage
 from kneejax.studies import read_study
 
 
@@ -75,7 +73,7 @@ def _is_study(named: str) -> bool:
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
         return False
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return isinstance(document, dict) and "measured" in document
+    return isinstance(document, dict) and "parameters" in document
 
 
 def begin(asked: Explore) -> Page:
@@ -85,11 +83,7 @@ def begin(asked: Explore) -> Page:
     meshes = {bone: read_mesh_points(path) for bone, path in files.items() if path is not None}
     bones = [report.BoneMesh(bone, mesh.points_mm, mesh.faces) for bone, mesh in meshes.items()]
     pages: list[Page] = []
-    try:
-        server, link = serve(asked.port, lambda query: pages[0].opened(query) if pages else None)
-    except MissingPackage as problem:
-        raise InputProblem("kneejax explore", "viser", "not installed",
-                           "viser, which comes with pip install 'kneejax[explore]'") from problem
+    server, link = serve(asked.port, lambda x: pages and pages[0].go(Setting.of_link(x)))
     page = Page(server, Subject.of(knee), document, link, asked.out, measured, bones, first)
     pages.append(page)
     return page

@@ -88,7 +88,7 @@ class ByHand:
         """
         for name, value in values.items():
             if name not in self.names:
-                raise UnknownParameter(f"{name!r} cannot be moved: it moves {', '.join(self.names)}")
+                raise UnknownParameter(f"{name!r} cannot be moved: {self.study.selection}")
             if not np.isfinite(value):
                 raise UnsuitableData(f"{name}: {value} is not finite")
         goal = self.values | {name: float(value) for name, value in values.items()}

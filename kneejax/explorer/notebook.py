@@ -18,11 +18,8 @@ from kneejax.studies import Study
 
 #: Width and height of both figures, pixels: together, with sliders above, they fit 1,280.
 _CURVES, _MAP = (430, 560), (400, 560)
-#: What is not drawn as it is, of a pose and of a map: fault -> symbol.
-_FAULTS = {"outside fitted surfaces": "circle-open", "unphysiological": "triangle-down-open",
-           "unstable": "cross-thin-open", "no balance": "x-thin-open"}  # fmt: skip
-_HIDDEN = {Condition.UNPHYSIOLOGICAL: "unphysiological", Condition.UNSTABLE: "unstable",
-           Condition.NO_BALANCE: "no balance"}  # fmt: skip
+#: Marks of poses, and of points of a map.
+_FAULTS = {"not to be trusted": "triangle-down-open", "no balance": "x-thin-open"}
 _STEPS = 200
 
 
@@ -74,7 +71,7 @@ class Explorer:
         imported("anywidget", "anywidget", "notebook")
         self.hand, self._grid, self._elsewhere = hand, grid, {}
         self.sliders = {name: self._slider(name) for name in hand.names}
-        pair = pair or tuple((hand.names * 2)[i] for i in (0, len(hand.names) // 2))
+        pair = pair or (hand.names[0], hand.names[len(hand.names) // 2])
         self._choices = [
             self._widgets.Dropdown(options=hand.names, value=name, description=axis,
                                    layout={"width": "230px"})
@@ -126,7 +123,8 @@ class Explorer:
         low, high = min(low, value), max(high, value)
         slider = self._widgets.FloatSlider(
             value, min=low, max=high, step=(high - low) / _STEPS, readout_format=".4g",
-            description=_said(name), layout={"width": "275px"}, style={"description_width": "100px"},
+            description=_said(name), layout={"width": "275px"},
+            style={"description_width": "100px"},
         )  # fmt: skip
         self._listen(name, slider)
         return slider
@@ -181,10 +179,9 @@ class Explorer:
 
     def _show(self) -> None:
         hand, status = self.hand, self.hand.now.status
-        table, strange = hand.now.table, hand.unphysiological
-        nowhere, unstable = ~converged(status), status == Status.UNSTABLE
-        outside = (status == Status.OUTSIDE_REGION) & ~strange
-        at = dict(zip(_FAULTS, (outside, strange & ~unstable, unstable, nowhere), strict=True))
+        table, nowhere = hand.now.table, ~converged(status)
+        doubtful = ((status != Status.BALANCED) | hand.unphysiological) & ~nowhere
+        at = dict(zip(_FAULTS, (doubtful, nowhere), strict=True))
         with self.curves.batch_update():
             for i, line in enumerate(self._lines):
                 line.y = table[self._order, 1 + i]
@@ -206,10 +203,10 @@ class Explorer:
     def _draw_map(self) -> None:
         self.plane = plane = self._go.FigureWidget()
         plane.add_contour(colorscale="Viridis", connectgaps=False, name="objective",
-                          line={"width": 0.5, "color": "white"}, colorbar={"title": "objective", "thickness": 12},
-                          hovertemplate="%{x:.4g}, %{y:.4g}")  # fmt: skip
-        for words in _HIDDEN.values():
-            style = {"symbol": _FAULTS[words], "size": 5, "color": GREY, "line": {"width": 1}}
+                          line={"width": 0.5, "color": "white"},
+                          colorbar={"title": "objective", "thickness": 12})  # fmt: skip
+        for words, symbol in _FAULTS.items():
+            style = {"symbol": symbol, "size": 5, "color": GREY, "line": {"width": 1}}
             plane.add_scatter(mode="markers", marker=style, name=words, hoverinfo="skip")
         star = {"symbol": "star", "size": 13, "color": "white", "line": {"width": 1}}
         dot = {"size": 10, "color": VERMILLION, "line": {"width": 1, "color": "white"}}
@@ -231,14 +228,15 @@ class Explorer:
         self._elsewhere = {k: x for k, x in self.hand.values.items() if k not in pair}
         with self.plane.batch_update():
             colours.x, colours.y = found.x, found.y
-            colours.z = np.where(np.isfinite(z), z, None)
+            colours.z = [[x if np.isfinite(x) else None for x in row] for row in z.tolist()]
             if np.isfinite(z).any():
                 colours.zmin, colours.zmax = np.nanmin(z), np.nanmax(z)
             colours.contours = {"start": -2, "end": 9, "size": 0.25}
             colours.colorbar.tickvals = np.log10(ticks)
             colours.colorbar.ticktext = [f"{t:g}" for t in ticks]
-            for cross, condition in zip(crosses, _HIDDEN, strict=True):
-                rows, columns = np.nonzero(found.condition == condition)
+            lost = found.condition == Condition.NO_BALANCE
+            for cross, where in zip(crosses, (~found.drawn & ~lost, lost), strict=True):
+                rows, columns = np.nonzero(where)
                 cross.x, cross.y = found.x[columns], found.y[rows]
             lowest.x, lowest.y = ([x] for x in (found.minimum or (None, None))[:2])
             for axis, name, ends in zip(("xaxis", "yaxis"), pair, (found.x, found.y), strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,7 @@ from kneejax.report.scene import Drawing, look_at
 _POINTS = (28, 28)
 #: A change of the same number within this time of the last is one step of undo, s.
 _ONE_STEP_S = 1.5
+_MOST_PAST = 1000
 #: A setting that stays for so long is computed as the command line does, s.
 _REST_S = 0.6
 _NOTHING = "none"
@@ -71,7 +73,7 @@ class Page:
         self.folder = None if out is None else Folder(out, subject, document, self.measured)
         self.setting, self.bones, self.link = Setting(), bones, link
         self._server, self._solver = server, Solver(subject)
-        self._past: list[Setting] = []
+        self._past: deque[Setting] = deque(maxlen=_MOST_PAST)
         self._changed = ("", 0.0)
         self._kept: tuple[Answer, Curves | None, Any] | None = None
         self._wanted, self._done, self._ended = threading.Condition(), -1, False
@@ -129,10 +131,6 @@ class Page:
             self._to(self._past.pop())
         self._show_numbers()
 
-    def opened(self, query: str) -> None:
-        """A link with a setting was opened."""
-        self.go(Setting.of_link(query))
-
     def _to(self, setting: Setting) -> None:
         self.setting, self._number = setting, self._number + 1
         self.solved.clear()
@@ -164,7 +162,7 @@ class Page:
                 self._wanted.wait_for(lambda: self._ended or self._done != self._number)
                 if self._ended:
                     return
-                number, setting, test = self._number, self.setting, self._test_name()
+                number, setting, test = self._number, self.setting, self._tests[self._test.value]
             try:
                 self._pose(self._solver.answer(setting, self.curves))
                 if number == self._number:
@@ -273,14 +271,15 @@ class Page:
         buttons = gui.add_button_group("Setting", tuple(actions))
         buttons.on_click(lambda event: actions[event.target.value]())
         self._address = gui.add_text("Link", "", disabled=True)
-        if self.folder is None:
+        folder = self.folder
+        if folder is None:
             gui.add_markdown("To save files, start with `--out FOLDER`.")
         else:
-            save = {"Knee": lambda _: self.folder.knee(self.setting),
-                    "Study": lambda _: self.folder.study(self.setting),
-                    "Picture": self.folder.picture}  # fmt: skip
+            save = {"Knee": lambda _: folder.knee(self.setting),
+                    "Study": lambda _: folder.study(self.setting),
+                    "Picture": folder.picture}  # fmt: skip
             files = gui.add_button_group("Save", tuple(save))
-            files.on_click(lambda event: self._saved(lambda: save[event.target.value](event.client)))
+            files.on_click(lambda event: self._saved(save[event.target.value], event.client))
 
     def _build_look(self, gui: Any) -> None:
         labels, dark = gui.add_checkbox("Labels", True), gui.add_checkbox("Dark", False)
@@ -319,9 +318,6 @@ class Page:
         self._shown.on_update(lambda _: self._show_curves())
         self._of.on_update(lambda _: self._show_bars())
         self._test.on_update(lambda _: self._again())
-
-    def _test_name(self) -> str:
-        return self._tests[self._test.value]
 
     def _slider(self, name: str, label: str, step: float) -> None:
         own, low, high = self.subject.limits[name]
@@ -396,10 +392,9 @@ class Page:
             self._kept = self.answer, self.curves, self._scene
             self.go(setting)
 
-    def _saved(self, save: Callable[[], Path]) -> None:
+    def _saved(self, save: Callable[[Any], Path], client: Any) -> None:
         try:
-            words = f"Written: {save()}"
+            words = f"Written: {save(client)}"
         except (OSError, ValueError) as problem:
             words = f"Not written: {problem}"
-        for client in self._server.get_clients().values():
-            client.add_notification("Save", words, auto_close_seconds=8.0)
+        client.add_notification("Save", words, auto_close_seconds=8.0)

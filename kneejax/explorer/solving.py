@@ -39,7 +39,7 @@ MOVED = {"anterior_N": "anterior", "varus_Nm": "adduction", "internal_Nm": "inte
 #: A pose that is farther than this from the curve through its flexion is on another branch, mm, a
 #: rotation at 30 mm.
 _BRANCH_MM = 1.0
-#: Second difference over flexion of how far curves have moved beyond which one is torn, degrees, mm.
+#: A curve is torn where the second difference over flexion of its move is larger, degrees, mm.
 _KINK = 5.0
 #: Flexion from the last pose within which it is a beginning, degrees.
 _NEAR_DEG = 12.0
@@ -140,7 +140,7 @@ class Answer:
     @cached_property
     def slopes(self) -> dict[str, np.ndarray]:
         """Coordinate or ligament -> exact derivative of its degrees, mm or N by the parameters,
-        `(p,)`; NaN where nothing balances."""
+        `(p,)`; nothing where nothing balances."""
         return self.derive()
 
     @property
@@ -317,7 +317,8 @@ class Solver:
             {one: float(tension[owners == i].sum()) for i, one in enumerate(names)},
             {one: float(strain[owners == i].max()) for i, one in enumerate(names)},
             dict(zip(knee.contact_names, held.max_pressure[0].tolist(), strict=True)),
-            lambda: {name: x[0] for name, x in self._derived(own, found, numbers, cases).items()},
+            lambda: {name: x[0] for name, x in self._derived(own, found, numbers, cases).items()
+                     if converged(found.status).all()},
         )  # fmt: skip
 
     def _derived(

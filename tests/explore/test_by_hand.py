@@ -129,7 +129,7 @@ def test_a_drag_through_lost_poses_and_back_changes_nothing(hand, measured):
 
 def test_bad_moves_change_nothing(hand):
     before = hand.now
-    with pytest.raises(parameters.UnknownParameter, match=r"ACL.slack_length.*it moves"):
+    with pytest.raises(parameters.UnknownParameter, match=r"ACL.slack_length.*8 free numbers"):
         hand.move({"ACL.slack_length": 30.0})
     with pytest.raises(parameters.UnsuitableData, match="ACL.stiffness: nan is not finite"):
         hand.move({"ACL.stiffness": np.nan})

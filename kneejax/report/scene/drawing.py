@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from kneejax.geometry import TIBIA
 from kneejax.mechanics import NAMED_LOADS
@@ -22,7 +22,7 @@ from kneejax.report.scene.rendering import (
     pressure_bands,
 )
 from kneejax.report.scene.scene import Scene
-from kneejax.report.scene.surfaces import grid_triangles
+from kneejax.report.scene.surfaces import grid_triangles, tube
 
 BANDS = 8
 _GHOST, _LOAD, _WORDS = "#4C78A8", "#B03A2E", 0.95
@@ -46,35 +46,6 @@ _LOADS = {"anterior_N": (0, 1.0), "compression_N": (1, 1.0), "lateral_N": (2, 1.
 def rgb(colour: str) -> tuple[int, int, int]:
     """`#rrggbb` as three numbers."""
     return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))  # pyright: ignore[reportReturnType]
-
-
-def tube(line: np.ndarray, thickness: float, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
-    """Corners, `(k sides, 3)`, and triangles around a line of `k` points.
-
-    Example:
-        >>> corners, faces = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]]), 2.0, sides=4)
-        >>> corners.shape, faces.shape, round(float(np.abs(corners[:, :2]).max()), 6)
-        ((8, 3), (8, 3), 1.0)
-    """
-    along = np.gradient(line, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    away = np.eye(3)[np.argmin(np.abs(line[-1] - line[0]))]
-    first = away - (along @ away)[:, None] * along
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(along, first)
-    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)[:, None, None]
-    rings = line + 0.5 * thickness * (np.cos(turn) * first + np.sin(turn) * second)
-    return rings.swapaxes(0, 1).reshape(-1, 3).astype(np.float32), _faces(len(line), sides)
-
-
-@functools.cache
-def _faces(count: int, sides: int) -> np.ndarray:
-    """Triangles between rings of corners."""
-    number = np.arange(count * sides).reshape(count, sides)
-    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
-    c, d = number[1:], np.roll(number[1:], -1, axis=1)
-    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([b, d, c], -1)]).reshape(-1, 3)
-    return faces.astype(np.uint32)
 
 
 class Drawing:
@@ -128,7 +99,8 @@ class Drawing:
         """
         self._shown, self._grey = set(), stale
         for bone, (turn, shift) in scene.places.items():
-            self._keep(f"/{bone}", self._frame, wxyz=quaternion(turn), position=tuple(shift))
+            w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
+            self._keep(f"/{bone}", self._frame, wxyz=w, position=tuple(shift))
         for i, bone in enumerate(scene.bones):
             self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces, BONE,
                           BONE_OPACITY[bone.bone])  # fmt: skip
@@ -227,10 +199,8 @@ class Drawing:
         if cut or (not is_muscle and strain <= 0):
             words = f"{name} {'cut' if cut else 'slack'}"
         if self.words and (cut or not many or is_muscle or strain > 0):
-            line = fibres[len(fibres) // 2].points_mm
-            way = np.r_[0.0, np.linalg.norm(np.diff(line, axis=0), axis=1).cumsum()]
-            where = tuple(float(np.interp(share * way[-1], way, x)) for x in line.T)
-            self._keep(f"/words/{name}", self._label, text=words, position=where)
+            where = fibres[len(fibres) // 2].at(share)
+            self._keep(f"/words/{name}", self._label, text=words, position=tuple(where.tolist()))
 
     def _axes(self, scene: Scene) -> None:
         if "/axes/arrows" not in self._made:
@@ -265,15 +235,3 @@ class Drawing:
             self._keep(f"/loads/{name}", self._arrow, points=arrow, colors=rgb(colour))
             self._keep(f"/loads/{name} words", self._label, text=NAMED_LOADS[name].words(size),
                        position=tuple(map(float, arrow[0, 1])))  # fmt: skip
-
-
-def quaternion(turn: np.ndarray) -> np.ndarray:
-    """A rotation matrix as w, x, y, z.
-
-    Example:
-        >>> quaternion(np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])).round(3)
-        array([0.707, 0.   , 0.   , 0.707])
-    """
-    from scipy.spatial.transform import Rotation
-
-    return np.roll(Rotation.from_matrix(turn).as_quat(), 1)

@@ -90,7 +90,7 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
 
 
 def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths and, of ligaments, tensions,
+    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, and tensions of ligaments,
     `(fibres, poses)`."""
     kinds = [course.rows for course in fibres.kinds]
     parts = [_drawn(fibres, some) for some in lots(state)]

@@ -9,6 +9,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from kneejax.numerics import imported
 from kneejax.report.scene import rendering
 from kneejax.report.scene.drawing import Drawing
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
@@ -40,7 +41,7 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     """
     if not every:
         raise ValueError("no scenes to draw")
-    viser = rendering.viser()
+    viser = imported("viser", "viser", "view")
     shown = [every[row] for row in spread(len(every), most)]
     limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
     with patch("rich.print"):
@@ -61,8 +62,9 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
     title = html.escape(f"{shown[0].title} (the tibia held still)")
     words = f"<div style='{_CORNER}'><b>{title}</b>{scales(*limits)}</div>"
     # In the head: what viser has in its body is packed.
-    add = (f"<script>addEventListener('load', () => document.body.insertAdjacentHTML("
-           f"'beforeend', {json.dumps(words).replace('<', chr(92) + 'u003c')}))</script>")  # fmt: skip
+    words = json.dumps(words).replace("<", "\\u003c")
+    add = ("<script>addEventListener('load', () => document.body.insertAdjacentHTML('beforeend', "
+           f"{words}))</script>")  # fmt: skip
     page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
     return page.replace("</head>", f"{add}</head>", 1)
 

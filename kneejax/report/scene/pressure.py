@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from scipy import ndimage
 
 from kneejax.geometry import TIBIA, Pose, State, Surface, Vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
@@ -181,17 +182,9 @@ def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
         array([[1, 1, 0],
                [0, 0, 0]])
     """
-    found = np.zeros_like(pressed)
-    found.flat[seed] = pressed.flat[seed]
-    count = -1
-    while count != found.sum():
-        count = found.sum()
-        for axis in (0, 1):
-            after, before = (np.moveaxis(x, axis, 0) for x in (found, found.copy()))
-            after[1:] |= before[:-1]
-            after[:-1] |= before[1:]
-            found &= pressed
-    return found
+    parts = np.empty(pressed.shape, int)
+    ndimage.label(pressed, output=parts)
+    return pressed & (parts == parts.flat[seed])
 
 
 @remembered

@@ -82,6 +82,16 @@ class Fibre:
     tension_N: float
 
     @property
+    def way_mm(self) -> np.ndarray:
+        """Way along it to each of its points, `(k,)`."""
+        return np.append(0.0, np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1).cumsum())
+
+    def at(self, share: float | np.ndarray) -> np.ndarray:
+        """Point at a share of its way, `(..., 3)`."""
+        way = self.way_mm
+        return np.stack([np.interp(share * way[-1], way, x) for x in self.points_mm.T], axis=-1)
+
+    @property
     def slack(self) -> bool:
         """Whether the fibre is not pulled."""
         return self.strain <= 0
@@ -210,12 +220,12 @@ def scenes(
             return Fibre(course.name, course.group, points_mm, *numbers)
 
         fibres = [line(course) for course in courses]
-        far = [x for x in fibres if _along(x)[-1] > _LONGEST_MM]
+        far = [x for x in fibres if x.way_mm[-1] > _LONGEST_MM]
         scene = Scene(
             title=f"{knee.name}, {knee.side} knee",
             flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
             lateral=sign,
-            condyles=tuple(dataclasses.replace(x, points_mm=seen(x.points_mm, FEMUR)) for x in condyles),
+            condyles=tuple(Sheet(x.name, FEMUR, seen(x.points_mm, FEMUR)) for x in condyles),
             plateaus=tuple(map(pressed, pressures, drawn)),
             fibres=tuple(x for x in fibres if all(x is not y for y in far)),
             obstacles=tuple(Sheet("", bone, seen(grid, bone)) for grid, bone in grids),
@@ -233,22 +243,13 @@ def scenes(
     return tuple(at(i) for i in range(state.shape[0]))
 
 
-def _along(fibre: Fibre) -> np.ndarray:
-    """Way along a fibre to each of its points, mm."""
-    steps = np.linalg.norm(np.diff(fibre.points_mm, axis=0), axis=1)
-    return np.append(0.0, steps.cumsum())
-
-
 def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
     """The parts of muscles and bands that are near everything else."""
     middle = points_mm.mean(axis=0)
     reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
     answer = []
     for muscle in muscles:
-        line = muscle.points_mm
-        way = _along(muscle)
-        places = np.linspace(0.0, way[-1], _ALONG)
-        fine = np.stack([np.interp(places, way, x) for x in line.T], axis=1)
+        fine = muscle.at(np.linspace(0.0, 1.0, _ALONG))
         kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]
         if len(kept) > 1:
             answer.append(dataclasses.replace(muscle, points_mm=kept))

@@ -58,6 +58,35 @@ def grid_triangles(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, d], 1)])
 
 
+def tube(line: np.ndarray, thickness: float, sides: int = 8) -> tuple[np.ndarray, np.ndarray]:
+    """Corners, `(k sides, 3)`, and triangles around a line of `k` points.
+
+    Example:
+        >>> corners, faces = tube(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 5.0]]), 2.0, sides=4)
+        >>> corners.shape, faces.shape, round(float(np.abs(corners[:, :2]).max()), 6)
+        ((8, 3), (8, 3), 1.0)
+    """
+    along = np.gradient(line, axis=0)
+    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    away = np.eye(3)[np.argmin(np.abs(line[-1] - line[0]))]
+    first = away - (along @ away)[:, None] * along
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(along, first)
+    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)[:, None, None]
+    rings = line + 0.5 * thickness * (np.cos(turn) * first + np.sin(turn) * second)
+    return rings.swapaxes(0, 1).reshape(-1, 3).astype(np.float32), _faces(len(line), sides)
+
+
+@functools.cache
+def _faces(count: int, sides: int) -> np.ndarray:
+    """Triangles between rings of corners."""
+    number = np.arange(count * sides).reshape(count, sides)
+    a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
+    c, d = number[1:], np.roll(number[1:], -1, axis=1)
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([b, d, c], -1)]).reshape(-1, 3)
+    return faces.astype(np.uint32)
+
+
 def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
     """Points on a wrap obstacle, `(m, n, 3)`, in its bone's frame, mm."""
     if not isinstance(obstacle, WrapCylinder):
@@ -65,8 +94,9 @@ def obstacle_grid(obstacle: Obstacle, passing_mm: np.ndarray) -> np.ndarray:
     turn, shift = _placed(obstacle.frame)
     along, half = (passing_mm - shift) @ turn[:, 2], 0.5 * float(obstacle.length)
     # In whole steps: fibres that slide a little leave it as it is.
-    ends = np.floor((along.min() - _BEYOND) / _STEP), np.ceil((along.max() + _BEYOND) / _STEP)
-    t = np.clip(np.linspace(*np.multiply(ends, _STEP), _ROUND // 2 + 1), -half, half)
+    low = _STEP * np.floor((along.min() - _BEYOND) / _STEP)
+    high = _STEP * np.ceil((along.max() + _BEYOND) / _STEP)
+    t = np.linspace(max(low, -half), min(high, half), _ROUND // 2 + 1)
     around, t = np.meshgrid(np.linspace(0, 2 * np.pi, _ROUND + 1), t, indexing="ij")
     radius = float(obstacle.radius)
     own = np.stack([radius * np.cos(around), radius * np.sin(around), t], axis=-1)
