@@ -11,8 +11,8 @@ import numpy as np
 
 from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS
-from kneejax.report.scene.scene import BoneMesh, Fibre, Plateau, Scene
-from kneejax.report.scene.surfaces import grid_triangles
+from kneejax.report.scene.scene import Fibre, Plateau, Scene
+from kneejax.report.scene.surfaces import grid_triangles, tube
 
 #: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
 SLACK = "#A9ADB2"
@@ -193,27 +193,8 @@ _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt i
 
 
 def pyvista() -> Any:
-    """The module, imported where it is used: it takes half a second and is optional.
-
-    Raises:
-        MissingPackage: it is not installed.
-    """
+    """The module, imported where it is used: it takes half a second and is optional."""
     return imported("pyvista", "PyVista", "view")
-
-
-def plotly() -> Any:
-    """The module of Plotly's graph objects; as `pyvista`."""
-    return imported("plotly.graph_objects", "Plotly", "view")
-
-
-def need_view_packages() -> None:
-    """Import what pictures and pages in space need, before anything is computed.
-
-    Raises:
-        MissingPackage: PyVista or Plotly is not installed.
-    """
-    pyvista()
-    plotly()
 
 
 @contextlib.contextmanager
@@ -226,24 +207,6 @@ def _quiet() -> Iterator[None]:
         yield
     finally:
         vtkLogger.SetStderrVerbosity(before)
-
-
-def simplified(bone: BoneMesh, most: int = 16_000) -> BoneMesh:
-    """A bone with fewer triangles, for pages and pictures.
-
-    Args:
-        bone: any mesh.
-        most: triangles, about; a mesh of fewer stays as it is.
-
-    Raises:
-        MissingPackage: PyVista is not installed.
-    """
-    if len(bone.faces) <= most:
-        return bone
-    mesh = pyvista().PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-    mesh = mesh.decimate(1.0 - most / len(bone.faces))
-    return dataclasses.replace(bone, points_mm=np.asarray(mesh.points, float),
-                               faces=mesh.regular_faces)  # fmt: skip
 
 
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
@@ -275,9 +238,8 @@ def _fibres(pv, scene: Scene, limit: float):
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
     parts = []
     for fibre in scene.fibres:
-        thick = 0.4 * radius if fibre.slack else radius
-        tube = pv.lines_from_points(fibre.points_mm).tube(radius=thick, n_sides=12)
-        shapes = [(tube, fibre_colour(fibre, limit))]
+        points, faces = tube(fibre.points_mm, 2.0 * (0.4 if fibre.slack else 1.0) * radius, 12)
+        shapes = [(pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit))]
         if not fibre.slack:
             balls = (fibre.points_mm[0], fibre.points_mm[-1])
             fine = {"theta_resolution": 12, "phi_resolution": 12}
