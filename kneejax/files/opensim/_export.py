@@ -33,6 +33,7 @@ from kneejax.files.opensim._paths import WRAP_KINDS
 from kneejax.files.opensim._xml import Element, etree
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, TIBIA
+from kneejax.mechanics import BLANKEVOORT
 
 #: A slack length that was computed from a strain or force is the model's if it errs by less.
 _ROUNDING = 1e-12
@@ -113,6 +114,10 @@ def export_osim(
             raise
         expected = f"the model that the knee came from, {origin['file']}, which has this body"
         raise InputProblem(model, "body", problem.value, expected) from None
+    for name, entry in document["ligaments"].items():
+        if (law := entry.get("law", BLANKEVOORT)) != BLANKEVOORT:
+            expected = f"{BLANKEVOORT}: {KIND}s are all that an OpenSim model has"
+            raise InputProblem(known.path, f"ligaments.{name}.law", law, expected)
     export = _Export(known, base, replace)
     if replace:
         export.replace_fibres()

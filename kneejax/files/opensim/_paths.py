@@ -131,7 +131,8 @@ class OsimWrap(_Carried):
                 across = entry["radius_mm"] - float(np.hypot(x[0], x[1]))
                 depth = min(across, entry["length_mm"] / 2.0 - abs(float(x[2])))
             else:
-                sizes = np.broadcast_to(entry.get("semi_axes_mm", entry.get("radius_mm")), 3)
+                sizes = entry["semi_axes_mm"] if "semi_axes_mm" in entry else entry["radius_mm"]
+                sizes = np.broadcast_to(np.asarray(sizes, float), 3)
                 part, size = float(np.linalg.norm(x / sizes)), float(np.linalg.norm(x))
                 depth = float(sizes.min()) if part == 0 else size / part - size
             if depth > max(found[0], 1e-9):

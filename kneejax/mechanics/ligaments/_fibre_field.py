@@ -2,8 +2,8 @@
 
 A band of Young's modulus `E` and cross-section `A` carries the integral of its fibres' tensions
 over the cross-section. The areas are ellipses, images of one unit disc, and a fibre joins the
-images of one point of it. The points are those of a product rule on the disc: Gauss's points in the square
-of the radius on `rings` circles, equal angles on each, exact for polynomials of degree
+images of one point of it. The points are those of a product rule on the disc: Gauss's points in
+the square of the radius on `rings` circles, equal angles on each, exact for polynomials of degree
 `4 rings - 1` below the number of angles. So force and moment of a band that is taut all over
 converge faster than any power of the number of fibres. Where a part of it is slack, the law's
 corner at the border of that part leaves an order of about 1 in the number of fibres (neo-Hookean)
@@ -199,7 +199,7 @@ def fibre_field(
         (4000.0, 24)
     """
     disc, weights = disc_quadrature(fibres)
-    low, high = (prestretch,) * 2 if np.ndim(prestretch) == 0 else np.asarray(prestretch, float)
+    low, high = np.broadcast_to(np.asarray(prestretch, float), 2)
     stretch = 0.5 * (low + high) + 0.5 * (high - low) * disc[:, 0]
     areas = float(area) * weights
     return FibreField(femoral.at(disc), tibial.at(disc), areas, youngs_modulus * areas, stretch)
