@@ -198,7 +198,6 @@ def limited() -> Iterator[None]:
 
 def answer(kind: str, one: Kind, number: int, ways: tuple[str, ...], data: bytes, folder: Path):
     """Read a damaged input as a command would."""
-    from kneejax.cohorts import CohortProblems
     from kneejax.files import InputProblem, InputProblems
     from kneejax.mechanics import Implausible
     from kneejax.numerics import MissingPackage
@@ -223,11 +222,6 @@ def answer(kind: str, one: Kind, number: int, ways: tuple[str, ...], data: bytes
         named = str(folder) in sentence or sentence.startswith(("bundled data", "knee: name"))
         whole = "\n" not in sentence and len(sentence) <= LONGEST
         outcome = REFUSED if named and whole else NO_FILE
-    except CohortProblems as problem:
-        lines = problem.problems
-        sentence = lines[0]
-        good = all("\n" not in x and len(x) <= LONGEST and str(folder) in x for x in lines)
-        outcome = REFUSED if good else NO_FILE
     except _TooSlow:
         outcome = SLOW
     except MemoryError:

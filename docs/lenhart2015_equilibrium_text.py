@@ -36,7 +36,7 @@ def equilibrium(results: dict) -> str:
     held, back, stiffness = footing.holds, first.back, footing.eigenvalues[:, 0]
     unstable, loose, away = (record.flexion[x] for x in (stiffness <= 0, ~held, ~back))
     drift = [np.median(x[held]) for x in footing.drift]
-    return f"""## Left to find its balance
+    return f"""## Free to find its equilibrium
 
 The recorded leg has muscles, a patella, an iliotibial band and gravity; ligaments and contact alone
 do not stand where it stood. At each instant the force and moment that ligaments and recorded

@@ -32,7 +32,7 @@ def _filled(block: str) -> str:
 
 def _opening(results: dict) -> str:
     record = results["record"]
-    return f"""# A published knee, held against another program
+    return f"""# A published knee, compared with another program
 
 The public lenhart2015 model of OpenSim JAM (Lenhart, Kaiser, Smith and Thelen, Annals of Biomedical
 Engineering 43, 2015; Apache-2.0) is one healthy adult's right leg with
@@ -41,9 +41,9 @@ it comes a recorded simulation: passive flexion from {abs(record.flexion[0]):.0f
 {record.flexion[-1]:.0f} degrees, {len(record.time)} instants once the start has settled.
 
 Here `kneejax import osim` reads that model and its meshes, and what comes out is compared with the
-record part by part: first at the recorded poses, where nothing is solved, then left to find its
-balance. The record is itself computed. Agreement says that two programs make the same mechanics of
-the same files; it does not say that a living knee does the same.
+record part by part: first at the recorded poses, where nothing is solved, then free to find its
+equilibrium. The record is itself computed. Agreement says that two programs make the same mechanics
+of the same files; it does not say that a living knee does the same.
 
 Everything below is made by `python docs/make_lenhart2015_validation.py`: no number is typed
 in."""
@@ -78,10 +78,10 @@ def _short(results: dict) -> str:
          counts["unsaid"] == 0),
     ]  # fmt: skip
     table = table_of(
-        ("what", "criterion", "worst found", "kept"),
+        ("what", "criterion", "worst found", "met"),
         [(*row[:3], "yes" if row[3] else "**no**") for row in rows],
     )
-    return f"## In short\n\n{table}"
+    return f"## Summary\n\n{table}"
 
 
 _QUANTITIES = {

@@ -35,10 +35,10 @@ LOADS = (
 PAGE = Path(__file__).resolve().parent / "cut_ligaments.md"
 INTRODUCTION = """# Knees with ligaments cut
 
-What becomes of a bundled knee, without muscles, when one or two ligaments are cut and it is
-loaded as laxity is measured: 100 N anterior and posterior, 5 N m of internal and external torque,
-10 N m of varus and valgus. Every load grows from the unloaded balance at its flexion. Made by
-`docs/make_cut_ligaments.py`; one of them by hand:
+Bundled knees, without muscles, with one or two ligaments cut, under the loads of laxity tests:
+100 N anterior and posterior, 5 N m of internal and external torque, 10 N m of varus and valgus.
+Each load is ramped up from the unloaded equilibrium at its flexion. Made by
+`docs/make_cut_ligaments.py`; a single case:
 
 ```sh
 kneejax simulate passive-flexion --knee four_ligament --cut ACL --load anterior_N=100
@@ -51,12 +51,12 @@ A cell lists the flexions 0, 30, 60 and 90 degrees:
 | `b` | balanced |
 | `o` | balanced, with contact off the fitted surfaces |
 | `s` | balanced, with a fibre beyond its failure strain: it would have torn |
-| `w` | balanced, with a fibre whose obstacle is doubtful |
+| `w` | balanced, with a fibre that is doubtful at its wrap object |
 | `D` | dislocated |
 | `T` | bone through bone |
-| 44 | the knee gave way under this part of the load, in per cent: its stiffness became singular |
-| `D44` | beyond this part of the load no balance was found; the sign says what the knee was there |
-| `-` | no balance without the load |
+| 44 | limit point at this part of the load, in per cent: the stiffness became singular |
+| `D44` | beyond this part of the load no equilibrium was found; the sign is the status there |
+| `-` | no equilibrium without the load |
 """
 LETTERS = {
     Status.BALANCED: "b", Status.OUTSIDE_REGION: "o", Status.OVERSTRETCHED: "s",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import functools
 import importlib
 import inspect
 import json
@@ -332,8 +333,70 @@ def api_page(module: ModuleType, title: str, names: list[str], shown: set[int]) 
             out += [f".. auto{word}:: {module.__name__}.{name}"]
             out += ["   :members:"] * (word == "class")
             out += ["   :no-index:"] * (id(thing) in shown) + [""]
+            out += [_escaped(where_shown(name, thing)), ""]
             shown.add(id(thing))
     return "\n".join(out)
+
+
+def has_example(thing: Any) -> bool:
+    """Whether the docstring of a name, or of one of its members, has an example that is run."""
+    members = [*vars(thing).values()] if inspect.isclass(thing) else []
+    every = [thing, *(getattr(one, "__func__", one) for one in members)]
+    return any(">>>" in (getattr(one, "__doc__", None) or "") for one in every)
+
+
+def where_shown(name: str, thing: Any) -> str:
+    """Where a name without an example of its own is used: by what returns it, or by a test."""
+    if has_example(thing):
+        return ""
+    makers = [x for x in _makers().get(name, ()) if x.rpartition(".")[2] != name]
+    if inspect.isclass(thing) and makers:
+        return f"Example: `{makers[0]}`."
+    used = [file for file, words in _words_of_tests().items() if name in words]
+    order = ("tests", "notebooks", "kneejax", "benchmarks")
+    used.sort(key=lambda file: (order.index(file.split("/")[0]), len(file)))
+    return f"Runs in `{used[0]}`." if used else f"Runs within `{_caller(thing, name)}`."
+
+
+def _caller(thing: Any, name: str) -> str:
+    """A file of another room that uses a name, or that of the name itself."""
+    root = Path(__file__).parents[1]
+    own = inspect.getsourcefile(inspect.unwrap(thing)) or ""
+    for file in sorted(root.glob("kneejax/**/*.py"), key=lambda x: len(str(x))):
+        words = file.name != "__init__.py" and str(file) != own and file.read_text("utf-8")
+        if words and re.search(rf"\b{name}\b", words):
+            return str(file.relative_to(root))
+    return str(Path(own).relative_to(root))
+
+
+@functools.cache
+def _makers() -> dict[str, list[str]]:
+    """Class -> public names that return one, or hold one in a field; those with examples first."""
+    found: dict[str, list[str]] = {}
+    for room in ["kneejax", *ROOMS]:
+        module = importlib.import_module(room)
+        names = _top_level() if module is kneejax else _offered(module)
+        for name in sorted(names):
+            thing = getattr(module, name)
+            noted = getattr(thing, "__annotations__", {})
+            kinds = noted.values() if inspect.isclass(thing) else [noted.get("return")]
+            for word in {word for kind in kinds for word in re.findall(r"\w+", str(kind))}:
+                found.setdefault(word, []).append(f"{room}.{name}")
+                if has_example(thing):  # those with examples first
+                    found[word].insert(0, found[word].pop())
+    return found
+
+
+@functools.cache
+def _words_of_tests() -> dict[str, set[str]]:
+    root = Path(__file__).parents[1]
+    files = [*root.glob("tests/**/*.py"), *root.glob("notebooks/*.ipynb")]
+    # What commands call runs in the tests of the commands.
+    files += [*root.glob("benchmarks/*.py"), *root.glob("kneejax/cli/**/*.py")]
+    return {
+        str(file.relative_to(root)): set(re.findall(r"\w+", file.read_text(encoding="utf-8")))
+        for file in sorted(files)
+    }
 
 
 def _escaped(text: str) -> str:

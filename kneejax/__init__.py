@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from kneejax import cohorts as cohorts
     from kneejax import dynamics as dynamics
     from kneejax import experiments as experiments
+    from kneejax import explorer as explorer
     from kneejax import files as files
     from kneejax import geometry as geometry
     from kneejax import inference as inference
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from kneejax.experiments import load_cycle as load_cycle
     from kneejax.experiments import passive_flexion as passive_flexion
     from kneejax.experiments import patellar_tracking as patellar_tracking
+    from kneejax.explorer import explore as explore
     from kneejax.files import InputProblem as InputProblem
     from kneejax.files import load_knee as load_knee
     from kneejax.files import load_knee_file as load_knee_file

@@ -1,5 +1,8 @@
 """What the pages print: scripts run as printed, commands are commands, and examples come along."""
 
+import ast
+import importlib
+import inspect
 import json
 import re
 import runpy
@@ -10,9 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import kneejax
 from kneejax.cli import main
 from kneejax.cli._main import line as command_line
-from kneejax.files import bundled_examples
+from kneejax.files import bundled_examples, write_rows
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "in_python.md"
@@ -39,6 +43,54 @@ def test_the_scripts_run_as_printed(capsys):
     np.testing.assert_allclose(names["test"].to_table()[0, [2, 3]], [10.0, 2.0], atol=1e-9)
     misfit, start, step = (names[name] for name in ("misfit", "start", "step"))
     assert misfit(start + step) < 0.1 * misfit(start)
+
+
+def blocks(page):
+    """Code in Python that a page prints."""
+    return re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+
+
+PAGES = [page for page in sorted((ROOT / "docs").glob("*.md")) if blocks(page)]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES], ids=lambda page: page.name)
+def test_code_on_pages_names_what_there_is(page):
+    """All of it parses; what it takes from kneejax exists."""
+    tree = ast.parse("\n".join(blocks(page)))
+    places = {"kj": kneejax, "kneejax": kneejax}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("kneejax"):
+            module = importlib.import_module(node.module)
+            assert all(hasattr(module, name.name) for name in node.names), node.module
+            places |= {name.asname or name.name: getattr(module, name.name) for name in node.names}
+        if isinstance(node, ast.Import):
+            for name in node.names:
+                if name.name.startswith("kneejax"):
+                    module = importlib.import_module(name.name)
+                    places[name.asname or "kneejax"] = module if name.asname else kneejax
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+            owner = places.get(node.value.id)
+            if inspect.ismodule(owner):
+                assert hasattr(owner, node.attr), f"{node.value.id}.{node.attr}"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "page", ["getting_started", "laboratory", "dynamics", "simple_joints", "identification"]
+)
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+def test_code_on_pages_runs_as_printed(page, tmp_path, monkeypatch, capsys):
+    """With a table of poses under the names that the pages give it."""
+    monkeypatch.chdir(tmp_path)
+    knee = kneejax.load_knee("four_ligament")
+    table = kneejax.passive_flexion(knee, np.arange(0.0, 121.0, 5.0)).to_table()
+    for name in ("specimen7.csv", "mri.csv"):
+        write_rows(Path(name), kneejax.geometry.COLUMNS, np.asarray(table).tolist())
+    names: dict = {}
+    for block in blocks(ROOT / "docs" / f"{page}.md"):
+        exec(compile(block, page, "exec"), names)
+    assert "kj" in names
 
 
 def commands(text):

@@ -1,4 +1,4 @@
-"""Pictures of README.md and docs/what_data_tell.md, by the very commands that they print.
+"""Pictures of README.md and docs/identification.md, by the very commands that they print.
 
     python docs/figures/make_what_data_tell.py [FOLDER]
 

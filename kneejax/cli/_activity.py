@@ -27,27 +27,9 @@ from kneejax.files import (
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
-from kneejax.planning import AclPlan, intact_knee, operated_knees
+from kneejax.planning import intact_knee, operated_knees
 from kneejax.report import activity_answer
 from kneejax.studies import read_plan, stages_on_terminal
-
-
-def movement_of(arguments: options.Activity) -> WholeBody | None:
-    """The movement that OpenSim is to be asked about, checked; None where tables are given.
-
-    Args:
-        arguments: of the command.
-
-    Raises:
-        InputProblem: a movement that does not fit the model.
-    """
-    if arguments.motion is None:
-        return None
-    return whole_body(
-        arguments.model, arguments.motion, arguments.grf, side=arguments.side,
-        actuators=arguments.actuators, instants=arguments.instants,
-        time_s=arguments.time_s, femur=arguments.femur, tibia=arguments.tibia,
-    )  # fmt: skip
 
 
 def asked_of_opensim(
@@ -126,8 +108,15 @@ _USUAL = "lenhart2015_reduced"
 
 def run(arguments: options.Activity) -> int:
     """Read what acted on the leg, and find the equilibria of each knee under it."""
-    body = movement_of(arguments)
-    plan = _plan(arguments)
+    known = {"side": arguments.side, "instants": arguments.instants, "femur": arguments.femur,
+             "tibia": arguments.tibia}  # fmt: skip
+    body = None if arguments.motion is None else whole_body(
+        arguments.model, arguments.motion, arguments.grf, actuators=arguments.actuators,
+        time_s=arguments.time_s, **known,
+    )  # fmt: skip
+    plan = None
+    if arguments.plan is not None:
+        plan = read_plan(arguments.plan, patella=arguments.patella)
     if plan is None:
         read = load_knee_file(arguments.knee or _USUAL)
         document = read.document
@@ -141,8 +130,17 @@ def run(arguments: options.Activity) -> int:
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
-    record, rounds = _record(arguments, body, knee, document)
-    _check_pulls(knee, record)
+    if body is None:
+        record, rounds = read_activity(
+            arguments.model, arguments.files, knee=knee, document=document,
+            frames=arguments.frames, called=arguments.called, **known,
+        ), []  # fmt: skip
+    else:
+        with stages_on_terminal("OpenSim") as show:
+            record, rounds = asked_of_opensim(arguments, body, knee, document, show)
+    if record.quadriceps_N.any() and not knee.other_bones and not knee.lines:
+        expected = "a knee with a line for the patellar tendon, or --patella"
+        raise InputProblem("--knee", "lines", f"none in {knee.name}", expected)
     with stages_on_terminal(knee.name) as show:
         knees = knees if plan is None else operated_knees(plan)
         found: dict[str, Activity] = {}
@@ -153,31 +151,3 @@ def run(arguments: options.Activity) -> int:
     title = f"{knee.name}: {cycle.words}" + (", with patella" if arguments.patella else "")
     answer = activity_answer(title, found, cycle, rounds=rounds, convention=arguments.convention)
     return deliver(answer, arguments, ["opensim/"] if arguments.motion is not None else [])
-
-
-def _record(
-    arguments: options.Activity, body: WholeBody | None, knee: Knee, document
-) -> tuple[LegRecord, list[Round]]:
-    """What acted on the leg: as it was recorded, or as OpenSim finds it."""
-    if body is not None:
-        with stages_on_terminal("OpenSim") as show:
-            return asked_of_opensim(arguments, body, knee, document, show)
-    record = read_activity(
-        arguments.model, arguments.files, side=arguments.side, knee=knee, document=document,
-        frames=arguments.frames, instants=arguments.instants, femur=arguments.femur,
-        tibia=arguments.tibia, called=arguments.called,
-    )  # fmt: skip
-    return record, []
-
-
-def _plan(arguments: options.Activity) -> AclPlan | None:
-    """The plan that is asked for, if one is."""
-    if arguments.plan is None:
-        return None
-    return read_plan(arguments.plan, patella=arguments.patella)
-
-
-def _check_pulls(knee: Knee, record: LegRecord) -> None:
-    if record.quadriceps_N.any() and not knee.other_bones and not knee.lines:
-        expected = "a knee with a line for the patellar tendon, or --patella"
-        raise InputProblem("--knee", "lines", f"none in {knee.name}", expected)

@@ -8,7 +8,7 @@ import functools
 import io
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,14 +17,13 @@ from tqdm import tqdm
 
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
-from kneejax.cli._main import BAD_INPUT
 from kneejax.cli._out import check_room
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
 from kneejax.cohorts import (
-    CohortProblems,
+    Cohort,
     CohortSummary,
-    KneeDone,
+    Ended,
     MadeUpKnee,
     Member,
     Spread,
@@ -33,20 +32,21 @@ from kneejax.cohorts import (
     bootstraps,
     check_bootstraps,
     in_process,
-    local_workers,
     next_prior,
     on_workers,
     plan,
     read_answers,
     read_cohort,
+    reason,
     shard_of,
     structures,
     summed_up,
     synthesise,
     to_dataset,
-    workers_of,
+    workers,
 )
 from kneejax.files import (
+    InputProblems,
     check_new,
     counted,
     read_calibrated,
@@ -63,6 +63,13 @@ from kneejax.numerics import MissingPackage, check_installed
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Study, bootstrapped, run_side_by_side, stages_on_terminal
 
+#: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
+_KNEE_MB = 0.25
+#: Computes tasks, each yielded when it has ended, with why it left no results.
+Compute = Callable[[Sequence[Task], Work], Iterator[Ended]]
+#: What became of a knee of a task: why it has no answer, if it has none, and seconds.
+Mark = Mapping[str, Any]
+
 
 @dataclasses.dataclass(frozen=True)
 class CohortWork:
@@ -76,25 +83,24 @@ class CohortWork:
     out: Path
     svg: bool = False
 
-    def __call__(self, task: Task) -> list[KneeDone]:
-        """Calibrate the knees of a task, unless their results are there."""
-        if (done := finished(task, self.out)) is not None:
-            return done
-        if task.draws is not None:
-            return [self._bootstrap(task, *task.members)]
+    def __call__(self, task: Task) -> None:
+        """Calibrate the knees of a task, or draw its data again, unless its results are there."""
         begun = time.perf_counter()
+        if finished(task, self.out) is not None:
+            return
+        if task.draws is not None:
+            self._bootstrap(task, begun)
+            return
         answers = _answers([member.study for member in task.members])
         share = (time.perf_counter() - begun) / len(answers)
-        return [
-            self._one(task, member, answer, share)
-            for member, answer in zip(task.members, answers, strict=True)
-        ]
+        for member, answer in zip(task.members, answers, strict=True):
+            self._write(task, member, answer, share)
 
-    def _one(
+    def _write(
         self, task: Task, member: Member, answer: Calibration | Exception, seconds: float
-    ) -> KneeDone:
+    ) -> None:
         begun, folder = time.perf_counter(), self.out / KNEES / member.name
-        failed = " ".join(str(answer).split()) if isinstance(answer, Exception) else ""
+        failed = reason(answer, named=False) if isinstance(answer, Exception) else ""
 
         def write() -> dict[str, Any]:
             if not isinstance(answer, Exception):
@@ -102,25 +108,24 @@ class CohortWork:
             took = seconds + time.perf_counter() - begun
             return {"task": task.fingerprint, "failed": failed, "seconds": took}
 
-        return KneeDone(member.name, failed, replace_knee(folder, write)["seconds"])
+        replace_knee(folder, write)
 
-    def _bootstrap(self, task: Task, member: Member) -> KneeDone:
+    def _bootstrap(self, task: Task, begun: float) -> None:
         """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
-        begun, folder, failed = time.perf_counter(), self.out / KNEES / member.name, ""
+        (member,) = task.members
+        folder, failed, values = self.out / KNEES / member.name, "", np.zeros((0, 0))
         if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
-            return KneeDone(member.name, "its calibration was not finished")
-        values = np.zeros((0, 0))
+            raise UnsuitableData("its calibration was not finished")
         if (folder / "result.json").is_file():
             answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
             try:
                 draws = range(*task.draws or ())
                 values = bootstrapped(member.study, draws, answer, task.by_blocks)
             except UnsuitableData as problem:
-                failed = " ".join(str(problem).split())
+                failed = reason(problem)
         stream, seconds = io.BytesIO(), time.perf_counter() - begun
         np.savez(stream, values=values, failed=failed, seconds=seconds)
         write_sealed(_draws_file(task, self.out), stream.getvalue(), task.fingerprint)
-        return KneeDone(member.name, failed, seconds)
 
 
 def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
@@ -135,22 +140,18 @@ def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
         raise
     except Exception as problem:
         if len(studies) == 1:
-            words = " ".join(str(problem).split())
-            return [RuntimeError(f"{type(problem).__name__}: {words}")]
+            return [RuntimeError(reason(problem))]
         return [answer for study in studies for answer in _answers([study])]
 
 
-def finished(task: Task, out: Path) -> list[KneeDone] | None:
-    """What became of the knees of a task; None where any of them is still to be computed."""
+def finished(task: Task, out: Path) -> dict[str, Mark] | None:
+    """What became of each knee of a task; None where any of them is still to be computed."""
     if task.draws is not None:
-        if (kept := _kept_draws(task, out)) is None:
-            return None
-        return [KneeDone(task.names[0], str(kept["failed"]), float(kept["seconds"]))]
-    marks = [read_mark(out / KNEES / name) or {} for name in task.names]
-    if any(mark.get("task") != task.fingerprint for mark in marks):
-        return None
-    pairs = zip(task.names, marks, strict=True)
-    return [KneeDone(name, str(x["failed"]), float(x["seconds"])) for name, x in pairs]
+        kept = _kept_draws(task, out)
+        return None if kept is None else {task.names[0]: kept}
+    marks = {name: read_mark(out / KNEES / name) or {} for name in task.names}
+    whole = all(mark.get("task") == task.fingerprint for mark in marks.values())
+    return marks if whole else None
 
 
 def draws_of(tasks: Sequence[Task], out: Path) -> dict[str, np.ndarray]:
@@ -168,7 +169,7 @@ def _draws_file(task: Task, out: Path) -> Path:
     return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
 
 
-def _kept_draws(task: Task, out: Path) -> dict[str, np.ndarray] | None:
+def _kept_draws(task: Task, out: Path) -> Mark | None:
     """What a task of a bootstrap has left; None where there is nothing, or something damaged."""
     data = read_sealed(_draws_file(task, out), task.fingerprint)
     if data is None:
@@ -177,36 +178,18 @@ def _kept_draws(task: Task, out: Path) -> dict[str, np.ndarray] | None:
         return {name: kept[name] for name in ("values", "failed", "seconds")}
 
 
-_PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
-# In a study: prior: prior.yaml
-"""
-#: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
-_KNEE_MB = 0.25
-#: Computes tasks, each yielded with what became of its knees when it has ended.
-Compute = Callable[[Sequence[Task], Work], Iterator[tuple[Task, Sequence[KneeDone]]]]
-
-
 def run(arguments: Calibrate) -> int:
     """Calibrate every knee of a cohort, and write what they say together."""
-    shard = arguments.shard or (1, 1)
     if arguments.scheduler or (arguments.jobs or 1) > 1:
         check_installed("distributed", "cohorts")
-    try:
-        cohort, by_blocks = read_cohort(arguments.study), arguments.blocks
-        if arguments.bootstrap:
-            check_bootstraps(cohort, by_blocks)
-    except CohortProblems as every:
-        for problem in every.problems:
-            print(f"kneejax: {' '.join(problem.split())}", file=sys.stderr)
-        count = counted(len(every.problems), "mistake")
-        print(f"kneejax: {count}; nothing was computed", file=sys.stderr)
-        return BAD_INPUT
+    cohort, count, by_blocks = _cohort_of(arguments), arguments.bootstrap or 0, arguments.blocks
     out, tasks = arguments.out.resolve(), plan(cohort)
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
             check_new(out / KNEES / member.name / new, member.study.knee_name)
     arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
-    own = shard_of(tasks, *shard)
+    own = shard_of(tasks, *arguments.shard or (1, 1))
+    rounds = [(own, " knees"), (bootstraps(own, count, by_blocks), " fits")]
     waiting = _unfinished(own, out)
     knees = sum(map(len, waiting))
     check_room(out, _KNEE_MB * knees, f"results of {counted(knees, 'knee')}")
@@ -214,44 +197,63 @@ def run(arguments: Calibrate) -> int:
     size = f"{counted(len(cohort.members), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {'/'.join(map(str, shard))}: {counted(len(own), 'task')}")
+        print(f"part {'/'.join(map(str, arguments.shard))}: {counted(len(own), 'task')}")
     if len(waiting) < len(own):
         print(f"{counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
-    work, count = CohortWork(out, arguments.svg), arguments.bootstrap or 0
-    rounds = [(own, " knees"), (bootstraps(own, count, by_blocks), " fits")]
     waiting += _unfinished(rounds[1][0], out)
     if waiting:
         # From here on the folder is this cohort's, with what is there of it already.
         kept = {(KNEES, x) for task in tasks if finished(task, out) for x in task.names}
         arguments.results.begin(lambda name: tuple(name.split("/")[:2]) in kept)
-    lost: list[KneeDone] = []
+    failed: dict[str, Mark] = {}
+    work = CohortWork(out, arguments.svg)
     with _computer(waiting, arguments) as compute:
         for some, unit in rounds:
             some = _unfinished(some, out)
             with tqdm(total=sum(map(len, some)), unit=unit, disable=None, leave=False) as bar:
-                for task, done in compute(some, work):
-                    lost += [] if finished(task, out) else done
+                for task, why in compute(some, work):
+                    for name in task.names if why and finished(task, out) is None else ():
+                        failed.setdefault(name, {"failed": why, "seconds": 0.0})
                     bar.update(len(task))
     every_task = [*tasks, *bootstraps(tasks, count, by_blocks)]
     # Other parts may have ended meanwhile.
     ended = {task: finished(task, out) for task in every_task}
-    failed = {one.name: one for one in reversed(lost)}  # what was first is the reason
-    still_open = [task for task, done in ended.items() if done is None]
+    still_open = [task for task, marks in ended.items() if marks is None]
     if any(not failed.keys() & set(task.names) for task in still_open):
         left = counted(len(still_open), "task")
         print(f"{left} left to other parts: the last one writes the report")
         return int(bool(failed))
-    for one in failed.values():
-        print(f"{one.name}: {one.failed}")
-    known = {one.name: one for task, done in ended.items() if not task.draws for one in done or ()}
+    for name, mark in failed.items():
+        print(f"{name}: {mark['failed']}")
+    known = {
+        name: mark
+        for task, marks in ended.items() if not task.draws for name, mark in (marks or {}).items()
+    }  # fmt: skip
     arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
     answers = read_answers(cohort, failed | known, out / KNEES)
     draws = draws_of(every_task, out) if count else {}
-    return max(_finish(summed_up(cohort.title, answers, draws), arguments), int(bool(lost)))
+    return max(_finish(summed_up(cohort.title, answers, draws), arguments), int(bool(failed)))
 
 
-def _unfinished(tasks: Sequence[Task], out) -> list[Task]:
+def _cohort_of(arguments: Calibrate) -> Cohort:
+    """The cohort, checked.
+
+    Raises:
+        InputProblems: every mistake, and how many there are.
+    """
+    try:
+        cohort = read_cohort(arguments.study)
+        if arguments.bootstrap:
+            check_bootstraps(cohort, arguments.blocks)
+    except InputProblems as every:
+        count = counted(len(every.problems), "mistake")
+        end = ValueError(f"{count}; nothing was computed")
+        raise InputProblems([*every.problems, end]) from None
+    return cohort
+
+
+def _unfinished(tasks: Sequence[Task], out: Path) -> list[Task]:
     return [task for task in tasks if finished(task, out) is None]
 
 
@@ -262,10 +264,15 @@ def _computer(waiting: Sequence[Task], arguments: Calibrate) -> Iterator[Compute
     if not waiting or (jobs < 2 and address is None):
         yield in_process
         return
-    with workers_of(address) if address else local_workers(min(jobs, len(waiting))) as client:
+    with workers(min(jobs, len(waiting)), address) as client:
         if sys.stderr.isatty():
             print(f"workers: {client.dashboard_link}", flush=True)
         yield functools.partial(on_workers, client)
+
+
+_PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
+# In a study: prior: prior.yaml
+"""
 
 
 def _finish(summary: CohortSummary, arguments: Calibrate) -> int:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 import importlib
 import json
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
@@ -26,7 +25,7 @@ from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
 from kneejax.files import InputProblem, InputProblems
-from kneejax.files.reading import meaning
+from kneejax.files.reading import meaning, together
 
 if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
@@ -89,6 +88,11 @@ class File:
 
 
 @dataclasses.dataclass(frozen=True)
+class Parameters:
+    """Names of parameters of the command's knee, with what they are set to."""
+
+
+@dataclasses.dataclass(frozen=True)
 class Angles:
     """Angles of flexion: first:last:step or a,b,c."""
 
@@ -106,6 +110,7 @@ class Command(BaseModel):
         example: a line that runs, for the end of its help.
         body: the module whose `run`, or the function after a colon, does the work; imported when
             it is called.
+        renamed: what a calculation calls an argument -> the field that gave it.
     """
 
     model_config = ConfigDict(
@@ -115,6 +120,7 @@ class Command(BaseModel):
     command: ClassVar[str]
     example: ClassVar[str]
     body: ClassVar[str]
+    renamed: ClassVar[Mapping[str, str]] = {}
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Self:
@@ -206,29 +212,6 @@ class Command(BaseModel):
         """What is wrong with options that are good one by one; for a subclass to say."""
         return ()
 
-    def check_inputs(self, folder: Path, gone: str = "") -> None:
-        """Refuse files and names of bundled data that are missing, before anything is imported.
-
-        Args:
-            folder: to which names of files are relative.
-            gone: file of settings that name them, if they were recorded earlier.
-
-        Raises:
-            InputProblem: a file is missing, or a name is unknown.
-            InputProblems: several are.
-        """
-        problems = []
-        for name, field in type(self).model_fields.items():
-            value = getattr(self, name)
-            for one in value if isinstance(value, list) else [value]:
-                try:
-                    if one is not None:
-                        _check_input(field, str(one), folder, gone)
-                except InputProblem as problem:
-                    problems.append(problem)
-        if problems:
-            raise problems[0] if len(problems) == 1 else InputProblems(problems)
-
     def options(self) -> dict[str, Any]:
         """Options and their values, defaults among them, as a result's own settings hold them."""
         values = self.model_dump(exclude={"out", "verbose"})
@@ -244,16 +227,43 @@ class Command(BaseModel):
         importlib.import_module(self.body.partition(":")[0])
 
     def run(self) -> int:
-        """Do the work; the exit status."""
+        """Do the work; the exit status.
+
+        Raises:
+            InputProblem: also what a calculation refuses, said of the option that gave it.
+        """
         module, _, function = self.body.partition(":")
-        return getattr(importlib.import_module(module), function or "run")(self)
+        work = getattr(importlib.import_module(module), function or "run")
+        try:
+            return work(self)
+        except ValueError as problem:
+            every = [*getattr(problem, "problems", (problem,))]
+            if (said := [self.said(one) for one in every]) == every:
+                raise
+            raise together(said) from None
+
+    def said(self, problem: ValueError) -> ValueError:
+        """What a calculation refuses, said of the option that gave it; anything else as it is."""
+        if isinstance(problem, InputProblem):
+            return problem
+        from kneejax.numerics import WrongValue
+
+        if not isinstance(problem, WrongValue):
+            return problem
+        option = option_name(self.renamed.get(problem.field, problem.field))
+        return InputProblem(self.in_errors, f"--{option}", problem.found, problem.expected)
+
+    @property
+    def in_errors(self) -> str:
+        """The command in errors."""
+        return self.command
 
 
 class Written(Command):
     """A command that writes a folder of results.
 
     Attributes:
-        folder: where, unless `--out` names another one.
+        folder: where, unless `--out` names another one; called as the command by default.
     """
 
     folder: ClassVar[str]
@@ -263,6 +273,11 @@ class Written(Command):
     verbose: Annotated[bool, Group("Results")] = meaning(
         "say what was compiled, and how long it took", False
     )
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **_: Any) -> None:
+        if hasattr(cls, "command") and "folder" not in vars(cls):
+            cls.folder = f"kneejax-{cls.command.replace(' ', '-')}"
 
     @classmethod
     def usual(cls, values: dict[str, Any]) -> dict[str, Any]:
@@ -321,44 +336,3 @@ def _shown(value: Any) -> Any:
     if isinstance(value, dict):
         return next(iter(value), "")
     return f"{value:g}" if isinstance(value, float) else str(value)
-
-
-def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
-    if marks(field, Angles):
-        from kneejax.files import parse_flexion
-
-        parse_flexion(value)
-    bundled, files = marks(field, Bundled), marks(field, File)
-    named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
-    if not (bundled or files) or any(c in value for c in "*?["):
-        return
-    if os.path.exists(folder / value):
-        if bundled and bundled[0].kind == "studies" and os.path.isfile(folder / value):
-            _check_study(os.fspath(folder / value), bundled[0].others)
-        return
-    if gone and not named:
-        expected = f"a file that is still there; {folder / value} is gone"
-        raise InputProblem(gone, field.alias or "", value, expected)
-    if bundled:
-        from kneejax.files import named_path
-
-        try:
-            named_path(bundled[0].kind, value)
-        except InputProblem as problem:
-            if not gone:
-                raise
-            expected, near = problem.expected, problem.nearest
-            raise InputProblem(gone, field.alias or "", value, expected, near) from None
-        return
-    from kneejax.files.reading import neighbour
-
-    raise InputProblem(value, "file", "missing", files[0].kind, neighbour(folder / value))
-
-
-def _check_study(value: str, others: bool) -> None:
-    """Refuse a study for what its fields say, before JAX is imported."""
-    from kneejax.cohorts import is_cohort
-    from kneejax.studies import check_study_file
-
-    if value.lower().endswith((".yaml", ".yml")) and not (others and is_cohort(value)):
-        check_study_file(value)

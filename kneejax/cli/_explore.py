@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 import webbrowser
 from pathlib import Path
@@ -12,17 +13,16 @@ import yaml
 
 from kneejax import report
 from kneejax.cli.options import Explore
-from kneejax.explore import Page, Subject, serve
+from kneejax.explorer import Page, Setting, Subject, serve
 from kneejax.files import (
-    InputProblem,
     bundled_studies,
     load_knee_file,
+    read_calibrated,
     read_mesh_points,
     study_path,
 )
-from kneejax.geometry import FEMUR, PATELLA, TIBIA
+from kneejax.geometry import FEMUR, FREE_COORDINATES, PATELLA, TIBIA
 from kneejax.mechanics import Knee
-from kneejax.numerics import MissingPackage
 from kneejax.studies import read_study
 
 
@@ -40,18 +40,30 @@ def explore(asked: Explore) -> int:
     return 0
 
 
-def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None]:
-    """The knee, its document, and measured poses where a study has some."""
+def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, str]:
+    """The knee, its document, measured poses where there are some, and what the knee itself is."""
     named = asked.subject
     if not _is_study(named):
         read = load_knee_file(named)
-        return (read.with_patella() if asked.patella else read.knee), read.document, None
+        found = _measured(Path(named)) if named.endswith(".json") else None
+        first = "stored fit" if named.endswith(".json") else "as read"
+        return (read.with_patella() if asked.patella else read.knee), read.document, found, first
     study = read_study(named)
     path = Path(named)
     said = yaml.safe_load(study_path(named).read_text(encoding="utf-8"))["knee"]
     beside = path.parent / said
     read = load_knee_file(beside if beside.exists() else said)
-    return study.knee, read.document, study.measured
+    return study.knee, read.document, study.poses(), "as read"
+
+
+def _measured(result: Path) -> np.ndarray | None:
+    """What a result's knee was fitted to, in its own frames; None where the study is gone."""
+    said = json.loads(result.read_text(encoding="utf-8")).get("settings") or {}
+    if not Path(said.get("path") or "-").is_file():
+        return None
+    offset = read_calibrated(result).frame_offset
+    away = np.array([0.0, *(offset.get(name, 0.0) for name in FREE_COORDINATES)])
+    return read_study(said["path"]).poses() - away
 
 
 def _is_study(named: str) -> bool:
@@ -61,21 +73,17 @@ def _is_study(named: str) -> bool:
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
         return False
     document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return isinstance(document, dict) and "measured" in document
+    return isinstance(document, dict) and "parameters" in document
 
 
 def begin(asked: Explore) -> Page:
     """The page of a command, being served."""
-    knee, document, measured = _subject(asked)
+    knee, document, measured, first = _subject(asked)
     files = {bone: getattr(asked, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
     meshes = {bone: read_mesh_points(path) for bone, path in files.items() if path is not None}
     bones = [report.BoneMesh(bone, mesh.points_mm, mesh.faces) for bone, mesh in meshes.items()]
     pages: list[Page] = []
-    try:
-        server, link = serve(asked.port, lambda query: pages[0].opened(query) if pages else None)
-    except MissingPackage as problem:
-        raise InputProblem("kneejax explore", "viser", "not installed",
-                           "viser, which comes with pip install 'kneejax[explore]'") from problem
-    page = Page(server, Subject.of(knee), document, link, asked.out, measured, bones)
+    server, link = serve(asked.port, lambda x: pages and pages[0].go(Setting.of_link(x)))
+    page = Page(server, Subject.of(knee), document, link, asked.out, measured, bones, first)
     pages.append(page)
     return page

@@ -2,31 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
-from kneejax.cli._command import option_name
 from kneejax.cli.options import Simulate
 from kneejax.files import InputProblem, knee_with, load_knee
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, load_opposite_to
-from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
-from kneejax.studies import Identify, Map, Sensitivity
-
-#: Arguments that an option gives under another name.
-_OPTION_OF = {"flexion_deg": "--flexion", "held": "--hold"}
-
-
-def refused(command: str, problem: WrongValue) -> InputProblem:
-    """What a calculation does not take, said of the option that gave it.
-
-    Args:
-        command: which was asked for.
-        problem: of the calculation.
-    """
-    option = _OPTION_OF.get(problem.field, f"--{option_name(problem.field)}")
-    return InputProblem(command, option, problem.found, problem.expected)
 
 
 def read_loads(given: Mapping[str, float]) -> dict[str, float]:
@@ -65,20 +47,6 @@ def check_within(option: str, name: str, values: Iterable[float], allowed: Range
     for value in values:
         if allowed is not None and not allowed.holds(value):
             raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
-
-
-@contextlib.contextmanager
-def said_of_options(asked: type[Identify | Map | Sensitivity]) -> Iterator[None]:
-    """Let what is wrong with options name the option where it was asked."""
-    try:
-        yield
-    except InputProblem as problem:
-        if problem.file not in asked.model_fields:
-            raise
-        option = {"indices": "--global"}.get(problem.file, f"--{option_name(problem.file)}")
-        raise InputProblem(
-            option, problem.field, problem.value, problem.expected, problem.nearest
-        ) from None
 
 
 def check_columns(names: Mapping[str, str]) -> None:

@@ -48,16 +48,16 @@ class CommandLine:
         commands: words -> model.
     """
 
-    def __init__(self, groups: Groups, above: Mapping[str, tuple[str, str, str]]):
+    def __init__(self, groups: Groups, above: Mapping[str, str], example: str = ""):
         """Collect them.
 
         Args:
             groups: heading -> its commands.
-            above: first word of several commands -> their heading, what they do, an example; and
-                "" -> that of the program.
+            above: first word of several commands -> what they do; "" -> what the program does.
+            example: of the program.
         """
         self.commands = {one.command: one for every in groups.values() for one in every}
-        self._groups, self._above = groups, above
+        self._groups, self._above, self._example = groups, above, example
 
     def read(self, words: Sequence[str]) -> Command | None:
         """Read a command line.
@@ -114,8 +114,8 @@ class CommandLine:
             command: whose options are needed; of the others the help is enough.
             completing: whether all are, with the names that a shell offers.
         """
-        _, sentence, example = self._above[""]
-        top = _app("kneejax", "kneejax COMMAND ...", sentence, example, version=version_text)
+        example = self._example
+        top = _app("kneejax", "kneejax COMMAND ...", self._above[""], example, version=version_text)
         parents = {"": top}
         for number, (heading, models) in enumerate(self._groups.items()):
             group = Heading(heading, sort_key=number)
@@ -123,9 +123,8 @@ class CommandLine:
                 *above, word = model.command.split()
                 for name in above:
                     if name not in parents:
-                        _, sentence, example = self._above[name]
-                        usage = f"kneejax {name} COMMAND ..."
-                        parents[name] = _app(name, usage, sentence, example, group=group)
+                        usage, sentence = f"kneejax {name} COMMAND ...", self._above[name]
+                        parents[name] = _app(name, usage, sentence, model.example, group=group)
                         top.command(parents[name])
                 heading = () if above else group
                 one = _app(word, _usage(model), _sentence(model), model.example, group=heading)

@@ -25,6 +25,7 @@ from kneejax.files import (
 )
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
+from kneejax.numerics import check_installed
 from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
 from kneejax.report import evaluation_answer, knee_text
@@ -89,12 +90,8 @@ def view_knee(arguments: View) -> int:
     out, count = arguments.out, state.shape[0]
     files = {bone: getattr(arguments, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
     bones = [_bone(knee, bone, path) for bone, path in files.items() if path is not None]
-    try:
-        report.need_view_packages()
-    except report.MissingPackage as problem:
-        expected = f"{problem.package}, which comes with pip install 'kneejax[view]'"
-        raise InputProblem("kneejax view", problem.package, "not installed", expected) from None
-    bones = [report.simplified(bone) for bone in bones]
+    for module in ("pyvista", "viser"):
+        check_installed(module, "view")
     with stages_on_terminal(counted(count, "pose")):
         scenes = report.scenes(knee, state, bones)
     written = [report.write_whole(out / "scene.html", report.scene_page(scenes).encode())]

@@ -12,9 +12,19 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from kneejax.cli._command import Command, Written
+from kneejax.cli._inputs import check_inputs
 from kneejax.cli._line import CommandLine
 from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
-from kneejax.cli.options import ABOVE, COMMANDS, Completion, ExportOsim, Init, Knees, Rerun
+from kneejax.cli.options import (
+    ABOVE,
+    COMMANDS,
+    EXAMPLE,
+    Completion,
+    ExportOsim,
+    Init,
+    Knees,
+    Rerun,
+)
 from kneejax.files import InputProblem
 
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
@@ -27,7 +37,7 @@ _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 @functools.cache
 def line() -> CommandLine:
     """The command line of kneejax."""
-    return CommandLine(COMMANDS, ABOVE)
+    return CommandLine(COMMANDS, ABOVE, EXAMPLE)
 
 
 def main(arguments: Sequence[str] | None, begun: float) -> int:
@@ -85,7 +95,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
             from kneejax.cli._out import try_out
 
             try_out(out, folder=not isinstance(asked, ExportOsim | Init))
-        asked.check_inputs(Path())
+        check_inputs(asked, Path())
         with _starting(not isinstance(asked, _WITHOUT_JAX)) as computes:
             if computes:
                 prepare_jax()

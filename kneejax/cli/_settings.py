@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from kneejax.cli._command import Command, option_name
+from kneejax.cli._inputs import check_inputs
 from kneejax.cli._results_folder import FILE, WRITTEN
 from kneejax.files import InputProblem, InputProblems
 from kneejax.files.reading import load_json
@@ -87,7 +88,7 @@ def command_again(
     given = {option_name(k): x for k, x in settings.items() if k not in ADDED and x is not None}
     try:
         asked = commands[words].read({**given, "out": out})
-        asked.check_inputs(worked_in(settings), os.fspath(file))
+        check_inputs(asked, worked_in(settings), os.fspath(file))
         return asked
     except InputProblem as found:
         problems = getattr(found, "problems", (found,))

@@ -6,11 +6,10 @@ import numpy as np
 
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, refused, whole_knee
+from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, whole_knee
 from kneejax.cli.options import EXTENSOR, Simulate
 from kneejax.experiments import (
     DrivenExtensor,
-    Extensor,
     LabTest,
     Shank,
     branches,
@@ -44,7 +43,6 @@ _FARTHEST = {
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
 _PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
 _LONGER = Range(-20.0, 100.0, "mm")
-_OF_LEG = ("body_kg", "height_m", "ankle_kg", "femur_deg")
 
 
 def run(arguments: Simulate) -> int:
@@ -108,84 +106,56 @@ def _tests(arguments: Simulate) -> tuple[LabTest, ...]:
     asked = {key: size for key, size in sizes.items() if size is not None}
     for key, size in asked.items():
         check_within(f"--{option_name(key)}", key, [size], _FARTHEST.get(key))
-    if name == "load":
-        path = load_cycle(steps, arguments.both)
-        return (_wrench(given, angles, path, tuple(arguments.hold)),)
-    try:
-        return lab_tests(
-            name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
-            constant=given,
-        )  # fmt: skip
-    except WrongValue as problem:
-        raise refused(f"simulate {name}", problem) from None
-
-
-def _wrench(given, angles, path, held) -> LabTest:
-    """The test `load`: what `--load` says grows, observed where its first part works."""
-    if not given:
-        raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
-    first = next(name for name in NAMED_LOADS if name in given)
-    observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
-    flexion = range(0, 91, 15) if angles is None else angles
-    ordered = {first: given[first], **given}
-    try:
-        angles = tuple(float(x) for x in flexion)
-        return LabTest("load", ordered, observed, angles, path, held=held)
-    except WrongValue as problem:
-        raise refused("simulate load", problem) from None
+    if name == "load":  # what --load says grows, observed where its first part works
+        if not given:
+            raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
+        first = next(name for name in NAMED_LOADS if name in given)
+        observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
+        flexion = range(0, 91, 15) if angles is None else angles
+        path, held = load_cycle(steps, arguments.both), tuple(arguments.hold)
+        at = tuple(map(float, flexion))
+        return (LabTest("load", {first: given[first], **given}, observed, at, path, held=held),)
+    return lab_tests(
+        name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
+        constant=given,
+    )  # fmt: skip
 
 
 def run_extensor(arguments: Simulate) -> int:
     """Pull, print forces and the patella, write tables and two figures."""
     name = arguments.experiment
     flexion = parse_flexion(arguments.flexion or _FLEXION[name])
-    lengths = _lengths(arguments)
+    lengths, driven = arguments.quadriceps_mm, None
+    if lengths is not None:  # how much longer than at rest
+        lengths = parse_range(lengths, "--quadriceps-mm", "lengths", _LONGER, "length")
     loads = read_loads(arguments.load)
-    knee = asked_knee(arguments, patella=True)
-    acting, driven = [load_of(**loads)] if loads else [], None
+    knee, acting = asked_knee(arguments, patella=True), [load_of(**loads)] if loads else []
+    shank = Shank.of_person(**arguments.person, femur_deg=arguments.femur_deg or 0.0)
+    pull, steps = arguments.quadriceps_N or _PULL_N.get(name, 0.0), arguments.steps or 20
     with stages_on_terminal(knee.name):
-        if lengths is None:
-            found = _made(arguments, knee, flexion, acting)
-        else:
-            driven = _driven(arguments, knee, flexion, lengths, acting)
+        if lengths is not None:
+            driven = _driven(name, knee, flexion, lengths, acting, shank)
             found = driven.found
+        elif name == "leg-raise":
+            found = leg_raise(knee, flexion, shank)
+        elif name == "patellar-tracking":
+            found = patellar_tracking(knee, flexion, pull, acting)
+        else:
+            pulls = pull * np.arange(1, steps + 1) / steps
+            found = isometric_extension(knee, flexion, pulls, acting)
     answer = extensor_answer(
         knee_words(arguments, knee), name, found, loads=loads, driven=driven
     )
     return deliver(answer, arguments)
 
 
-def _lengths(arguments: Simulate) -> np.ndarray | None:
-    """How much longer the quadriceps is to be than at rest, mm."""
-    if arguments.quadriceps_mm is None:
-        return None
-    return parse_range(arguments.quadriceps_mm, "--quadriceps-mm", "lengths", _LONGER, "length")
-
-
 def _driven(
-    arguments: Simulate, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads
+    name: str, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads, shank: Shank
 ) -> DrivenExtensor:
-    if arguments.experiment == "extension":
+    if name == "extension":
         return extension_by_length(knee, flexion, lengths, loads)
     try:
-        return leg_raise_by_length(knee, lengths, _shank(arguments))
+        return leg_raise_by_length(knee, lengths, shank)
     except WrongValue as problem:
         expected = problem.expected
         raise InputProblem("--quadriceps-mm", "lengths", problem.found, expected) from None
-
-
-def _shank(arguments: Simulate) -> Shank:
-    usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0, "femur_deg": 0.0}
-    given = {option: getattr(arguments, option) for option in _OF_LEG}
-    return Shank.of_person(**{k: usual[k] if given[k] is None else given[k] for k in usual})
-
-
-def _made(arguments: Simulate, knee: Knee, flexion: np.ndarray, loads) -> Extensor:
-    name = arguments.experiment
-    if name == "leg-raise":
-        return leg_raise(knee, flexion, _shank(arguments))
-    pull = arguments.quadriceps_N or _PULL_N[name]
-    if name == "patellar-tracking":
-        return patellar_tracking(knee, flexion, pull, loads)
-    steps = arguments.steps or 20
-    return isometric_extension(knee, flexion, pull * np.arange(1, steps + 1) / steps, loads)

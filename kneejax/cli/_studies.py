@@ -9,7 +9,6 @@ from pathlib import Path
 from kneejax import studies
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import said_of_options
 from kneejax.files import (
     Checkpoints,
     InputProblem,
@@ -18,8 +17,6 @@ from kneejax.files import (
     read_calibrated,
     read_candidates,
     write_netcdf,
-    write_rows,
-    write_text,
 )
 from kneejax.files.reading import load_json
 from kneejax.files.results import CLAIM
@@ -36,12 +33,10 @@ def objective_maps(arguments: options.Map) -> int:
     for package in _PACKAGES:
         # Better known before the work than after it.
         check_installed(package, "maps")
-    with said_of_options(studies.Map):
-        question = arguments.question()
+    question = arguments.question()
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
-    with said_of_options(studies.Map):
-        studies.check(study, question)
+    studies.check(study, question)
     about = studies.about_maps(study, question)
     store = Checkpoints(
         arguments.out, about, studies.fingerprint(study, question),
@@ -85,15 +80,14 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
 
 def what_data_tell(arguments: options.Identify) -> int:
     """Say what the data of a study determine; write the answer."""
-    with said_of_options(studies.Identify):
-        table = vars(arguments)["candidates"]
-        candidates = None if table is None else [
-            Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
-            for row in read_candidates(table)
-        ]  # fmt: skip
-        question = arguments.question(candidates=candidates)
+    table = vars(arguments)["candidates"]
+    candidates = None if table is None else [
+        Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
+        for row in read_candidates(table)
+    ]  # fmt: skip
+    question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
-    with said_of_options(studies.Identify), stages_on_terminal("fit and limits") as show:
+    with stages_on_terminal("fit and limits") as show:
         found = studies.identify(study, question, progress=show)
     from kneejax.report import identification_answer
 
@@ -106,15 +100,14 @@ def sensitivity(arguments: options.Sensitivity) -> int:
     """Sweep parameters, differentiate the motion by them, and if asked compute global indices."""
     if arguments.knees:
         return _knees_side_by_side(arguments)
-    with said_of_options(studies.Sensitivity):
-        # A count is a whole number; what is none is refused as it was given.
-        lines = {
-            name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
-            for name, ends in vars(arguments)["sweep"].items()
-        }
-        question = arguments.question(sweep=lines)
+    # A count is a whole number; what is none is refused as it was given.
+    lines = {
+        name: ends and (*ends[:2], *(int(n) if n.is_integer() else n for n in ends[2:]))
+        for name, ends in vars(arguments)["sweep"].items()
+    }
+    question = arguments.question(sweep=lines)
     study = studies.read_study(arguments.study)
-    with said_of_options(studies.Sensitivity), stages_on_terminal() as progress:
+    with stages_on_terminal() as progress:
         found = studies.sensitivity(study, question, progress=progress)
     from kneejax.report.sensitivity import sensitivity_answer
 
@@ -126,25 +119,12 @@ def sensitivity(arguments: options.Sensitivity) -> int:
 
 def _knees_side_by_side(arguments: options.Sensitivity) -> int:
     """Change one ligament at a time in each knee, print scores, write tables and figures."""
-    knees, out = _loaded(arguments.knees), arguments.out
-    from kneejax.papers import knee_comparison_report as shown
-    from kneejax.papers.knee_comparison import compare_knees
-    from kneejax.report import save_figure
+    knees = _loaded(arguments.knees)
+    from kneejax.papers import knee_comparison, knee_comparison_report
 
     with balances_on_terminal("knees") as progress:
-        found = compare_knees(knees, progress=progress)
-    tables = shown.comparison_tables(found)
-    for name, (columns, rows) in tables.items():
-        write_rows(out / name, columns, rows)
-    document = shown.comparison_document(found)
-    write_text(out / "result.json", json.dumps(document, indent=1) + "\n")
-    save_figure(shown.score_figure(found), out / "figures", "scores", svg=arguments.svg)
-    for one in found.parameters:
-        figure = shown.ramp_figure(found, one)
-        save_figure(figure, out / "figures", one.replace(".", "-"), svg=arguments.svg)
-    print(shown.comparison_summary(found))
-    print(f"written: {out}/{', '.join([*tables, 'result.json'])}, settings.json, figures/")
-    return 1 if found.doubts else 0
+        found = knee_comparison.compare_knees(knees, progress=progress)
+    return deliver(knee_comparison_report.comparison_answer(found), arguments)
 
 
 def _loaded(names: list[str]) -> dict[str, Knee]:

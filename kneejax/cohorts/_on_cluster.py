@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from kneejax.cohorts._plan import KneeDone, Task, Work, lost
+from kneejax.cohorts._plan import Ended, Task, Work, reason
 from kneejax.files import InputProblem
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
@@ -55,47 +55,27 @@ class SchedulerGone(ConnectionError):
 
 
 @contextlib.contextmanager
-def local_workers(jobs: int) -> Iterator[Any]:
-    """A Dask client of so many workers on this machine.
+def workers(jobs: int, address: str | None = None) -> Iterator[Any]:
+    """A Dask client of workers on this machine, or of a cluster that runs already.
+
+    Args:
+        jobs: how many workers on this machine.
+        address: of the cluster's scheduler, in their place.
 
     Raises:
         MissingPackage: Dask is not installed.
-        InputProblem: workers die as they start, again and again.
-    """
-    check_installed("distributed", "cohorts")
-    from dask import config
-    from distributed import Client, LocalCluster
-
-    with config.set(_SETTINGS):
-        for _ in range(_TRIALS):
-            with contextlib.suppress(OSError, RuntimeError, TimeoutError):
-                cluster = LocalCluster(
-                    n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-                    host=_HERE, dashboard_address=f"{_HERE}:0",
-                    worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
-                )  # fmt: skip
-                break
-            time.sleep(_PAUSE_S)
-        else:
-            expected = "workers that start; they died at once"
-            raise InputProblem("--jobs", "workers", str(jobs), expected)
-        with cluster, Client(cluster) as client:
-            yield client
-
-
-@contextlib.contextmanager
-def workers_of(address: str) -> Iterator[Any]:
-    """A Dask client of a cluster that runs already.
-
-    Raises:
-        MissingPackage: Dask is not installed.
-        InputProblem: no scheduler answers there, or it has gone meanwhile.
+        InputProblem: workers die as they start, again and again; no scheduler answers at the
+            address, or it has gone meanwhile.
     """
     check_installed("distributed", "cohorts")
     from dask import config
     from distributed import Client
 
-    with config.set(_SETTINGS):
+    with config.set(_SETTINGS), contextlib.ExitStack() as opened:
+        if address is None:
+            cluster = opened.enter_context(_local_cluster(jobs))
+            yield opened.enter_context(Client(cluster))
+            return
         try:
             client = Client(address, timeout=_PATIENCE_S)
         except (OSError, ValueError, TimeoutError) as problem:
@@ -104,23 +84,33 @@ def workers_of(address: str) -> Iterator[Any]:
             raise InputProblem("--scheduler", "address", address, expected) from None
         # Whether a scheduler has gone is reported below, in one line.
         logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
-        with client:
-            try:
-                yield client
-            except SchedulerGone as problem:
-                raise InputProblem("--scheduler", "address", address, str(problem)) from None
+        try:
+            yield opened.enter_context(client)
+        except SchedulerGone as problem:
+            raise InputProblem("--scheduler", "address", address, str(problem)) from None
 
 
-def on_workers(
-    client: Any, tasks: Sequence[Task], work: Work
-) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+def _local_cluster(jobs: int) -> Any:
+    from distributed import LocalCluster
+
+    for _ in range(_TRIALS):
+        with contextlib.suppress(OSError, RuntimeError, TimeoutError):
+            return LocalCluster(
+                n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
+                host=_HERE, dashboard_address=f"{_HERE}:0",
+                worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
+            )  # fmt: skip
+        time.sleep(_PAUSE_S)
+    raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")
+
+
+def on_workers(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
     """Compute tasks on workers; each is yielded when it has ended, in any order.
 
-    A task that fails, or whose worker dies, is retried once, and its knees are then reported with
-    the error.
+    A task that fails, or whose worker dies, is retried once.
 
     Args:
-        client: of `local_workers` or `workers_of`.
+        client: of `workers`.
         tasks: to be computed.
         work: of one task; results must lie where all workers see them.
 
@@ -137,9 +127,7 @@ def on_workers(
         raise SchedulerGone from None
 
 
-def _each(
-    client: Any, tasks: Sequence[Task], work: Work
-) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+def _each(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
     """Each task when it has ended, on workers that are ready."""
     from distributed import as_completed
 
@@ -157,21 +145,19 @@ def _each(
             raise SchedulerGone
         task, first = waiting.pop(future)
         problem = future.exception() if future.status != "finished" else None
-        if problem is None:
-            yield task, future.result()
-        elif first:
+        if problem is not None and first:
             waiting[again := submit(task)] = task, False
             following.add(again)
         else:
-            yield task, lost(task, problem)
+            yield task, "" if problem is None else reason(problem)
 
 
-def _of_version(expected: str, packed: bytes) -> Sequence[KneeDone]:
+def _of_version(expected: str, packed: bytes) -> None:
     """Compute a task for this version of the package; a worker that comes late may have another."""
     if (found := _version()) != expected:
         raise RuntimeError(f"a worker has kneejax {found}: expected {expected}, as the command")
     work, task = pickle.loads(packed)
-    return work(task)
+    work(task)
 
 
 def _version() -> str:
@@ -180,16 +166,6 @@ def _version() -> str:
 
 def _prepare(client: Any) -> None:
     """Workers ready to compute, each one's core its own, of this version of the package."""
-    for left in reversed(range(_TRIALS)):
-        try:
-            return _made_ready(client)
-        except OSError:  # a worker has died meanwhile: another comes for it
-            if not left or client.status != "running":
-                raise
-            time.sleep(_PAUSE_S)
-
-
-def _made_ready(client: Any) -> None:
     from distributed import WorkerPlugin
 
     class Ready(WorkerPlugin):
@@ -208,8 +184,17 @@ def _made_ready(client: Any) -> None:
                 os.sched_setaffinity(0, {sorted(cores)[place % len(cores)]})
             configure()
 
-    client.register_plugin(Ready())
-    for worker, found in client.run(_version).items():
-        if found != _version():
+    found: dict[str, str] = {}
+    for left in reversed(range(_TRIALS)):
+        try:
+            client.register_plugin(Ready())
+            found = client.run(_version)
+            break
+        except OSError:  # a worker has died meanwhile: another comes for it
+            if not left or client.status != "running":
+                raise
+            time.sleep(_PAUSE_S)
+    for worker, version in found.items():
+        if version != _version():
             expected = f"workers with kneejax {_version()}, as here; {worker} has another"
-            raise InputProblem("--scheduler", "version", found, expected)
+            raise InputProblem("--scheduler", "version", version, expected)

@@ -1,8 +1,8 @@
 """What is to be computed: blocks of knees, each named by everything that its numbers depend on.
 
 Knees of one structure stand in one block and are calibrated side by side. Blocks belong to the
-plan: who computes them, in which order and on how many cores, changes no number. A task writes its
-results to disk; whoever computes it, and however often it is begun, the files are the same.
+plan: who computes them, in which order and on how many cores, changes no number. A task leaves its
+results on disk; however often it is begun, the files are the same.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from typing import Any
 import jax
 import numpy as np
 
-from kneejax.cohorts._reading import Cohort, CohortProblems, Member
+from kneejax.cohorts._reading import Cohort, Member
+from kneejax.files import InputProblems
 from kneejax.inference import versions
 from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
 from kneejax.parameters import MEANING, UnsuitableData
 from kneejax.studies import Study, plain_test
 
-#: Knees of a block. More share what an evaluation costs by itself; fewer are lost when a worker is.
+#: Knees of a block: more share what an evaluation costs by itself, fewer are lost with a worker.
 BLOCK = 8
 #: Draws of a bootstrap that are one task.
 DRAWS = 100
@@ -35,13 +36,12 @@ _ELSEWHERE = ("title", "path", "knee", "measured", "tests", "synthetic")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Task:
-    """A block of knees that are calibrated side by side.
+    """Knees that are calibrated side by side, or draws of the bootstrap of one.
 
     Attributes:
         members: of one structure.
-        fingerprint: of everything that their numbers depend on, and of the package's version.
-        draws: of a bootstrap, the numbers of the first one and of the one after the last; none of a
-            calibration.
+        fingerprint: of everything that their numbers depend on, the package's version among it.
+        draws: the numbers of the first draw and of the one after the last; None of a calibration.
         by_blocks: whether these draw among the curves that were measured.
     """
 
@@ -60,23 +60,10 @@ class Task:
         return self.draws[1] - self.draws[0] if self.draws else len(self.members)
 
 
-@dataclasses.dataclass(frozen=True)
-class KneeDone:
-    """What became of a knee of a task.
-
-    Attributes:
-        name: of the knee.
-        failed: why there is no answer, in a sentence; empty where there is one.
-        seconds: that it took, its share of the task's.
-    """
-
-    name: str
-    failed: str = ""
-    seconds: float = 0.0
-
-
 #: Computes a task and writes its results; it must be importable by its name.
-Work = Callable[[Task], Sequence[KneeDone]]
+Work = Callable[[Task], None]
+#: A task that has ended, and why it left no results; empty where it did.
+Ended = tuple[Task, str]
 
 
 def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
@@ -93,11 +80,11 @@ def plan(cohort: Cohort, block: int = BLOCK) -> tuple[Task, ...]:
     for member in cohort.members:
         alike.setdefault(_structure(member.study), []).append(member)
     blocks = [
-        members[first : first + block]
+        tuple(members[first : first + block])
         for members in alike.values()
         for first in range(0, len(members), block)
     ]
-    return tuple(Task(tuple(members), _fingerprint(members)) for members in blocks)
+    return tuple(Task(members, _fingerprint(members)) for members in blocks)
 
 
 def bootstraps(tasks: Sequence[Task], count: int, by_blocks: bool = False) -> tuple[Task, ...]:
@@ -109,14 +96,14 @@ def bootstraps(tasks: Sequence[Task], count: int, by_blocks: bool = False) -> tu
         by_blocks: whether curves are drawn among those that were measured; otherwise the answers
             make the data, with their noise.
     """
-    found, kind = [], "by blocks" if by_blocks else "bootstrap"
-    for task in tasks:
-        for member in task.members:
-            for first in range(0, count, DRAWS):
-                draws = first, min(first + DRAWS, count)
-                words = f"{task.fingerprint} {member.name} {kind} {draws}"
-                found.append(Task((member,), _digest(words.encode()).hex(), draws, by_blocks))
-    return tuple(found)
+    kind = "by blocks" if by_blocks else "bootstrap"
+    lots = [(first, min(first + DRAWS, count)) for first in range(0, count, DRAWS)]
+
+    def drawn(task: Task, member: Member, draws: tuple[int, int]) -> Task:
+        words = f"{task.fingerprint} {member.name} {kind} {draws}"
+        return Task((member,), _digest(words.encode()).hex(), draws, by_blocks)
+
+    return tuple(drawn(task, x, lot) for task in tasks for x in task.members for lot in lots)
 
 
 def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
@@ -127,7 +114,7 @@ def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
         by_blocks: whether curves are to be drawn.
 
     Raises:
-        CohortProblems: every such knee, with its file and row.
+        InputProblems: every such knee, with its file and row.
     """
     problems = []
     for member in cohort.members:
@@ -137,9 +124,9 @@ def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
             if by_blocks:
                 check_curves(curves_of(len(study.flexion_deg), study.tests))
         except UnsuitableData as problem:
-            problems.append(f"{member.place}: {problem}")
+            problems.append(UnsuitableData(f"{member.place}: {problem}"))
     if problems:
-        raise CohortProblems(problems)
+        raise InputProblems(problems)
 
 
 def shard_of(tasks: Sequence[Task], number: int, count: int) -> tuple[Task, ...]:
@@ -157,11 +144,10 @@ def structures(tasks: Sequence[Task]) -> int:
     return len({_structure(task.members[0].study) for task in tasks})
 
 
-def in_process(tasks: Sequence[Task], work: Work) -> Iterator[tuple[Task, Sequence[KneeDone]]]:
+def in_process(tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
     """Compute tasks one after the other; each is yielded when it has ended.
 
-    A task that ends without an answer (a full disk, too little memory) is retried once at the end,
-    and its knees are then reported with the error.
+    A task that raises (a full disk, too little memory) is retried once at the end.
 
     Args:
         tasks: in order.
@@ -170,20 +156,28 @@ def in_process(tasks: Sequence[Task], work: Work) -> Iterator[tuple[Task, Sequen
     again = []
     for task in tasks:
         try:
-            yield task, work(task)
+            work(task)
+            yield task, ""
         except Exception:
             again.append(task)
     for task in again:
         try:
-            yield task, work(task)
+            work(task)
+            yield task, ""
         except Exception as problem:
-            yield task, lost(task, problem)
+            yield task, reason(problem)
 
 
-def lost(task: Task, problem: BaseException) -> list[KneeDone]:
-    """The knees of a task that has ended without an answer twice."""
+def reason(problem: BaseException, named: bool = True) -> str:
+    """Why a task has left no results, in one line.
+
+    Args:
+        problem: that ended it.
+        named: whether the kind of error stands first; never that of unsuitable data.
+    """
     words = " ".join(str(problem).split()) or "no further word"
-    return [KneeDone(name, f"{type(problem).__name__}: {words}") for name in task.names]
+    kind = "" if isinstance(problem, UnsuitableData) or not named else type(problem).__name__
+    return f"{kind}: {words}" if kind else words
 
 
 def _structure(study: Study) -> bytes:

@@ -19,6 +19,7 @@ from pydantic import PlainValidator, ValidationInfo
 
 from kneejax.files import (
     InputProblem,
+    InputProblems,
     bundled_knees,
     bundled_measurements,
     bundled_studies,
@@ -107,23 +108,15 @@ class Cohort:
         title: for reports.
         members: one a knee, in the order of the file or of their names.
         file: where the cohort stands.
+
+    Example:
+        >>> Cohort("none yet", (), "cohort.yaml").title
+        'none yet'
     """
 
     title: str
     members: Sequence[Member]
     file: str
-
-
-class CohortProblems(ValueError):
-    """Everything that is wrong with a cohort, a sentence each in `problems`, row by row."""
-
-    def __init__(self, problems: Sequence[object]):
-        """Keep the sentences."""
-        self.problems = tuple(map(str, problems))
-        super().__init__(self.problems)
-
-    def __str__(self) -> str:
-        return "\n".join(self.problems)
 
 
 def is_cohort(name_or_path: str | os.PathLike[str]) -> bool:
@@ -157,10 +150,11 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         The cohort.
 
     Raises:
-        CohortProblems: every mistake of every row, with its file and row.
+        InputProblems: every mistake of every row, with its file and row.
         InputProblem: there is no cohort at all.
     """
-    path, mistakes, seen = Path(name_or_path), Mistakes(), dict[str, Member]()
+    path, mistakes = Path(name_or_path), Mistakes()
+    seen: dict[str, Member] = {}
     own = path / _COHORT_FILE if os.path.isdir(path) else path
     title, file, found = path.name, os.fspath(name_or_path), _from_studies(path, mistakes)
     if os.path.isfile(own):
@@ -179,7 +173,7 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
                 expected = f"every knee by a name of its own; {before.place} has it too"
                 twice.append(InputProblem(place, "name", name, expected))
     if mistakes or twice:
-        raise CohortProblems([*mistakes, *twice])
+        raise InputProblems([*mistakes, *twice])
     return Cohort(title, tuple(seen.values()), file)
 
 

@@ -5,13 +5,12 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from kneejax.cohorts._plan import KneeDone
 from kneejax.cohorts._reading import Cohort
 from kneejax.files.reading import read_text
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
@@ -31,6 +30,8 @@ OUTLIER = 3.0
 #: Draws of a bootstrap that tell limits; knees that tell a correlation.
 _FEWEST, _FEWEST_KNEES = 20, 5
 _NUMBERS = ("value", "low", "high", "standard_error", "start")
+#: Fields of result.json that are fields of a `KneeAnswer`.
+_OF_RESULT = ("outcome", "rmse", "objective", "parameters", "units")
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -122,13 +123,14 @@ class CohortSummary:
 
 
 def read_answers(
-    cohort: Cohort, done: Mapping[str, KneeDone], folders: Path
+    cohort: Cohort, ended: Mapping[str, Mapping[str, Any]], folders: Path
 ) -> tuple[KneeAnswer, ...]:
     """Read what the tasks of a cohort have found.
 
     Args:
         cohort: whose knees.
-        done: name -> what became of it; knees that are missing are left out.
+        ended: name -> why there is no answer (`failed`, empty where there is one), and the
+            `seconds` that it took; knees that are missing are left out.
         folders: in which each knee has a folder of its name.
 
     Returns:
@@ -136,27 +138,21 @@ def read_answers(
     """
     found = []
     for member in cohort.members:
-        if (one := done.get(member.name)) is None:
+        if (mark := ended.get(member.name)) is None:
             continue
-        if one.failed:
-            found.append(KneeAnswer(member.name, member.about, one.failed, seconds=one.seconds))
-            continue
-        text = read_text(folders / member.name / "result.json", "the result of a knee")
-        document = json.loads(text, object_hook=_without_null)
-        tests = {
-            f"{x['test']}, {x['coordinate']}": x["fitted"]
-            for x in document["tests"]
-            if math.isnan(x["flexion_deg"])
-        }
-        known = {name: document[name] for name in ("outcome", "rmse", "objective", "parameters",
-                                                   "units")}  # fmt: skip
-        found.append(
-            KneeAnswer(
-                member.name, member.about, seconds=one.seconds, tests=tests, **known,
-                correlation=np.array(document["correlation"]["matrix"], float),
-                good=bool(document["success"]) and document["outcome"] != POOR,
-            )
-        )  # fmt: skip
+        own: dict[str, Any] = {name: mark[name] for name in ("failed", "seconds")}
+        if not mark["failed"]:
+            text = read_text(folders / member.name / "result.json", "the result of a knee")
+            result = json.loads(text, object_hook=_without_null)
+            own |= {name: result[name] for name in _OF_RESULT}
+            own["correlation"] = np.array(result["correlation"]["matrix"], float)
+            own["good"] = bool(result["success"]) and result["outcome"] != POOR
+            own["tests"] = {
+                f"{one['test']}, {one['coordinate']}": one["fitted"]
+                for one in result["tests"]
+                if math.isnan(one["flexion_deg"])
+            }
+        found.append(KneeAnswer(member.name, member.about, **own))
     return tuple(found)
 
 
@@ -255,41 +251,35 @@ def to_dataset(summary: CohortSummary) -> Dataset:
 
     answers, names = summary.answers, list(summary.units)
     over = [summary.populations.get(name) for name in names]
-    place = {one.name: row for row, one in enumerate(summary.fitted)}
     size, count = len(answers), len(names)
-
-    def over_knees(number: Callable[[KneeAnswer, str], Any]) -> tuple[tuple[str, str], np.ndarray]:
-        rows = [[number(one, name) for name in names] for one in answers]
-        return ("knee", "parameter"), np.array(rows).reshape(size, count)
-
-    def estimated(field: str, without: Any = np.nan) -> Callable[[KneeAnswer, str], Any]:
-        return lambda one, name: one.parameters.get(name, {}).get(field, without)
-
-    def shrunken(field: str) -> Callable[[KneeAnswer, str], float]:
-        return lambda one, name: (
-            getattr(summary.populations[name], field)[place[one.name]]
-            if name in summary.populations and one.name in place
-            else np.nan
-        )
-
-    correlation = np.full((size, count, count), np.nan)
     longest = max(map(len, summary.draws.values()), default=0)
+    nothing = np.full((size, count), np.nan)
+    numbers = {name: nothing.copy() for name in (*_NUMBERS, "in_population", "in_population_sd")}
+    limits = np.full((size, count), "", object)
+    correlation = np.full((size, count, count), np.nan)
     redrawn = np.full((size, longest, count), np.nan)
     for row, one in enumerate(answers):
         own = [names.index(name) for name in one.parameters]
+        for column, estimate in zip(own, one.parameters.values(), strict=True):
+            for name in _NUMBERS:
+                numbers[name][row, column] = estimate[name]
+            limits[row, column] = estimate["interval"]
         if own:
             correlation[np.ix_([row], own, own)] = one.correlation
         if one.name in summary.draws:
             values = summary.draws[one.name][:, : len(own)]
             redrawn[np.ix_([row], range(len(values)), own)] = values
+    fitted = [row for row, one in enumerate(answers) if not one.failed]
+    for column, found in enumerate(over):
+        if found is not None:
+            numbers["in_population"][fitted, column] = found.shrunk
+            numbers["in_population_sd"][fitted, column] = found.deviation
     rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
-    data: dict[str, Any] = {name: over_knees(estimated(name)) for name in _NUMBERS}
-    data |= {
-        "in_population": over_knees(shrunken("shrunk")),
-        "in_population_sd": over_knees(shrunken("deviation")),
-        "interval": over_knees(estimated("interval", "")),
+    each = "knee", "parameter"
+    data: dict[str, Any] = {name: (each, values) for name, values in numbers.items()} | {
+        "interval": (each, limits.astype(str)),
         "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
-        "correlation": (("knee", "parameter", "other_parameter"), correlation),
+        "correlation": ((*each, "other_parameter"), correlation),
         "objective": ("knee", [one.objective for one in answers]),
         "outcome": ("knee", [one.outcome or "failed" for one in answers]),
         "failed": ("knee", [one.failed for one in answers]),

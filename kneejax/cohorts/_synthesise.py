@@ -40,6 +40,10 @@ class Spread:
         reference_strain: of a reference strain; normal about the bundled knee's.
         noise_mm: of measured positions.
         noise_deg: of measured rotations.
+
+    Example:
+        >>> Spread(stiffness=0.1).stiffness
+        0.1
     """
 
     size: float = 0.075
@@ -74,16 +78,12 @@ class Protocol:
     def tests(self) -> list[LabTest]:
         """The tests under load."""
         path = tuple(np.linspace(-1.0, 1.0, self.steps).round(9).tolist())
-        full = (
-            ("drawer", {"force_N": self.force_N}),
-            ("torsion", {"moment_Nm": self.torque_Nm}),
-            ("varus-valgus", {"moment_Nm": self.varus_Nm}),
-        )
-        return [
-            dataclasses.replace(test, path=path)
-            for name, size in full
-            for test in lab_tests(name, self.flexion_deg, **size)
+        tests = [
+            *lab_tests("drawer", self.flexion_deg, force_N=self.force_N),
+            *lab_tests("torsion", self.flexion_deg, moment_Nm=self.torque_Nm),
+            *lab_tests("varus-valgus", self.flexion_deg, moment_Nm=self.varus_Nm),
         ]
+        return [dataclasses.replace(test, path=path) for test in tests]
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -163,32 +163,25 @@ def _drawn(
         f"Made-up knee {name}: {document['name']}, {size:.4f} times as large, attachments moved"
     )
     names, count = base.ligaments.names, len(base.ligaments.names)
-    stiffness = np.exp(spread.stiffness * draws.standard_normal(count))
-    strains = base.reference_strain() + spread.reference_strain * draws.standard_normal(count)
-    pairs = {"stiffness": stiffness * base.ligaments.stiffness, "reference_strain": strains}
-    truth = {
-        f"{one}.{quantity}": float(x)
-        for quantity, values in pairs.items()
-        for one, x in zip(names, values, strict=True)
-    }
+    stiffness = np.exp(spread.stiffness * draws.standard_normal(count)) * base.ligaments.stiffness
+    strain = base.reference_strain() + spread.reference_strain * draws.standard_normal(count)
+    truth = {f"{one}.stiffness": float(x) for one, x in zip(names, stiffness, strict=True)}
+    truth |= {f"{one}.reference_strain": float(x) for one, x in zip(names, strain, strict=True)}
     try:
         true = with_values(build_knee(own, name).knee, truth)
     except Implausible:  # a strain or a length that no knee has
         return None
     passive = np.array(passive_flexion(true, list(protocol.passive_deg)).to_table())
-    measured = [MeasuredTest.of(one) for one in load_curves(true, protocol.tests())]
-    known = [x.observed[:, np.isin(FREE_COORDINATES, x.coordinates)] for x in measured]
+    tests = [MeasuredTest.of(one) for one in load_curves(true, protocol.tests())]
+    known = [x.observed[:, np.isin(FREE_COORDINATES, x.coordinates)] for x in tests]
     if not all(np.isfinite(one).all() for one in (passive, *known)):
         return None
     sd = np.array([spread.noise_deg] * 2 + [spread.noise_mm] * 3)
     passive[:, 1:] += sd * draws.standard_normal((len(passive), 5))
-    tests = [
-        dataclasses.replace(
-            test, observed=test.observed + sd * draws.standard_normal(test.observed.shape),
-            sd_mm=spread.noise_mm, sd_deg=spread.noise_deg,
-        )
-        for test in measured
-    ]  # fmt: skip
+    for k, test in enumerate(tests):
+        seen = test.observed + sd * draws.standard_normal(test.observed.shape)
+        stated = {"sd_mm": spread.noise_mm, "sd_deg": spread.noise_deg}
+        tests[k] = dataclasses.replace(test, observed=seen, **stated)
     return MadeUpKnee(name, own, passive, tuple(tests), truth, float(size), 0)
 
 

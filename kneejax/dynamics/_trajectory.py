@@ -58,7 +58,12 @@ class LoadCurve(eqx.Module):
 
 
 def rising(time_s: ArrayLike) -> np.ndarray:
-    """Times in s as numbers; raises `WrongValue` where one is not later than that before it."""
+    """Times in s as numbers; raises `WrongValue` where one is not later than that before it.
+
+    Example:
+        >>> rising([0.0, 0.1, 0.3]).tolist()
+        [0.0, 0.1, 0.3]
+    """
     times = np.asarray(time_s, float)
     back = np.flatnonzero(~(np.diff(times) > 0.0))
     if len(back):

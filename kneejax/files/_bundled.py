@@ -43,6 +43,11 @@ class Measurement:
             loads), or `nothing`, a table of conditions.
         counted_from: of a test, what its numbers are counted from.
         columns: of a test, column of a pose -> column of the table, a minus where senses differ.
+
+    Example:
+        >>> from kneejax.files import bundled_measurements
+        >>> bundled_measurements()["walker1988"].use
+        'test'
     """
 
     path: Path
@@ -243,6 +248,10 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
 
     Raises:
         InputProblem: there is neither.
+
+    Example:
+        >>> named_path("knees", "four_ligament").name
+        'four_ligament.yaml'
     """
     known, path, one = bundled_files(kind), Path(name_or_path), _ONE[kind]
     if isinstance(name_or_path, str) and name_or_path in known:
@@ -275,7 +284,12 @@ def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Any
 
 
 def bundled_files(kind: str) -> dict[str, Path]:
-    """Name -> file of all that is bundled of a kind, in alphabetical order."""
+    """Name -> file of all that is bundled of a kind, in alphabetical order.
+
+    Example:
+        >>> sorted(bundled_files("knees"))[:2]
+        ['average_knee', 'four_ligament']
+    """
     folder = _data_folder() / kind
     return {path.stem: path for path in sorted(folder.glob(f"*{_ENDINGS[kind]}"))}
 

@@ -144,6 +144,9 @@ def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> Non
 
     Raises:
         InputProblem: they are one file.
+
+    Example:
+        >>> check_new("new.yaml", "four_ligament")
     """
     if os.path.exists(path) and os.path.exists(knee) and os.path.samefile(path, knee):
         expected = "another file than the knee that is calibrated"

@@ -39,6 +39,11 @@ class Coordinate:
         label: in figures and headers.
         unit: at the border, `deg` or `mm`; inside the package rotations are in rad.
         positive: what a positive value means, in words.
+
+    Example:
+        >>> one = COORDINATES["adduction"]
+        >>> one.body, one.unit, one.positive
+        ('tibia', 'deg', 'varus')
     """
 
     body: str
@@ -140,7 +145,12 @@ def coordinate(name: str) -> Coordinate:
 
 
 def coordinates_of(bodies: Iterable[str]) -> tuple[str, ...]:
-    """Names of all coordinates of some bodies, body by body."""
+    """Names of all coordinates of some bodies, body by body.
+
+    Example:
+        >>> coordinates_of(["tibia"])
+        ('flexion', 'adduction', 'internal_rotation', 'anterior', 'superior', 'lateral')
+    """
     return tuple(name for body in bodies for name in BODIES[body])
 
 
@@ -179,12 +189,22 @@ FREE_COORDINATES = free_of(["flexion"])
 
 
 def table_units(names: Iterable[str]) -> np.ndarray:
-    """What takes coordinates from rad and mm to the degrees and mm of tables, one factor each."""
+    """What takes coordinates from rad and mm to the degrees and mm of tables, one factor each.
+
+    Example:
+        >>> table_units(["adduction", "anterior"]).round(2).tolist()
+        [57.3, 1.0]
+    """
     return np.array([coordinate(name).table_unit for name in names])
 
 
 def scales(names: Iterable[str]) -> tuple[float, ...]:
-    """rad and mm of each coordinate that move what counts by 1 mm (a rotation: at 30 mm)."""
+    """rad and mm of each coordinate that move what counts by 1 mm (a rotation: at 30 mm).
+
+    Example:
+        >>> scales(["adduction", "anterior"])
+        (0.03333333333333333, 1.0)
+    """
     return tuple(coordinate(name).scale for name in names)
 
 

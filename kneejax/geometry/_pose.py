@@ -17,6 +17,11 @@ class Placement(eqx.Module):
     Attributes:
         rotation: three rows of a rotation matrix; None where nothing turns.
         translation: image of the origin, mm.
+
+    Example:
+        >>> moved = Placement(None, Vector(1.0, 2.0, 3.0))
+        >>> [float(x) for x in moved.apply(Vector(1.0, 1.0, 1.0))]
+        [2.0, 3.0, 4.0]
     """
 
     rotation: Matrix | None
@@ -61,6 +66,12 @@ class Frame(eqx.Module):
         origin: shape `(3, ...)`, mm, in body axes.
         rotation: shape `(3, ...)`, rad; the frame is `Rx(r0) Ry(r1) Rz(r2)`. None leaves its axes
             along the body's, which also spares every pose the products.
+
+    Example:
+        >>> from kneejax.geometry import Vector
+        >>> placed = Frame((0.0, 10.0, 0.0)).placement
+        >>> [round(float(x), 6) for x in placed.apply(Vector(1.0, 0.0, 0.0))]
+        [1.0, 10.0, 0.0]
     """
 
     origin: Array
@@ -174,6 +185,11 @@ def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Ar
 
     Returns:
         Rows of the rotation from tibia to femur axes.
+
+    Example:
+        >>> rows = rotation_from_angles(jnp.deg2rad(90.0), jnp.array(0.0), jnp.array(0.0))
+        >>> [[round(float(x)) for x in row] for row in rows]
+        [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
     """
     cf, sf = jnp.cos(flexion), jnp.sin(flexion)
     ca, sa = jnp.cos(adduction), jnp.sin(adduction)
@@ -196,6 +212,11 @@ def angles_from_rotation(rotation: Matrix) -> tuple[Array, Array, Array]:
 
     Returns:
         Flexion, adduction, internal rotation.
+
+    Example:
+        >>> rows = rotation_from_angles(*jnp.deg2rad(jnp.array([60.0, 3.0, -5.0])))
+        >>> [round(float(x), 6) for x in jnp.rad2deg(jnp.array(angles_from_rotation(rows)))]
+        [60.0, 3.0, -5.0]
     """
     (_, r01, _), (_, r11, _), (r20, r21, r22) = rotation
     cosine = jnp.sqrt(r20 * r20 + r22 * r22)

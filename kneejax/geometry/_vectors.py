@@ -26,7 +26,12 @@ Component: TypeAlias = Array | float
 
 
 def times(a: Component, b: Component) -> Component:
-    """Product of two components."""
+    """Product of two components.
+
+    Example:
+        >>> times(1.0, 2.5), times(0.0, 2.5)
+        (2.5, 0.0)
+    """
     for x, y in ((a, b), (b, a)):
         if isinstance(x, float) and x in (0.0, 1.0):
             return y if x == 1.0 else 0.0
@@ -34,7 +39,12 @@ def times(a: Component, b: Component) -> Component:
 
 
 def plus(a: Component, b: Component) -> Component:
-    """Sum of two components."""
+    """Sum of two components.
+
+    Example:
+        >>> plus(0.0, 2.5), plus(1.0, 2.5)
+        (2.5, 3.5)
+    """
     for x, y in ((a, b), (b, a)):
         if isinstance(x, float) and x == 0.0:
             return y

@@ -60,10 +60,8 @@ from kneejax.inference.sensitivity import SWEEP_RANGES as SWEEP_RANGES
 from kneejax.inference.sensitivity import BlockStore as BlockStore
 from kneejax.inference.sensitivity import Condition as Condition
 from kneejax.inference.sensitivity import GlobalIndices as GlobalIndices
-from kneejax.inference.sensitivity import LiveMotion as LiveMotion
 from kneejax.inference.sensitivity import LocalSensitivity as LocalSensitivity
 from kneejax.inference.sensitivity import MotionIndices as MotionIndices
-from kneejax.inference.sensitivity import Moved as Moved
 from kneejax.inference.sensitivity import Output as Output
 from kneejax.inference.sensitivity import ParameterMap as ParameterMap
 from kneejax.inference.sensitivity import Sweep as Sweep

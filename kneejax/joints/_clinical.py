@@ -18,6 +18,10 @@ class ClinicalMeasure:
         name: as in paper 5.
         meaning: in words, of positive values.
         unit: `mm` or `deg`.
+
+    Example:
+        >>> MEASURES[0].name, MEASURES[0].unit
+        ('ML', 'mm')
     """
 
     name: str

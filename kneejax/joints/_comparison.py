@@ -35,6 +35,12 @@ class Summary:
         mean: shape `(conditions, 5)`, mm and degrees, in the order of `MEASURES`.
         sd: likewise. As in the paper, that of an average is the mean of its rows'. NaN of a single
             subject.
+
+    Example:
+        >>> measured = np.arange(15.0).reshape(1, 3, 5)
+        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
+        >>> found.summaries[0].motion, found.summaries[0].conditions
+        ('measured', ('0', '30', '60', 'average', 'min', 'max', 'ROM'))
     """
 
     motion: str
@@ -54,6 +60,12 @@ class Difference:
         mean: shape `(conditions, 5)`, mm and degrees: first - second over the subjects.
         standard_error: likewise; that of the average is of the subjects' own averages. NaN of a
             single subject.
+
+    Example:
+        >>> measured = np.arange(15.0).reshape(1, 3, 5)
+        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
+        >>> found.differences[0].second, found.differences[0].mean[-1].tolist()
+        ('model', [-0.5, -0.5, -0.5, -0.5, -0.5])
     """
 
     first: str
@@ -76,6 +88,12 @@ class Prediction:
         adjusted_r2: `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor.
         rmse: shape `(5,)`, mm and degrees: root mean square of measured - modelled, which no line
             adjusts.
+
+    Example:
+        >>> measured = np.arange(15.0).reshape(1, 3, 5)
+        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
+        >>> found.predictions[0].model, found.predictions[0].r2.round(3).tolist()
+        ('model', [1.0, 1.0, 1.0, 1.0, 1.0])
     """
 
     model: str
@@ -100,6 +118,12 @@ class Comparison:
         tests: one per measure and compared flexion, measure by measure; None where a model has no
             pose. Empty where there is no analysis of variance.
         alpha: level of the tests.
+
+    Example:
+        >>> measured = np.arange(15.0).reshape(1, 3, 5)
+        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
+        >>> list(found.models), found.compared.tolist()
+        (['model'], [True, True, True])
     """
 
     flexion_deg: np.ndarray
@@ -173,6 +197,13 @@ def compare_motions(
             level is none, or the tests need more subjects or a package.
 
     Source: paper 5, sections 2.6 and 3.
+
+    Example:
+        >>> flexion = [0.0, 30.0, 60.0]
+        >>> measured = np.arange(15.0).reshape(1, 3, 5)
+        >>> found = compare_motions(flexion, measured, {"model": measured + 0.5})
+        >>> found.predictions[0].rmse.tolist()
+        [0.5, 0.5, 0.5, 0.5, 0.5]
     """
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
     seen, given = _checked(flexion, measured, models)

@@ -44,6 +44,11 @@ class TransverseAxis:
         center: of it, at `Z = 0`, shape `(3,)`, mm.
         direction: unit vector, to lateral.
         radius: of the cylinder, mm.
+
+    Example:
+        >>> axis = TransverseAxis(np.zeros(3), np.array([0.0, 0.0, 1.0]), 21.0)
+        >>> axis.radius
+        21.0
     """
 
     center: np.ndarray
@@ -203,6 +208,12 @@ def touching_rows(
 
     Raises:
         UnsuitableMesh: none is as near.
+
+    Example:
+        >>> from kneejax.geometry import Pose
+        >>> still = Pose.from_table([0.0] * 6)
+        >>> touching_rows([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0]], [[0.0, -2.0, 0.0]], still).tolist()
+        [True, False]
     """
     from scipy.spatial import KDTree
 

@@ -22,23 +22,48 @@ from kneejax.numerics import WrongValue
 
 
 class JointProblem(WrongValue):
-    """Input from which no joint can be made; `field` is the part that it is about."""
+    """Input from which no joint can be made; `field` is the part that it is about.
+
+    Example:
+        >>> print(JointProblem("poses", "1 row", "at least 2"))
+        poses: 1 row; expected at least 2
+    """
 
 
 class UnsuitableMesh(JointProblem):
-    """A mesh in which axes of condyles cannot be found."""
+    """A mesh in which axes of condyles cannot be found.
+
+    Example:
+        >>> issubclass(UnsuitableMesh, JointProblem)
+        True
+    """
 
 
 class UnsuitableLandmarks(JointProblem):
-    """Landmarks that make no anatomical frame."""
+    """Landmarks that make no anatomical frame.
+
+    Example:
+        >>> issubclass(UnsuitableLandmarks, JointProblem)
+        True
+    """
 
 
 class UnsuitableAxis(JointProblem):
-    """Points or calibration angles that make no axis of a knee."""
+    """Points or calibration angles that make no axis of a knee.
+
+    Example:
+        >>> issubclass(UnsuitableAxis, JointProblem)
+        True
+    """
 
 
 class UnsuitablePoses(JointProblem):
-    """Measured poses on which no joint can be calibrated."""
+    """Measured poses on which no joint can be calibrated.
+
+    Example:
+        >>> issubclass(UnsuitablePoses, JointProblem)
+        True
+    """
 
 
 # Medial and lateral landmarks of an adult's knee are about 80 mm apart, of a child's half of that.
@@ -108,6 +133,11 @@ def tibia_frame(
         UnsuitableLandmarks: as in `femur_frame`.
 
     Source: paper 5, Figure 2; Grood and Suntay (1983).
+
+    Example:
+        >>> frame = tibia_frame([0.0, -380.0, 0.0], [0.0, 0.0, -35.0], [0.0, 0.0, 35.0])
+        >>> [round(float(x), 6) for x in frame.translation]
+        [0.0, 0.0, 0.0]
     """
     return _frame(
         ("ankle centre", "medial edge", "lateral edge"),
@@ -127,6 +157,14 @@ def pose_between(pose: Pose, femur: Placement, tibia: Placement) -> Pose:
 
     Returns:
         The pose of the tibia's new frame in the femur's.
+
+    Example:
+        >>> from kneejax.geometry import Pose, Vector
+        >>> pose = Pose.from_table([[0.0, 0.0, 0.0, 1.0, 2.0, 3.0]])
+        >>> still = Placement(None, Vector(0.0, 0.0, 0.0))
+        >>> lifted = Placement(None, Vector(0.0, 2.0, 0.0))
+        >>> pose_between(pose, lifted, still).to_table().round(6).tolist()
+        [[0.0, 0.0, 0.0, 1.0, 0.0, 3.0]]
     """
     new = femur.inverse().after(pose.placement).after(tibia)
     return Pose(*angles_from_rotation(new.rotation), *new.translation.full())
@@ -141,6 +179,11 @@ def in_frame(frame: Placement, points: ArrayLike) -> np.ndarray:
 
     Returns:
         Shape `(n, 3)`, mm.
+
+    Example:
+        >>> from kneejax.geometry import Vector
+        >>> in_frame(Placement(None, Vector(0.0, 10.0, 0.0)), [[5.0, 12.0, 0.0]]).tolist()
+        [[5.0, 2.0, 0.0]]
     """
     local = frame.apply_inverse(Vector.of(np.asarray(points, float).T))
     return np.stack(np.broadcast_arrays(*map(np.asarray, local)), axis=1)
@@ -159,6 +202,13 @@ def joint_center(points: ArrayLike, near: ArrayLike, within_mm: float) -> Surfac
 
     Raises:
         UnsuitableLandmarks: fewer than 20 points are as near, or they lie on no sphere.
+
+    Example:
+        >>> ball = np.random.default_rng(1).normal(size=(200, 3))
+        >>> points = 24.0 * ball / np.linalg.norm(ball, axis=1, keepdims=True) + [4.0, 400.0, 0.0]
+        >>> found = joint_center(points, [5.0, 398.0, 1.0], 30.0)
+        >>> [round(float(x), 3) for x in found.surface.frame.origin]
+        [4.0, 400.0, 0.0]
     """
     points = np.asarray(points, float)
     rows = np.linalg.norm(points - np.asarray(near, float), axis=1) < within_mm

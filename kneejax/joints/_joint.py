@@ -279,6 +279,12 @@ def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) ->
 
     Returns:
         Points at each angle, shape `(k, 2, 3)`, mm.
+
+    Example:
+        >>> ends = [[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]]
+        >>> later = [[-4.0, 0.0, -40.0], [-4.0, 0.0, 40.0]]
+        >>> axis_between(ends, later, [0.0, 0.5, 1.0])[1, 0].tolist()
+        [-2.0, 0.0, -40.0]
     """
     flexion = jnp.asarray(flexion, float)
     share = (flexion - flexion[0]) / (flexion[-1] - flexion[0])
@@ -313,6 +319,11 @@ def check_joint(joint: Joint) -> None:
     Raises:
         UnsuitableAxis: flexion does not increase, a number is not finite, or an axis is not
             transverse (within 45 degrees of Z, its lateral point lateral).
+
+    Example:
+        >>> import kneejax as kj
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], kj.Pose.from_table([0.0] * 6))
+        >>> check_joint(turning)
     """
     if traced(joint):
         return

@@ -15,7 +15,12 @@ FEWEST_SUBJECTS = 3
 
 
 class UnsuitableMotions(ValueError):
-    """Motions that cannot be compared as asked; one sentence says why and what would do."""
+    """Motions that cannot be compared as asked; one sentence says why and what would do.
+
+    Example:
+        >>> issubclass(UnsuitableMotions, ValueError)
+        True
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,6 +35,10 @@ class Pair:
         p: of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1.
         lower: of the confidence interval, which is Bonferroni-adjusted too.
         upper: likewise.
+
+    Example:
+        >>> Pair("measured", "hinge", 1.2, 0.3, 0.01, 0.4, 2.0).difference
+        1.2
     """
 
     first: str
@@ -78,6 +87,10 @@ def is_tested(subjects: int, anova: bool | None = None) -> bool:
 
     Raises:
         UnsuitableMotions: they are, with fewer than three subjects or without pingouin.
+
+    Example:
+        >>> is_tested(2), is_tested(10, anova=False)
+        (False, False)
     """
     if not (subjects >= FEWEST_SUBJECTS if anova is None else anova):
         return False

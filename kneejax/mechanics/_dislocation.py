@@ -97,6 +97,14 @@ def displacement(knee: Knee, pose: Pose) -> Array:
 
     Returns:
         Shape `(5, ...)`, degrees and mm, in the order of `kneejax.geometry.FREE_COORDINATES`.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> from kneejax.mechanics import add_lane_axis
+        >>> knee, pose = load_knee("four_ligament"), Pose.from_table([[30.0, 2.0, 5.0, 0, 0, 0]])
+        >>> moved = displacement(add_lane_axis(knee), pose)
+        >>> moved[:2, 0].round(6).tolist()
+        [2.0, 5.0]
     """
     center, rest = _center(knee), knee.reference_pose
     there = rest.placement.apply_inverse(center)
@@ -118,6 +126,12 @@ def dislocated(displaced: Array, widest_gap_mm: Array) -> Array:
 
     Returns:
         Truth values `(...)`; false where numbers are NaN.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> gap_mm = jnp.array([1.0, 16.0])
+        >>> dislocated(jnp.zeros((5, 2)), gap_mm).tolist()
+        [False, True]
     """
     limits = jnp.array([LIMITS[name] for name in FREE_COORDINATES])
     far = jnp.abs(displaced) > limits.reshape(5, *(1,) * (displaced.ndim - 1))

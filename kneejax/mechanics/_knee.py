@@ -312,5 +312,10 @@ def add_lane_axis(tree):
 
     Mechanics is elementwise over trailing axes ("lanes"). A single knee meets a batch of poses
     when its leaves have one lane that broadcasts.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> add_lane_axis({"stiffness": jnp.ones(4)})["stiffness"].shape
+        (4, 1)
     """
     return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)

@@ -83,6 +83,13 @@ class MovingMass:
             each instant, `(5, n, 3, 3)`.
         center_m: of mass, in the ground, `(5, n, 3)`.
         step_s: between those five.
+
+    Example:
+        >>> import numpy as np
+        >>> axes, still = np.tile(np.eye(3), (5, 1, 1, 1)), np.zeros((5, 1, 3))
+        >>> resting = MovingMass(3.0, np.diag([0.05, 0.01, 0.05]), axes, still, step_s=0.01)
+        >>> resting.mass_kg, resting.center_m.shape
+        (3.0, (5, 1, 3))
     """
 
     mass_kg: float

@@ -137,6 +137,11 @@ class Support(eqx.Module):
     Attributes:
         size: N mm per rad of a rotation, N of a translation, `(...)`.
         coordinate: its name.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> Support(jnp.array(12.0), "anterior").coordinate
+        'anterior'
     """
 
     size: Array
@@ -190,6 +195,11 @@ class ConstantTensionLine(eqx.Module):
         insertion: shape `(3, ...)`, mm, in the bone's frame.
         name: what reports call it.
         bone: to which it runs.
+
+    Example:
+        >>> line = ConstantTensionLine(20.0, [[45.0, 30.0, 0.0]], [35.0, -40.0, 0.0], "tendon")
+        >>> float(line.tension), line.bone
+        (20.0, 'tibia')
     """
 
     tension: Array

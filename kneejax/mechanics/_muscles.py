@@ -34,6 +34,11 @@ class Cable(eqx.Module):
     Attributes:
         length: that the motor gives, mm, `(...)`.
         expected: pull at which the cable has that length, N, `(...)`.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> float(Cable(jnp.array(400.0), jnp.array(250.0)).length)
+        400.0
     """
 
     length: Array
@@ -231,6 +236,11 @@ class Pull(eqx.Module):
             `(..., lines, 2, 3)`, mm: a muscle that comes from the pelvis begins elsewhere in the
             femur at each angle of the hip. Of muscles only; None where they stay where they are.
         lines: names of the knee's lines and muscles; `QUADRICEPS` stands for all its heads.
+
+    Example:
+        >>> pull = Pull([80.0], ("patellar_tendon",))
+        >>> pull.lines, pull.tension.tolist()
+        (('patellar_tendon',), [80.0])
     """
 
     tension: Array

@@ -27,6 +27,11 @@ class NamedLoad:
         does: what a positive one does, in a sentence.
         also_called: other words for it, with which people look for it.
         opposite: words for its negative.
+
+    Example:
+        >>> one = NAMED_LOADS["anterior_N"]
+        >>> one.unit, one.positive, one.negative
+        ('N', 'anterior force', 'posterior force')
     """
 
     name: str

@@ -26,6 +26,11 @@ class Implausible(ValueError):
             fibre goes around.
         value: in words.
         expected: in words.
+
+    Example:
+        >>> wrong = Implausible("ACL", "length", "900 mm", "between 1 and 300 mm")
+        >>> wrong.fibre, wrong.quantity
+        ('ACL', 'length')
     """
 
     def __init__(self, fibre: str, quantity: str, value: str, expected: str):
@@ -55,6 +60,12 @@ def check_fibres(ligaments: Ligaments, inside: Array, lengths: Array) -> None:
 
     Raises:
         Implausible: the first number that is out of its range.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> from kneejax.files import load_knee
+        >>> ligaments = load_knee("four_ligament").ligaments
+        >>> check_fibres(ligaments, jnp.zeros(4, bool), jnp.full(4, 35.0))
     """
     names = ligaments.names
     for row in np.flatnonzero(np.asarray(inside)):

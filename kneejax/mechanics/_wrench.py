@@ -31,6 +31,12 @@ class Wrench(eqx.Module):
     Attributes:
         force: N.
         moment: N mm.
+
+    Example:
+        >>> from kneejax.geometry import Vector
+        >>> pull = Wrench(Vector(100.0, 0.0, 0.0), Vector(0.0, 0.0, -5000.0))
+        >>> [float(x) for x in pull.moment]
+        [0.0, 0.0, -5000.0]
     """
 
     force: Vector

@@ -42,6 +42,10 @@ def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[
     Raises:
         Exception: what the first part that failed has raised, at once; likewise Ctrl-C. Parts that
             were not begun are dropped.
+
+    Example:
+        >>> on_all_cores(abs, [-1, 2, -3])
+        [1, 2, 3]
     """
     parts = list(parts)
     if len(parts) < 2:

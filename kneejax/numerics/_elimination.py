@@ -29,6 +29,12 @@ def solve(
     Returns:
         The solution and the pivots, `n` rows of lanes each. All pivots of a symmetric matrix are
         positive exactly if it is positive definite.
+
+    Example:
+        >>> matrix = jnp.array([[4.0, 1.0], [1.0, 3.0]])[:, :, None]
+        >>> found, pivots = solve(matrix, jnp.array([[1.0], [2.0]]))
+        >>> [round(float(x[0]), 4) for x in found], [float(x[0]) for x in pivots]
+        ([0.0909, 0.6364], [4.0, 2.75])
     """
     if len(right) > _UNROLLED:
         return _solve_in_loop(matrix, right)
@@ -72,10 +78,20 @@ def _solve_in_loop(
 
 
 def identity(size: int, lane_axes: int) -> Array:
-    """The identity matrix, `(size, size, 1, ...)`, as it meets lanes."""
+    """The identity matrix, `(size, size, 1, ...)`, as it meets lanes.
+
+    Example:
+        >>> identity(2, lane_axes=1)[:, :, 0].tolist()
+        [[1.0, 0.0], [0.0, 1.0]]
+    """
     return jnp.eye(size).reshape(size, size, *(1,) * lane_axes)
 
 
 def symmetric(matrix: Array) -> Array:
-    """Symmetric part over the first two axes."""
+    """Symmetric part over the first two axes.
+
+    Example:
+        >>> symmetric(jnp.array([[[1.0], [4.0]], [[0.0], [1.0]]]))[:, :, 0].tolist()
+        [[1.0, 2.0], [2.0, 1.0]]
+    """
     return 0.5 * (matrix + matrix.swapaxes(0, 1))

@@ -9,7 +9,15 @@ from typing import Any
 
 
 class MissingPackage(ValueError):
-    """An optional package that a question needs and that is not installed."""
+    """An optional package that a question needs and that is not installed.
+
+    Example:
+        >>> try:
+        ...     imported("no_such_module", "no-such-package", "maps")
+        ... except MissingPackage as error:
+        ...     print("maps" in str(error))
+        True
+    """
 
 #: Extra of kneejax -> how a sentence on its packages begins.
 _WHO_NEEDS = {
@@ -20,6 +28,7 @@ _WHO_NEEDS = {
     "tables": "tables need",
     "sensitivity": "global indices need",
     "opensim": "inverse dynamics and static optimisation need",
+    "view": "the 3-D view needs",
 }
 
 
@@ -35,7 +44,12 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
         The module.
 
     Raises:
-        MissingPackage: it is not installed; the sentence says what to do.
+        MissingPackage: it is not installed, or lacks something itself; the sentence says what to
+            do.
+
+    Example:
+        >>> imported("math", "math", "maps").pi > 3
+        True
     """
     try:
         with warnings.catch_warnings():
@@ -44,9 +58,8 @@ def imported(module: str, package: str, extra: str = "posterior") -> Any:
             warnings.simplefilter("ignore", DeprecationWarning)
             return importlib.import_module(module)
     except ImportError as problem:
-        if problem.name and not module.startswith(problem.name.split(".")[0]):
-            raise
-        raise _missing(package, extra) from problem
+        found = not problem.name or not module.startswith(problem.name.split(".")[0])
+        raise _missing(package, extra, str(problem) if found else "") from problem
 
 
 def check_installed(package: str, extra: str) -> None:
@@ -60,16 +73,18 @@ def check_installed(package: str, extra: str) -> None:
 
     Raises:
         MissingPackage: it is not installed; the sentence says what to do.
+
+    Example:
+        >>> check_installed("numpy", "maps")
     """
     if importlib.util.find_spec(package) is None:
         raise _missing(package, extra)
 
 
-def _missing(package: str, extra: str) -> MissingPackage:
+def _missing(package: str, extra: str, why: str = "") -> MissingPackage:
     what = _WHO_NEEDS.get(extra, f"the {extra} needs")
-    return MissingPackage(
-        f"{what} {package}, which is not installed: pip install 'kneejax[{extra}]'"
-    )
+    state = f"cannot be imported ({why})" if why else "is not installed"
+    return MissingPackage(f"{what} {package}, which {state}: pip install 'kneejax[{extra}]'")
 
 
 class WrongValue(ValueError):
@@ -79,6 +94,10 @@ class WrongValue(ValueError):
         field: name of the argument, or of the part of it.
         found: what was given, in words.
         expected: what should be given.
+
+    Example:
+        >>> print(WrongValue("flexion", "400 degrees", "between -20 and 160"))
+        flexion: 400 degrees; expected between -20 and 160
     """
 
     def __init__(self, field: str, found: str, expected: str):

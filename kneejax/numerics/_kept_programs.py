@@ -37,7 +37,7 @@ from kneejax._whole_files import read_sealed, write_sealed
 _PACKAGE = Path(__file__).parents[1]
 #: Rooms that compute: a program is traced from their sources, and functions of others are not kept.
 _ROOMS = ("numerics", "geometry", "parameters", "joints", "mechanics", "statics", "dynamics",
-          "experiments", "inference", "planning", "papers", "explore")  # fmt: skip
+          "experiments", "inference", "planning", "papers", "explorer")  # fmt: skip
 _COUNTED = tuple(f"{_PACKAGE.name}.{room}" for room in _ROOMS)
 #: What the text of a static value must not hold to stand for it: where it lies in memory, or an
 #: array of which only a part, or the shape alone, is written.

@@ -48,7 +48,13 @@ def filled(x: Any) -> np.ndarray:
 
 
 def traced(*trees: Any) -> bool:
-    """Whether numbers are unknown yet, because JAX traces the caller."""
+    """Whether numbers are unknown yet, because JAX traces the caller.
+
+    Example:
+        >>> import jax
+        >>> traced(1.0), bool(jax.jit(lambda x: jnp.array(traced(x)))(1.0))
+        (False, True)
+    """
     return any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(trees))
 
 
@@ -75,6 +81,9 @@ def needs_numbers(function: str, instead: str, *trees: Any) -> None:
 
     Raises:
         TypeError: JAX traces the caller.
+
+    Example:
+        >>> needs_numbers("branches", "passive_flexion", 1.0)
     """
     if traced(*trees):
         raise TypeError(

@@ -36,6 +36,11 @@ def branch(
 
     Returns:
         `taken(x)` or `otherwise(x)`, element by element.
+
+    Example:
+        >>> x = jnp.array([-1.0, 4.0])
+        >>> branch(x > 0, jnp.sqrt, lambda y: 0.0 * y, x, inside=1.0, outside=0.0).tolist()
+        [-0.0, 2.0]
     """
     x = jnp.asarray(x)
     left = taken(jnp.where(condition, x, inside))

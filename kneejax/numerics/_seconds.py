@@ -58,7 +58,14 @@ class Seconds:
 
 @contextlib.contextmanager
 def stopwatch() -> Iterator[Seconds]:
-    """Measure where the time goes until the block ends; what has no name by then is `other`."""
+    """Measure where the time goes until the block ends; what has no name by then is `other`.
+
+    Example:
+        >>> with stopwatch() as seconds:
+        ...     lap("reading")
+        >>> type(seconds).__name__
+        'Seconds'
+    """
     _listen()
     one, every = Seconds(), _running.setdefault(threading.get_ident(), [])
     every.append(one)

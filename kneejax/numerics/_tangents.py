@@ -41,6 +41,11 @@ def none_of(tree):
 
     Args:
         tree: the answers.
+
+    Example:
+        >>> from jax.dtypes import float0
+        >>> none_of(jnp.array([True])).dtype == float0
+        True
     """
     return jax.tree.map(
         lambda x: jnp.zeros_like(x) if jnp.issubdtype(x.dtype, jnp.floating)
@@ -59,6 +64,12 @@ def jvp_of_moved(function: Callable, primals: tuple, tangents: tuple) -> tuple[A
 
     Returns:
         The function's value and its change.
+
+    Example:
+        >>> one, zero = jnp.ones(()), jnp.zeros(())
+        >>> value, change = jvp_of_moved(jnp.multiply, (2.0 * one, 3.0 * one), (one, zero))
+        >>> float(value), float(change)
+        (6.0, 3.0)
     """
     leaves, structure = jax.tree.flatten(primals)
     rates = jax.tree.leaves(tangents, is_leaf=_vanishes)
@@ -158,6 +169,12 @@ def as_known(function: Callable, value: Any, *arguments: Any) -> Any:
         function: differentiable by its arguments.
         value: what it returns for them; nothing is differentiated through it.
         arguments: of the function.
+
+    Example:
+        >>> import jax
+        >>> square = jax.jit(lambda x: x**2)
+        >>> float(jax.grad(lambda x: as_known(square, 9.0, x))(3.0))
+        6.0
     """
 
     def rule(value: Any, arguments: tuple, changes: tuple) -> tuple[Any, Any]:
@@ -176,6 +193,10 @@ def unknown_where(lost: Array, change: Array) -> Array:
     Args:
         lost: which lanes.
         change: a tangent, of a shape to which `lost` broadcasts.
+
+    Example:
+        >>> unknown_where(jnp.array([True, False]), jnp.array([1.0, 2.0])).tolist()
+        [nan, 2.0]
     """
     return _unknown_where.bind(jnp.broadcast_to(lost, jnp.shape(change)), change, backwards=False)
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
+from kneejax.quantities import AXES
 from kneejax.report.look import (
     BLACK,
     GREEN,
@@ -16,14 +17,14 @@ from kneejax.report.look import (
     ORANGE,
     PURPLE,
     WIDTH,
-    aligned,
-    json_safe,
     styled,
     verbatim,
     without_frame,
-    wrapped,
 )
 from kneejax.report.look.colours import uniform_colours
+from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.tables import Column, Table
+from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,14 +38,80 @@ _MARKERS = {"varus": "^", "valgus": "v"}
 #: Compartments, by dashes and fill: colours are for values.
 _CONTACT_STYLES = (("-", GREY), ((0, (4, 1.5)), "white"))
 _MOST_COLUMNS = 5
+_RAMP_LABELS = ("Varus rotation, deg", "Moment held, N m", "Peak pressure, MPa")
+_SCORED = (
+    "Scores of each parameter, means of varus and valgus; hatched where the knee does not have the "
+    "parameter, or nothing could be compared."
+)
+_RAMPED = (
+    "Rotation over the moment, the moment that each value holds, and the peak contact pressures at "
+    "the moment at which all are compared."
+)
 #: A score that is not known.
 _UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
 
 
-def comparison_tables(found: KneeComparison) -> dict[str, tuple[list[str], list[list[Any]]]]:
-    """Name of a CSV file -> columns and rows."""
+def comparison_answer(found: KneeComparison) -> Answer:
+    """Knees side by side: scores of every parameter, ramps, and every number in tables."""
+    settings, best = found.settings, []
+    for knee in found.knees:
+        known = [one for one in knee.influences if np.isfinite(one.score)]
+        if known:
+            most = max(known, key=lambda one: one.score)
+            outcome = _OUTCOMES[most.outcome].lower()
+            best.append(f"{knee.name}: {most.parameter} on {outcome}, {most.score:g}")
+    drawings = {"scores": Drawing(score_figure, found, more=_SCORED)}
+    for name in found.parameters:
+        drawings[name.replace(".", "-")] = Drawing(ramp_figure, found, name, more=_RAMPED)
+    return Answer(
+        title="Knees side by side: " + ", ".join(knee.name for knee in found.knees),
+        asked=f"What does a change of one ligament do under {settings.body_weight_N / 2:.1f} N "
+        f"along the tibia and {settings.full_Nm:g} N m of varus or valgus at extension? Scores 0 "
+        "to 3 of Rooks et al. 2022 (paper 4), Table 5, means of varus and valgus.",
+        sentence=f"Highest scores: {'; '.join(best)}." if best else "Nothing could be compared.",
+        tables=_tables(found), main=[_scores(knee) for knee in found.knees], drawings=drawings,
+        doubts=found.doubts,
+        sections=[Section("Ramps of each parameter", drawings=list(drawings)[1:])],
+        document={
+            "knees": [knee.name for knee in found.knees],
+            "settings": dataclasses.asdict(settings),
+            "scores": {
+                knee.name: {
+                    name: {one.outcome: one.score for one in knee.influences
+                           if one.parameter == name}
+                    for name in knee.parameters
+                }
+                for knee in found.knees
+            },
+            "unchanged": {
+                knee.name: {
+                    direction: {
+                        "moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
+                        "tension_N": knee.tension_N[direction],
+                    }
+                    for direction, run in knee.runs.items()
+                }
+                for knee in found.knees
+            },
+            "doubts": found.doubts,
+            "seconds": {knee.name: knee.seconds for knee in found.knees},
+            "versions": found.versions,
+        },
+    )  # fmt: skip
+
+
+def _scores(knee: KneeStudy) -> Table:
+    """What matters in a knee: a row a parameter, a column an outcome."""
+    columns = [Column("parameter", " ", words=True)]
+    columns += [Column(name, label.lower(), "g") for name, label in _OUTCOMES.items()]
+    rows = [[name, *(knee.score(name, outcome) for outcome in LIMITS)] for name in knee.parameters]
+    return Table(columns, rows, f"{knee.name} ({knee.seconds:.0f} s)")
+
+
+def _tables(found: KneeComparison) -> dict[str, Table]:
+    """Every outcome, pressure, score and rotation."""
     changed = ["knee", "parameter", "change", "direction"]
-    place = [f"{axis}_mm" for axis in ("anterior", "superior", "lateral")]
+    place = [f"{axis}_mm" for axis in AXES]
     outcomes, pressures, scores, rotations = [], [], [], []
     for knee in found.knees:
         for one in knee.outcomes:
@@ -62,80 +129,20 @@ def comparison_tables(found: KneeComparison) -> dict[str, tuple[list[str], list[
             scores.append([knee.name, one.parameter, one.outcome, *both, one.score])
         names = [("", "unchanged"), *((c.parameter, c.label) for c in knee.changes)]
         for direction, run in knee.runs.items():
-            variants = zip(names, run.held, run.adduction_deg, strict=True)
-            rotations += [
-                [knee.name, *name, direction, run.ramp.axial_N[step], run.ramp.moment_Nm[step],
-                 angles[step]]
-                for name, held, angles in variants
-                for step in np.flatnonzero(held)
-            ]  # fmt: skip
-    return {
-        "outcomes.csv": (
-            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
-        ),
-        "pressures.csv": (
-            [*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
-             *(f"unchanged_{column}" for column in place)], pressures,
-        ),
-        "scores.csv": (
-            ["knee", "parameter", "outcome", "varus", "valgus", "varus_score", "valgus_score",
-             "score"], scores,
-        ),
-        "rotations.csv": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
+            loads = np.c_[run.ramp.axial_N, run.ramp.moment_Nm].tolist()
+            for name, held, angles in zip(names, run.held, run.adduction_deg, strict=True):
+                first = [knee.name, *name, direction]
+                rotations += [[*first, *loads[x], angles[x]] for x in np.flatnonzero(held)]
+    named = {
+        "outcomes": ([*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"],
+                     outcomes),
+        "pressures": ([*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
+                       *(f"unchanged_{column}" for column in place)], pressures),
+        "scores": (["knee", "parameter", "outcome", "varus", "valgus", "varus_score",
+                    "valgus_score", "score"], scores),
+        "rotations": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
     }  # fmt: skip
-
-
-def comparison_document(found: KneeComparison) -> dict[str, Any]:
-    """What result.json of a comparison holds: settings, scores, doubts, versions."""
-    scores = {
-        knee.name: {
-            name: {one.outcome: one.score for one in knee.influences if one.parameter == name}
-            for name in knee.parameters
-        }
-        for knee in found.knees
-    }
-    unchanged = {
-        knee.name: {
-            direction: {
-                "moment_reached_Nm": run.moment_reached_Nm[0],
-                "ending": run.ending[0],
-                "tension_N": knee.tension_N[direction],
-            }
-            for direction, run in knee.runs.items()
-        }
-        for knee in found.knees
-    }
-    return json_safe(
-        {
-            "knees": [knee.name for knee in found.knees],
-            "settings": dataclasses.asdict(found.settings),
-            "scores": scores,
-            "unchanged": unchanged,
-            "doubts": found.doubts,
-            "seconds": {knee.name: knee.seconds for knee in found.knees},
-            "versions": found.versions,
-        }
-    )
-
-
-def comparison_summary(found: KneeComparison) -> str:
-    """What matters in which knee: lines of fewer than 100 columns, without a final line break."""
-    settings = found.settings
-    lines = wrapped(
-        f"{settings.body_weight_N / 2:.1f} N along the tibia, then {settings.full_Nm:g} N m of "
-        "varus and of valgus at extension; one ligament changed at a time. Scores 0 to 3 of Rooks "
-        "et al. 2022 (paper 4), Table 5, means of varus and valgus:"
-    )
-    for knee in found.knees:
-        rows = [["", "convergence", "rotation", "pressure", "place of peak"]]
-        for name in knee.parameters:
-            own = [one.score for one in knee.influences if one.parameter == name]
-            rows.append([name, *("-" if np.isnan(x) else f"{x:g}" for x in own)])
-        lines += ["", f"{knee.name} ({knee.seconds:.0f} s)"]
-        lines += [f"  {line}" for line in aligned(rows)]
-    for doubt in found.doubts:
-        lines += ["", *wrapped(doubt, "! ")]
-    return "\n".join(lines)
+    return {name: Table([*map(Column, head)], rows) for name, (head, rows) in named.items()}
 
 
 def _parameter_words(parameter: str) -> str:
@@ -157,61 +164,47 @@ def ramp_figure(found: KneeComparison, parameter: str) -> Figure:
         the value alone; compartments differ by dashes and by filled or hollow markers.
     """
     from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
 
     knees = [knee for knee in found.knees if parameter in knee.parameters]
     blocks, columns = -(-len(knees) // _MOST_COLUMNS), min(len(knees), _MOST_COLUMNS)
-    height = 6.6 * blocks + 0.75
-    figure = Figure(figsize=(WIDTH, height))
-    panels = figure.subplots(3 * blocks, columns, sharey="row", squeeze=False)
-    figure.subplots_adjust(
-        left=0.085, right=0.985, top=1 - 0.48 / height, bottom=1.0 / height, wspace=0.08,
-        hspace=0.44,
-    )  # fmt: skip
+    figure, panels = grid(3 * blocks, columns, 6.6 * blocks + 0.75, top=0.48, bottom=1.0,
+                          apart=(0.12, 0.55), sharey="row")  # fmt: skip
     values = [change.value for change in knees[0].changes if change.parameter == parameter]
-    if parameter.endswith(ATTACHMENT):
-        scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
-    else:
-        largest = max(map(abs, values))
-        scale, shades = Normalize(-largest, largest), uniform_colours()
-        colours = {value: shades(float(scale(value))) for value in values}
-    labels = ("Varus rotation, deg", "Moment held, N m", "Peak pressure, MPa")
-    for place in range(blocks * columns):
+    scale, colours = None, dict(zip(HALVES, (GREEN, ORANGE, PURPLE), strict=True))
+    if not parameter.endswith(ATTACHMENT):
+        scale = Normalize(-max(map(abs, values)), max(map(abs, values)))
+        colours = {value: uniform_colours()(float(scale(value))) for value in values}
+    for axes in panels.flat:
+        axes.set_axis_off()
+    for place, knee in enumerate(knees):
         block, column = divmod(place, columns)
-        rotation, held, pressure = panels[3 * block : 3 * block + 3, column]
-        if place >= len(knees):
-            for axes in (rotation, held, pressure):
-                axes.set_axis_off()
-            continue
-        rotation.set_title(verbatim(knees[place].name), fontsize=8)
-        _rotation(rotation, knees[place], parameter, colours)
-        _held(held, knees[place], parameter, colours, found.settings.full_Nm)
-        _pressure(pressure, knees[place], parameter)
+        rotation, held, pressure = own = panels[3 * block : 3 * block + 3, column]
+        for axes in own:
+            axes.set_axis_on()
+        rotation.set_title(verbatim(knee.name), fontsize=8)
+        _rotation(rotation, knee, parameter, colours)
+        _held(held, knee, parameter, colours, found.settings.full_Nm)
+        _pressure(pressure, knee, parameter)
         if column == 0:
-            for axes, label in zip((rotation, held, pressure), labels, strict=True):
+            for axes, label in zip(own, _RAMP_LABELS, strict=True):
                 axes.set_ylabel(label)
     for axes in panels[2::3].flat:
         axes.set_ylim(bottom=0.0)
-    figure.suptitle(
-        _parameter_words(parameter), x=0.012, y=1 - 0.08 / height, ha="left", va="top", fontsize=9
-    )
-    _legend(figure, knees[0], height, parameter, scale)
+    figure.suptitle(_parameter_words(parameter), x=0.012, ha="left", fontsize=9)
+    _legend(figure, knees[0], parameter, scale)
     return figure
 
 
 def _rotation(axes: Axes, knee: KneeStudy, parameter: str, colours: dict) -> None:
     for run in knee.runs.values():
         shown = run.ramp.loaded
-        x = run.ramp.moment_Nm[shown]
-        for row, change in enumerate(knee.changes, 1):
+        x, angles = run.ramp.moment_Nm[shown], run.adduction_deg[:, shown]
+        for y, change in zip(angles[1:], knee.changes, strict=True):
             if change.parameter == parameter:
-                y = run.adduction_deg[row, shown]
                 axes.plot(x, y, color=colours[change.value], linewidth=0.9)
-        axes.plot(x, run.adduction_deg[0, shown], color=BLACK, linewidth=1.4, linestyle="--")
-    axes.set_xlabel("Moment, N m")
+        axes.plot(x, angles[0], color=BLACK, linewidth=1.4, linestyle="--")
     full = max(run.ramp.full_Nm for run in knee.runs.values())
-    axes.set_xlim(-1.2 * full, 1.2 * full)
-    axes.set_xticks([-full, 0.0, full])
+    axes.set(xlabel="Moment, N m", xlim=(-1.2 * full, 1.2 * full), xticks=[-full, 0.0, full])
     axes.axhline(0, color=GREY, linewidth=0.5, zorder=0)
 
 
@@ -229,24 +222,20 @@ def _held(axes: Axes, knee: KneeStudy, parameter: str, colours: dict, full_Nm: f
 
 
 def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
-    moments = []
+    moments, halved = [], parameter.endswith(ATTACHMENT)
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
         peaks, unchanged = np.array([one.peak_MPa for one in own]), own[0].unchanged_peak_MPa
         moments += [one.compared_at_Nm for one in own if np.isfinite(one.compared_at_Nm)][-1:]
         x = np.append([one.change.value for one in own], 0.0)
         order = np.argsort(x)
+        style = {"marker": _MARKERS[direction], "markersize": 4}
         for i, (dashes, fill) in zip(range(len(knee.contacts)), _CONTACT_STYLES, strict=False):
-            y = np.append(peaks[:, i], unchanged[i])
-            axes.plot(
-                x[order], y[order], marker=_MARKERS[direction], color=GREY, markersize=4,
-                linestyle="none" if parameter.endswith(ATTACHMENT) else dashes, linewidth=0.9,
-                markerfacecolor=fill,
-            )  # fmt: skip
-            axes.plot(
-                0.0, unchanged[i], _MARKERS[direction], color=BLACK, markersize=4, zorder=4,
-                markerfacecolor=BLACK if fill == GREY else fill,
-            )  # fmt: skip
+            y, line = np.append(peaks[:, i], unchanged[i]), "none" if halved else dashes
+            axes.plot(x[order], y[order], color=GREY, linestyle=line, linewidth=0.9,
+                      markerfacecolor=fill, **style)  # fmt: skip
+            axes.plot(0.0, unchanged[i], color=BLACK, zorder=4,
+                      markerfacecolor=BLACK if fill == GREY else fill, **style)  # fmt: skip
     _value_axis(axes, knee, parameter)
     axes.set_xlabel(_value_words(parameter))
     words = " and ".join(f"{m:+g}".replace("-", "\u2212") for m in moments)
@@ -255,13 +244,11 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
 
 def _value_axis(axes: Axes, knee: KneeStudy, parameter: str) -> None:
     if parameter.endswith(ATTACHMENT):
-        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"])
-        axes.tick_params(axis="x", labelsize=6.3)
+        axes.set_xticks([0.0, *HALVES], ["as is", "femur", "tibia", "both"], fontsize=6.3)
         axes.set_xlim(-0.5, 3.5)
         return
     largest = max(abs(change.value) for change in knee.changes if change.parameter == parameter)
-    axes.set_xlim(-1.25 * largest, 1.25 * largest)
-    axes.set_xticks([-largest, 0.0, largest])
+    axes.set(xlim=(-1.25 * largest, 1.25 * largest), xticks=[-largest, 0.0, largest])
 
 
 def _value_words(parameter: str) -> str:
@@ -271,39 +258,30 @@ def _value_words(parameter: str) -> str:
     return ", ".join(filter(None, ["Change", CHANGED[quantity]]))
 
 
-def _legend(figure: Figure, knee: KneeStudy, height: float, parameter: str, scale) -> None:
+def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
     from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import ListedColormap, Normalize
     from matplotlib.lines import Line2D
 
+    height = figure.get_figheight()
     handles = [Line2D([], [], color=BLACK, linestyle="--", label="unchanged")]
     handles += [
         Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=4.5, label=name)
         for name, marker in _MARKERS.items()
     ]
     handles += [
-        Line2D(
-            [], [], color=GREY, linestyle=dashes, marker="o", markersize=4, markerfacecolor=fill,
-            linewidth=0.9, label=verbatim(name),
-        )
+        Line2D([], [], color=GREY, linestyle=dashes, marker="o", markersize=4, linewidth=0.9,
+               markerfacecolor=fill, label=verbatim(name))
         for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
     ]  # fmt: skip
-    figure.legend(
-        handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
-        handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0,
-    )  # fmt: skip
-    if scale is None:
-        return
-    uniform = uniform_colours()
-    shades = ListedColormap([uniform(float(x)) for x in np.linspace(0.0, 1.0, 128)])
-    place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
-    bar = figure.colorbar(
-        ScalarMappable(Normalize(scale.vmin, scale.vmax), shades), cax=place,
-        orientation="horizontal", ticks=[scale.vmin, 0.0, scale.vmax],
-    )  # fmt: skip
-    bar.outline.set_visible(False)
-    bar.ax.tick_params(labelsize=7, length=2, pad=1)
-    bar.ax.set_title(_value_words(parameter), fontsize=7, loc="left", pad=2)
+    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
+                  handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0)  # fmt: skip
+    if scale is not None:
+        place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
+        shades, ticks = ScalarMappable(scale, uniform_colours()), [scale.vmin, 0.0, scale.vmax]
+        bar = figure.colorbar(shades, cax=place, orientation="horizontal", ticks=ticks)
+        bar.outline.set_visible(False)
+        bar.ax.tick_params(labelsize=7, length=2, pad=1)
+        bar.ax.set_title(_value_words(parameter), fontsize=7, loc="left", pad=2)
 
 
 @styled

@@ -15,7 +15,8 @@ from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
 from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
-from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, WIDTH, styled
+from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, styled
+from kneejax.report.panels import grid
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -319,14 +320,10 @@ def lachman_figure(found: LachmanStudy) -> Figure:
         Two panels, with the printed strains and with the calibrated ones; a square is what the
         paper prints. Where a curve ends early the knee gives way.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 3.4))
-    panels = figure.subplots(1, 2, sharey=True)
-    figure.subplots_adjust(left=0.08, right=0.985, top=0.91, bottom=0.27, wspace=0.07)
+    figure, panels = grid(1, 2, 3.4, bottom=0.92, apart=(0.2, 0.0), sharey=True)
     titles = "Strains of Table 1", f"Collateral strains larger by {found.prestrain:.3f}"
     load = found.load_N
-    for axes, tests, title in zip(panels, found.kinds.values(), titles, strict=True):
+    for axes, tests, title in zip(panels[0], found.kinds.values(), titles, strict=True):
         for name, (_, color, label) in STATES.items():
             moved = tests[name].moved
             axes.plot(load, moved, "o-", color=color, markersize=2.5, label=label)
@@ -335,14 +332,10 @@ def lachman_figure(found: LachmanStudy) -> Figure:
                 axes.plot(load[known[-1]], moved[known[-1]], "x", color=color, markersize=7)
         for size, color in ((MEASURED_MM, VERMILLION), (ONE_BUNDLE_MM, ORANGE)):
             axes.plot(100.0, size, "s", color=color, markerfacecolor="none", zorder=5)
-        axes.set_title(title)
-        axes.set_xlabel("Anterior force, N")
-    panels[0].set_ylabel("Anterior displacement, mm")
-    panels[0].set_ylim(bottom=0.0)
-    handles, labels = panels[0].get_legend_handles_labels()
-    (mark,) = panels[0].plot([], [], "s", color=BLACK, markerfacecolor="none")
-    figure.legend(
-        [*handles, mark], [*labels, "printed, same colours"], loc="lower center", ncol=4,
-        bbox_to_anchor=(0.53, 0.0), fontsize=8,
-    )  # fmt: skip
+        axes.set(title=title, xlabel="Anterior force, N")
+    axes = panels[0, 0]
+    axes.set_ylabel("Anterior displacement, mm")
+    axes.set_ylim(bottom=0.0)
+    axes.plot([], [], "s", color=BLACK, markerfacecolor="none", label="printed, same colours")
+    figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncol=4, fontsize=8)
     return figure

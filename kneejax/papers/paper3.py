@@ -22,6 +22,7 @@ from kneejax.papers.paper3_leg import (
     raised_leg_figure,
 )
 from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, styled
+from kneejax.report.panels import grid
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
@@ -249,47 +250,34 @@ def _torsion(found: LaxityStudy) -> dict[str, Finding]:
 @styled
 def drawer_figure(found: LaxityStudy) -> Figure:
     """Draw force over drawer at each flexion, as Figure 10 of paper 3 does."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 5.2))
-    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
-    figure.subplots_adjust(left=0.1, right=0.985, top=0.95, bottom=0.1, wspace=0.07, hspace=0.2)
-    for axes, flexion, letter in zip(panels, found.drawer_deg, "abcd", strict=False):
+    figure, panels = grid(2, 2, 5.2, left=0.7, apart=(0.2, 0.4), sharex=True, sharey=True)
+    for axes, flexion, letter in zip(panels.flat, found.drawer_deg, "abcd", strict=False):
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         axes.axvline(0.0, color=GREY, linewidth=0.5)
         axes.plot(found.moved_mm, found.force_N[found.row(flexion)], color=BLACK)
         axes.set_title(f"({letter}) {flexion:g} degrees of flexion")
-    for axes in panels[2:]:
-        axes.set_xlabel("Anterior drawer from the neutral position, mm")
-    for axes in panels[::2]:
-        axes.set_ylabel("Anterior force, N")
+    for k in range(2):
+        panels[1, k].set_xlabel("Anterior drawer from the neutral position, mm")
+        panels[k, 0].set_ylabel("Anterior force, N")
     return figure
 
 
 @styled
 def torsion_figure(found: LaxityStudy) -> Figure:
     """Draw rotation over flexion, as Figure 11 does; a cross where the torque is not held."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH * 0.75, 3.6))
-    axes = figure.subplots()
-    figure.subplots_adjust(left=0.12, right=0.97, top=0.96, bottom=0.27)
+    figure, ((axes,),) = grid(1, 1, 3.6, width=0.75 * WIDTH, top=0.15, bottom=0.95)
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    x, lost = found.torsion_deg, None
-    ends = (
-        (found.internal_deg, BLUE, "internal torque"),
-        (found.external_deg, VERMILLION, "external torque"),
-    )
-    for y, color, label in ends:
-        axes.plot(x, y, "o-", color=color, markersize=3, label=f"{label}, {found.torque_Nm:g} N m")
-        gone = ~np.isfinite(y)
-        if gone.any():
-            (lost,) = axes.plot(x[gone], np.zeros(gone.sum()), "x", color=color)
+    x, unheld = found.torsion_deg, "torque not held"
+    for y, color, sense in (
+        (found.internal_deg, BLUE, "internal"), (found.external_deg, VERMILLION, "external"),
+    ):  # fmt: skip
+        label = f"{sense} torque, {found.torque_Nm:g} N m"
+        axes.plot(x, y, "o-", color=color, markersize=3, label=label)
+        if (gone := ~np.isfinite(y)).any():
+            axes.plot(x[gone], np.zeros(gone.sum()), "x", color=color, label=unheld)
     axes.plot(x, found.total_deg, "s--", color=BLACK, markersize=3, label="total")
-    axes.set_xlabel("Flexion, deg")
-    axes.set_ylabel("Rotation from the neutral position, deg")
+    axes.set(xlabel="Flexion, deg", ylabel="Rotation from the neutral position, deg")
     handles, labels = axes.get_legend_handles_labels()
-    if lost is not None:
-        handles, labels = [*handles, lost], [*labels, "torque not held"]
-    figure.legend(handles, labels, loc="lower center", ncol=len(labels), fontsize=7)
+    named = dict(zip(labels, handles, strict=True))
+    figure.legend([*named.values()], [*named], loc="lower center", ncol=2, fontsize=7)
     return figure

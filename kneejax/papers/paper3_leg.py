@@ -14,11 +14,10 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.papers.claims import Finding
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
-from kneejax.report.look import BLUE, GREEN, GREY, VERMILLION, WIDTH, styled, verbatim
-from kneejax.report.panels import flexion_axis
+from kneejax.report.look import styled
+from kneejax.report.panels import draw_named, flexion_axis, legend_above, panel_grid
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Flexions, degrees.
@@ -221,49 +220,28 @@ def raised_leg_figure(found: RaisedLeg) -> Figure:
     In the layout of the paper's Figures 12 to 19. Where the quadriceps would have to push nothing
     is drawn but the patella.
     """
-    from matplotlib import colormaps
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 7.6))
-    panels = figure.subplots(3, 2).ravel()
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.95, bottom=0.065, wspace=0.24, hspace=0.5)
-    leg, flexion = found.leg, found.leg.flexion_deg
+    figure, panels = panel_grid(3, 2, 7.6, "")
+    leg, flexion, seen = found.leg, found.leg.flexion_deg, found.where_held
     ratios = {"patellar tendon": leg.tendon_N, "patellofemoral contact": leg.patellofemoral_N}
-    turned = zip(("flexion", "rotation", "tilt"), leg.patella.T, strict=False)
-    drawn = (
-        ("Quadriceps force, N", {"": found.where_held(leg.quadriceps_N)}),
-        ("Force by quadriceps force",
-         {name: found.where_held(force / leg.quadriceps_N) for name, force in ratios.items()}),
-        ("Moment arm, mm", {"": found.where_held(leg.arm_mm)}),
-        ("Patella, deg", dict(turned)),
-        ("Ligament force, N",
-         {name: found.where_held(found.tension[name]) for name in ("ACL", "PCL")}),
-    )  # fmt: skip
-    for axes, (label, curves) in zip(panels, drawn, strict=False):
-        for (name, values), color in zip(curves.items(), (BLUE, VERMILLION, GREEN), strict=False):
-            axes.plot(flexion, values, color=color, label=name or None)
-        _finished(axes, flexion, label, 3 if len(curves) > 1 else 0)
-    for axes in panels[[0, 1, 2, 4]]:
-        axes.set_ylim(bottom=0.0)
-    shear, axes = {name: found.where_held(x) for name, x in found.shear.items()}, panels[5]
+    shear = {name: seen(x) for name, x in found.shear.items()}
     # The six largest parts by themselves.
     largest = sorted(shear, key=lambda name: -np.nanmax(np.abs(shear[name])))[:6]
-    for name, color in zip(largest, colormaps["tab10"](np.arange(6)), strict=False):
-        axes.plot(flexion, shear[name], color=color, label=verbatim(name))
+    parts = {name: shear[name] for name in largest}
     rest = [force for name, force in shear.items() if name not in largest]
-    if rest:
-        axes.plot(flexion, sum(rest), color=GREY, label="all others")
-    axes.plot(flexion, sum(shear.values()), color="black", linestyle=":", label="sum")
-    _finished(axes, flexion, "Force on the tibia, forwards, N", 4)
+    parts |= {"all others": sum(rest)} if rest else {}
+    drawn = {
+        "Quadriceps force, N": {"": seen(leg.quadriceps_N)},
+        "Force by quadriceps force": {k: seen(x / leg.quadriceps_N) for k, x in ratios.items()},
+        "Moment arm, mm": {"": seen(leg.arm_mm)},
+        "Patella, deg": dict(zip(("flexion", "rotation", "tilt"), leg.patella.T, strict=False)),
+        "Ligament force, N": {name: seen(found.tension[name]) for name in ("ACL", "PCL")},
+        "Force on the tibia, forwards, N": parts | {"sum": sum(shear.values())},
+    }
+    for axes, (label, curves) in zip(panels, drawn.items(), strict=True):
+        draw_named(axes, flexion, curves, label)
+        flexion_axis(axes, flexion)
+    for axes in panels[[0, 1, 2, 4]]:
+        axes.set_ylim(bottom=0.0)
+    panels[5].lines[-1].set(color="black", linestyle=":")
+    legend_above(panels[5])
     return figure
-
-
-def _finished(axes: Axes, flexion: np.ndarray, label: str, columns: int) -> None:
-    """Labels, and a legend above in so many columns; none for 0."""
-    axes.set_ylabel(label)
-    flexion_axis(axes, flexion)
-    if columns:
-        axes.legend(
-            fontsize=7.0, frameon=False, ncol=columns, loc="lower left", bbox_to_anchor=(0.0, 1.0),
-            borderaxespad=0.1, columnspacing=0.9, handlelength=1.2,
-        )  # fmt: skip

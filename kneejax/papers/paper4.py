@@ -12,13 +12,9 @@ from kneejax.files import load_knee
 from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
 from kneejax.papers.fibre_changes import ATTACHMENT, MODULUS, PRESTRETCH, synthetic_knee
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
-from kneejax.papers.knee_comparison_report import (
-    comparison_document,
-    comparison_tables,
-    ramp_figure,
-    score_figure,
-)
+from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
+from kneejax.report.look import json_safe
 
 #: Bundled models, and the one around which synthetic knees are drawn, with their seeds.
 KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
@@ -58,10 +54,12 @@ def reproduce(stages: Stages = silent) -> Reproduction:
         "reference_modulus_MPa": found.settings.reference_modulus_MPa, "knees": ", ".join(KNEES),
         "drawn": len(SEEDS), "drawn_around": DRAWN_AROUND,
     }  # fmt: skip
+    answer = comparison_answer(found)
+    tables = {f"{name}.csv": (table.names, table.rows) for name, table in answer.tables.items()}
+    document = {"result.json": json_safe(dict(answer.document or {}))}
     return Reproduction(
-        4, claims(found, _KINSHIP), figures, comparison_tables(found), settings, found.doubts,
-        words, {"result.json": comparison_document(found)},
-    )  # fmt: skip
+        4, claims(found, _KINSHIP), figures, tables, settings, found.doubts, words, document
+    )
 
 
 def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:

@@ -31,7 +31,8 @@ from kneejax.papers.paper5_study import (
 )
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
-from kneejax.report.look import BLACK, BLUE, VERMILLION, WIDTH, styled
+from kneejax.report.look import BLACK, BLUE, VERMILLION, styled
+from kneejax.report.panels import flexion_axis, grid, part_legend
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -189,25 +190,19 @@ def means_figure(found: Paper5Study) -> Figure:
         Five panels over flexion, the legend in the sixth. The band holds the middle 95 % of the
         axis points that were drawn.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 6.3))
-    panels = figure.subplots(3, 2, sharex=True)
-    figure.subplots_adjust(left=0.085, right=0.985, top=0.96, bottom=0.075, wspace=0.2, hspace=0.24)
-    x = printed.REACHED_DEG
+    figure, panels = grid(3, 2, 6.3, apart=(0.5, 0.4), sharex=True)
+    x, shown = printed.REACHED_DEG, (*panels[:, 0], *panels[:2, 1])
     low, high = np.quantile(found.spread, [0.025, 0.975], axis=0)
     mean, sd, ours = printed.MEAN, printed.SD[EOS], found.moving_axis["contact"]
-    spots = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1)]
     square = {"markersize": 4, "markeredgecolor": "white", "markeredgewidth": 0.5}
-    for j, (measure, spot) in enumerate(zip(MEASURES, spots, strict=True)):
-        axes = panels[spot]
+    for j, (measure, axes) in enumerate(zip(MEASURES, shown, strict=True)):
         axes.set_title(f"{measure.name}: {measure.meaning}, {measure.unit}")
+        label = "moving axis, ours, stand-in axis points"
+        axes.plot(x, ours[:, j], color=VERMILLION, label=label)
         axes.fill_between(
             x, low[:, j], high[:, j], color=VERMILLION, alpha=0.15, linewidth=0,
             label="the same, drawn axis points (95 %)",
         )  # fmt: skip
-        label = "moving axis, ours, stand-in axis points"
-        axes.plot(x, ours[:, j], color=VERMILLION, label=label)
         label = "hinge, ours, one number fitted"
         axes.plot(x, found.hinge[:, j], color=BLUE, linestyle="--", label=label)
         axes.errorbar(
@@ -217,14 +212,9 @@ def means_figure(found: Paper5Study) -> Figure:
         label = "moving axis, printed"
         axes.plot(x, mean[MOVING_AXIS][:, j], "D", color=VERMILLION, label=label, **square)
         axes.plot(x, mean[HINGE][:, j], "s", color=BLUE, label="hinge, printed", **square)
-        last = spot in ((2, 0), (1, 1))
+        flexion_axis(axes, x, last := axes in (panels[2, 0], panels[1, 1]))
         axes.tick_params(labelbottom=last)
-        if last:
-            axes.set_xlabel("Flexion, deg")
-    handles, labels = panels[0, 0].get_legend_handles_labels()
     panels[2, 1].set_axis_off()
-    order, above = [1, 0, 2, 5, 3, 4], {"loc": "upper left", "bbox_to_anchor": (0.0, 0.82)}
-    panels[2, 1].legend(
-        [handles[i] for i in order], [labels[i] for i in order], borderaxespad=0, **above
-    )
+    handles, labels = shown[0].get_legend_handles_labels()
+    part_legend(panels[2, 1], dict(zip(labels, handles, strict=True)), (0.0, 0.82))
     return figure

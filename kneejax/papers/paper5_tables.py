@@ -1,4 +1,4 @@
-"""Paper 5's printed numbers, Tables 1 to 5 and the supplementary table, against each other.
+"""Paper 5's printed numbers, which stand in paper5.yaml, against each other.
 
 Columns are ML, AP, CD (mm), AA and IE (degrees), as `kneejax.joints.MEASURES`. Of individual
 subjects and of axis points nothing is printed.
@@ -6,16 +6,12 @@ subjects and of axis points nothing is printed.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from kneejax.joints import MEASURES
-from kneejax.papers.claims import Finding
-
-
-def _numbers(rows: str, *shape: int) -> np.ndarray:
-    """Numbers as they are printed."""
-    return np.array(rows.split(), float).reshape(shape)
-
+from kneejax.papers.claims import Finding, claimed
 
 SUBJECTS = 10
 ALPHA = 0.01
@@ -25,138 +21,41 @@ REACHED_DEG = np.array([3.48, 20.0, 45.0, 60.0, 86.59])
 COMPARED = slice(1, 4)
 
 EOS, MOVING_AXIS, HINGE = "EOS", "moving axis", "hinge"
+PAIRS = ((EOS, MOVING_AXIS), (EOS, HINGE), (MOVING_AXIS, HINGE))
 NAMES = tuple(one.name for one in MEASURES)
 #: The flexions that are compared, in words.
 ANGLES = tuple(f"{x:g}" for x in FLEXION_DEG[COMPARED])
 #: Half a unit of the last printed digit.
 _HALF = 0.005
 
-#: Tables 1 to 3: motion -> mean and standard deviation over the subjects at the five flexions; the
-#: hinge's CD stands in its caption.
-_MOTIONS = {
-    EOS: _numbers("""
-          4.80 1.87   -3.39 3.42   34.63 3.48    0.05 2.68    5.06 7.59
-          2.88 1.35    0.61 2.70   35.62 4.13   -1.14 3.22    8.26 6.64
-          2.68 1.60    4.81 3.89   35.49 3.26   -2.30 2.50    9.61 4.88
-          2.90 1.19    6.88 5.06   35.01 3.51   -2.59 2.81   10.16 4.08
-          2.58 2.10   10.58 4.41   33.48 3.32   -2.62 2.49   11.29 5.86""", 5, 5, 2),
-    MOVING_AXIS: _numbers("""
-          4.80 1.87   -3.39 3.42   34.64 3.48    0.05 2.68    5.06 7.59
-          5.30 1.35   -5.58 3.52   34.63 3.30   -1.89 2.71    6.32 5.33
-          4.99 1.42   -2.98 4.16   35.60 3.52   -2.96 2.29    7.66 4.27
-          4.11 1.70    1.35 5.63   35.75 3.44   -2.94 2.25    8.36 4.12
-          2.58 2.10   10.57 4.41   33.48 3.32   -2.62 2.49   11.29 5.86""", 5, 5, 2),
-    HINGE: _numbers("""
-          4.60 1.66   -5.91 1.86   34.72 3.54   -0.26 2.17   -0.91 5.84
-          4.08 1.59   -5.96 1.86   34.72 3.54    0.53 1.93   -1.66 5.94
-          3.67 1.71   -6.00 1.85   34.72 3.54    1.15 2.11   -2.24 6.08
-          3.23 1.88   -6.05 1.83   34.72 3.54    1.81 2.35   -2.87 6.38
-          2.75 1.95   -6.10 1.83   34.72 3.54    2.52 2.55   -3.58 6.72""", 5, 5, 2),
-}
-MEAN = {motion: table[..., 0] for motion, table in _MOTIONS.items()}
-SD = {motion: table[..., 1] for motion, table in _MOTIONS.items()}
+
+def _printed(name: str, *shape: int) -> dict[Any, np.ndarray]:
+    """Motion, or pair of motions, -> numbers as they stand in paper5.yaml."""
+    pairs = {" - ".join(pair): pair for pair in PAIRS}
+    return {
+        pairs.get(key, key): np.array(rows.split(), float).reshape(shape)
+        for key, rows in claimed(5)["tables"][name].items()
+    }
+
+
+_MOTIONS, _PAIRED = _printed("motions", 5, 5, 2), _printed("differences", 4, 5, 2)
+#: Tables 1 to 3: motion -> mean and standard deviation at the five flexions.
+MEAN, SD = ({motion: table[..., k] for motion, table in _MOTIONS.items()} for k in (0, 1))
 #: Rows "Average (0-90)" and "Average (20-60)": means, then standard deviations, `(2, 2, 5)`.
-AVERAGE = {
-    EOS: _numbers("""
-         3.17  3.90 34.84 -1.72  8.87    2.82  4.10 35.37 -2.01  9.34
-         1.62  3.90  3.54  2.74  5.81    1.38  3.88  3.63  2.84  5.20""", 2, 2, 5),
-    MOVING_AXIS: _numbers("""
-         4.35 -0.00 34.82 -2.07  7.74    4.80 -2.40 35.33 -2.60  7.45
-         1.69  4.23  3.41  2.48  5.43    1.49  4.44  3.42  2.42  4.57""", 2, 2, 5),
-    HINGE: _numbers("""
-         3.67 -6.00 34.72  1.15 -2.25    3.66 -6.00 34.72  1.16 -2.25
-         1.76  1.84  3.54  2.22  6.19    1.73  1.84  3.54  2.13  6.13""", 2, 2, 5),
-}
+AVERAGE = _printed("averages", 2, 2, 5)
 #: Rows "ROM": means over the subjects.
-RANGE = {
-    EOS: np.array([3.25, 14.09, 3.14, 3.92, 11.84]),
-    MOVING_AXIS: np.array([3.37, 16.55, 3.48, 3.47, 11.23]),
-    HINGE: np.array([1.98, 0.20, 0.0, 2.91, 2.85]),
-}
-PAIRS = ((EOS, MOVING_AXIS), (EOS, HINGE), (MOVING_AXIS, HINGE))
+RANGE = _printed("ranges", 5)
 #: Table 4: pair -> mean difference and standard error at 20, 45, 60 degrees and of their average.
-_PAIRED = {
-    PAIRS[0]: _numbers("""
-         -2.43 0.35    6.19 0.73    0.96 0.32    0.75 0.40    1.94 0.88
-         -2.31 0.44    7.79 1.02   -0.11 0.26    0.66 0.48    1.95 1.10
-         -1.21 0.43    5.53 0.86   -0.74 0.20    0.35 0.41    1.80 0.97
-         -1.98 0.37    6.50 0.82    0.05 0.20    0.59 0.36    1.90 0.79""", 4, 5, 2),
-    PAIRS[1]: _numbers("""
-         -1.20 0.35    6.57 0.51    0.90 0.60   -1.66 0.84    9.92 1.40
-         -0.99 0.61   10.82 1.09    0.78 0.67   -3.46 0.93   11.84 1.59
-         -0.32 0.47   12.93 1.36    0.29 0.68   -4.40 0.97   13.03 2.15
-         -0.84 0.45   10.11 0.88    0.66 0.62   -3.17 0.86   11.60 1.51""", 4, 5, 2),
-    PAIRS[2]: _numbers("""
-          1.23 0.37    0.38 0.83   -0.08 0.63   -2.41 0.72    7.98 1.14
-          1.32 0.50    3.03 1.13    0.88 0.84   -4.11 0.87    9.90 1.09
-          0.88 0.57    7.40 1.59    1.03 0.78   -4.75 0.93   11.23 1.58
-          1.14 0.47    3.60 1.06    0.61 0.74   -3.76 0.82    9.70 1.10""", 4, 5, 2),
-}
-DIFFERENCE = {pair: table[..., 0] for pair, table in _PAIRED.items()}
-STANDARD_ERROR = {pair: table[..., 1] for pair, table in _PAIRED.items()}
+DIFFERENCE, STANDARD_ERROR = (
+    {pair: table[..., k] for pair, table in _PAIRED.items()} for k in (0, 1)
+)
 #: Likewise: which are marked as significant, at 20, 45 and 60 degrees.
-MARKED = {
-    PAIRS[0]: np.array([[1, 1, 0, 0, 0], [1, 1, 0, 0, 0], [0, 1, 0, 0, 0]], bool),
-    PAIRS[1]: np.array([[0, 1, 0, 0, 1], [0, 1, 0, 0, 1], [0, 1, 0, 1, 1]], bool),
-    PAIRS[2]: np.array([[0, 0, 0, 0, 1], [0, 0, 0, 1, 1], [0, 1, 0, 1, 1]], bool),
-}
+MARKED = {pair: table.astype(bool) for pair, table in _printed("marked", 3, 5).items()}
 #: Table 5.
-R2 = {
-    MOVING_AXIS: np.array([0.31, 0.71, 0.91, 0.79, 0.67]),
-    HINGE: np.array([0.26, 0.21, 0.70, 0.08, 0.27]),
-}
-ADJUSTED_R2 = {
-    MOVING_AXIS: np.array([0.29, 0.70, 0.90, 0.78, 0.65]),
-    HINGE: np.array([0.23, 0.18, 0.68, 0.05, 0.25]),
-}
+R2, ADJUSTED_R2 = ({x: two[k] for x, two in _printed("r2", 2, 5).items()} for k in (0, 1))
 #: Supplementary table: mean difference, standard error, p, lower and upper bound. Axes: measure;
-#: 20, 45, 60 degrees; pair as in `PAIRS`; the five numbers. Nine rows a measure.
-POST_HOC = _numbers("""
-    -2.425  0.352  0.000 -3.817 -1.034
-    -1.201  0.354  0.024 -2.600  0.199
-     1.225  0.369  0.027 -0.236  2.686
-    -2.311  0.438  0.002 -4.044 -0.578
-    -0.991  0.610  0.416 -3.404  1.421
-     1.320  0.497  0.079 -0.647  3.286
-    -1.206  0.429  0.061 -2.900  0.489
-    -0.324  0.472  1.000 -2.190  1.541
-     0.881  0.570  0.470 -1.373  3.136
-     6.189  0.729  0.000  3.308  9.071
-      6.57  0.508  0.000  4.560  8.580
-     0.381  0.831  1.000 -2.906  3.668
-     7.792  1.016  0.000  3.775 11.809
-    10.817  1.085  0.000  6.525 15.108
-     3.025  1.127  0.075 -1.433  7.482
-      5.53  0.855  0.000  2.148  8.912
-     12.93  1.362  0.000  7.545 18.314
-       7.4  1.588  0.004  1.122 13.677
-     0.985  0.317  0.038 -0.268  2.238
-     0.903  0.604  0.507 -1.485  3.292
-    -0.081  0.625  1.000 -2.552  2.389
-    -0.105  0.259  1.000 -1.130  0.920
-     0.778  0.672  0.831 -1.879  3.434
-     0.883  0.843  0.967 -2.450  4.216
-    -0.738  0.203  0.016 -1.539  0.064
-     0.293  0.678  1.000 -2.389  2.975
-     1.031  0.777  0.652 -2.041  4.103
-     0.750  0.396  0.273 -0.817  2.317
-    -1.664  0.841  0.238 -4.991  1.663
-    -2.414  0.719  0.025 -5.256  0.428
-     0.656  0.475  0.601 -1.222  2.534
-    -3.455  0.925  0.014 -7.112  0.201
-    -4.111  0.870  0.003 -7.550 -0.673
-     0.349  0.406  1.000 -1.256  1.954
-      -4.4  0.968  0.004 -8.227 -0.573
-    -4.749  0.934  0.002 -8.441 -1.056
-     1.939  0.879  0.164 -1.536  5.415
-     9.916  1.403  0.000  4.368 15.463
-     7.976  1.137  0.000  3.480 12.472
-     1.945  1.097  0.330 -2.392  6.283
-    11.841  1.590  0.000  5.554 18.129
-     9.896  1.086  0.000  5.603 14.189
-     1.801  0.971  0.290 -2.038  5.639
-    13.029  2.154  0.001  4.511 21.546
-    11.228  1.576  0.000  4.998 17.458""", 5, 3, 3, 5)
+#: 20, 45, 60 degrees; pair as in `PAIRS`; the five numbers.
+POST_HOC = np.array(claimed(5)["tables"]["post_hoc"].split(), float).reshape(5, 3, 3, 5)
 
 
 def table_findings() -> dict[str, Finding]:

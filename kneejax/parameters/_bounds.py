@@ -76,6 +76,12 @@ def percent_scales(selection: Selection, values: ArrayLike) -> np.ndarray:
     Raises:
         UnsuitableData: a per cent of the parameter means nothing: a coordinate of an attachment,
             or a value of zero.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> percent_scales(kj.select(knee, ["ACL.stiffness"]), [5000.0]).tolist()
+        [50.0]
     """
     scales = []
     for i, value in enumerate(np.asarray(values, float)):
@@ -105,6 +111,12 @@ def digitised(
     Warns:
         Assumption: with the attachments, and what to write instead; `DoubtfulValue` where the prior
             does not count.
+
+    Example:
+        >>> import kneejax as kj
+        >>> chosen = kj.select(kj.load_knee("four_ligament"), ["ACL.stiffness"])
+        >>> digitised(chosen, {}, 2.0, counts=True)
+        {}
     """
     free = looked_up(selection, given)
     names = [name for i, name in enumerate(selection.names)
@@ -140,6 +152,12 @@ def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | 
 
     Raises:
         UnknownParameter: something is given that none of the parameters is.
+
+    Example:
+        >>> import kneejax as kj
+        >>> chosen = kj.select(kj.load_knee("four_ligament"), ["ACL.stiffness", "PCL.stiffness"])
+        >>> stated(chosen, {"ACL.stiffness": 500.0}, "prior")
+        [500.0, None]
     """
     known = sorted({key for i in range(len(selection)) for key in _keys(selection, i)})
     for key in given:
@@ -153,7 +171,14 @@ def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | 
 
 def looked_up(selection: Selection, given: Mapping[str, T]) -> list[T | None]:
     """What is given for each parameter, or None; a name counts before a wildcard, that before a
-    quantity."""
+    quantity.
+
+    Example:
+        >>> import kneejax as kj
+        >>> chosen = kj.select(kj.load_knee("four_ligament"), ["ACL.stiffness", "PCL.stiffness"])
+        >>> looked_up(chosen, {"*.stiffness": 500.0, "ACL.stiffness": 300.0})
+        [300.0, 500.0]
+    """
     keys = [_keys(selection, i) for i in range(len(selection))]
     return [next((given[key] for key in own if key in given), None) for own in keys]
 
@@ -174,6 +199,13 @@ def default_bounds(knee: Knee, selection: Selection) -> tuple[np.ndarray, np.nda
     The stiffness of a structure drawn as several fibres may be a quarter of and four times what it
     is at least, and those of its fibres and bundles in proportion (`structure_range`); its damping
     has the bounds of all its fibres together.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> lower, upper = default_bounds(knee, kj.select(knee, ["ACL.reference_strain"]))
+        >>> lower.tolist(), upper.tolist()
+        ([-0.2], [0.2])
     """
     pairs = []
     for i, value in enumerate(np.asarray(selection.read(knee))):
@@ -204,6 +236,13 @@ def stated_bounds(
 
     Raises:
         UnsuitableData: bounds that are reversed, equal or not finite.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> chosen = kj.select(knee, ["ACL.stiffness", "ACL.reference_strain"])
+        >>> stated_bounds(knee, chosen, {"stiffness": (500.0, 9000.0)})[1].tolist()
+        [9000.0, 0.2]
     """
     lower, upper = (np.array(b) for b in default_bounds(knee, selection))
     for i, (name, own) in enumerate(zip(selection.names, looked_up(selection, given), strict=True)):
@@ -219,7 +258,15 @@ def stated_bounds(
 def start_within(
     knee: Knee, selection: Selection, lower: np.ndarray, upper: np.ndarray
 ) -> np.ndarray:
-    """The knee's own values, `(p,)`; raises `UnsuitableData` where bounds exclude one."""
+    """The knee's own values, `(p,)`; raises `UnsuitableData` where bounds exclude one.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> chosen = kj.select(knee, ["ACL.reference_strain"])
+        >>> start_within(knee, chosen, np.array([-0.2]), np.array([0.2])).shape
+        (1,)
+    """
     start = np.asarray(selection.read(knee))
     for name, value, low, high in zip(selection.names, start, lower, upper, strict=True):
         if not low <= value <= high:

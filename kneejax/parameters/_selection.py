@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import functools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import equinox as eqx
@@ -34,14 +35,36 @@ from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, quantity
 _MOST_SHOWN = 12  # names in an error
 #: Quantity -> the one whose numbers it sets, where that has another name.
 _WRITES = dict.fromkeys(OF_STRAIN, "slack_length") | {"youngs_modulus": "stiffness"}
+_LONG_NAME = re.compile(r"(?<=')([^']{60})[^']{3,}(?=')")
 
 
-class UnknownParameter(ValueError):
-    """A parameter name that the knee does not have."""
+class _Refused(ValueError):
+    """A sentence for the person who gave a name or data: names in quotes end after 60 letters."""
+
+    def __init__(self, sentence: object = ""):
+        super().__init__(_LONG_NAME.sub(r"\1...", str(sentence)))
 
 
-class UnsuitableData(ValueError):
-    """Data, bounds or options with which no calibration can begin."""
+class UnknownParameter(_Refused):
+    """A parameter name that the knee does not have.
+
+    Example:
+        >>> import kneejax as kj
+        >>> try:
+        ...     kj.select(kj.load_knee("four_ligament"), ["ACL.stifness"])
+        ... except UnknownParameter as error:
+        ...     print("stiffness" in str(error))
+        True
+    """
+
+
+class UnsuitableData(_Refused):
+    """Data, bounds or options with which no calibration can begin.
+
+    Example:
+        >>> issubclass(UnsuitableData, ValueError)
+        True
+    """
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,7 +258,12 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
 
 
 def nearest_of(word: str, known: Iterable[str]) -> str | None:
-    """The one of some names that a word may be meant to be; None if it is like none of them."""
+    """The one of some names that a word may be meant to be; None if it is like none of them.
+
+    Example:
+        >>> nearest_of("stifness", ["stiffness", "slack_length"]), nearest_of("xyz", ["stiffness"])
+        ('stiffness', None)
+    """
     by_lower = {name.lower(): name for name in known}
     near = difflib.get_close_matches(word.lower(), by_lower, 1)
     return by_lower[near[0]] if near else None
@@ -359,6 +387,11 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
 
     Raises:
         UnknownParameter: naming the nearest ligament or group.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> fibre_rows(load_knee("four_ligament"), "ACL")
+        [0]
     """
     fibres = knee.ligaments.names
     groups = {**{own: (own,) for own in fibres}, **dict(knee.groups)}

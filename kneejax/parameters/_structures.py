@@ -156,11 +156,21 @@ _NARROW = 0.05
 
 
 class DoubtfulValue(UserWarning):
-    """A value that is probably not what was meant."""
+    """A value that is probably not what was meant.
+
+    Example:
+        >>> issubclass(DoubtfulValue, Warning)
+        True
+    """
 
 
 class Assumption(UserWarning):
-    """What was taken to be so of what a file or a study does not say, in a sentence."""
+    """What was taken to be so of what a file or a study does not say, in a sentence.
+
+    Example:
+        >>> issubclass(Assumption, Warning)
+        True
+    """
 
 
 def fibres_summed(knee: Knee, name: str) -> int:
@@ -211,6 +221,10 @@ def doubt_value(knee: Knee, name: str, value: float) -> None:
 
     Warns:
         DoubtfulValue: naming both.
+
+    Example:
+        >>> import kneejax as kj
+        >>> doubt_value(kj.load_knee("four_ligament"), "ACL.stiffness", 5000.0)
     """
     count, total = fibres_summed(knee, name), _sum(knee, name)
     if count > 1 and 0.0 < value < total / math.sqrt(count):
@@ -227,6 +241,10 @@ def doubt_prior(knee: Knee, name: str, deviation: float) -> None:
 
     Warns:
         DoubtfulValue: naming both.
+
+    Example:
+        >>> import kneejax as kj
+        >>> doubt_prior(kj.load_knee("four_ligament"), "ACL.stiffness", 500.0)
     """
     count, total = fibres_summed(knee, name), _sum(knee, name)
     if count > 1 and _NARROW * total / count <= deviation < _NARROW * total:
@@ -280,6 +298,12 @@ def structure_range(
         wider where its published range is (`kneejax.quantities.PUBLISHED_STIFFNESS`); a part of it
         has its share. The usual limits where the fibres are a ligament drawn as one line, widened
         in the same way where its own stiffness is beyond them.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> structure_range(knee, ["ACL"], (300.0, 10000.0))
+        (300.0, 10000.0)
     """
     holding = {name: group for name, group in knee.groups if set(fibres) <= set(group)}
     name = max(holding, key=lambda one: len(holding[one]), default="")

@@ -96,6 +96,11 @@ def intact_knee(plan: AclPlan) -> Knee:
 
     Args:
         plan: checked.
+
+    Example:
+        >>> from kneejax.studies import read_plan
+        >>> intact_knee(read_plan("ten_bundle")).ligaments.names[:2]
+        ('aACL', 'pACL')
     """
     return _bare(plan, torn=False)
 

@@ -29,6 +29,11 @@ class Limits:
         graft_N: largest force of a bundle.
         band_mm: how far the laxity may be from the intact knee's.
         tension_N: smallest and largest pretension.
+
+    Example:
+        >>> limits = Limits(graft_N=400.0, band_mm=2.0, tension_N=(20.0, 150.0))
+        >>> limits.graft_N
+        400.0
     """
 
     graft_N: float

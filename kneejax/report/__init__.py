@@ -47,12 +47,9 @@ if TYPE_CHECKING:
     from kneejax.report.scene.figures import film as film
     from kneejax.report.scene.figures import scene_figure as scene_figure
     from kneejax.report.scene.figures import scenes_figure as scenes_figure
-    from kneejax.report.scene.html import scene_page as scene_page
+    from kneejax.report.scene.page import scene_page as scene_page
     from kneejax.report.scene.pressure import pressure_figure as pressure_figure
     from kneejax.report.scene.rendering import CannotRender as CannotRender
-    from kneejax.report.scene.rendering import MissingPackage as MissingPackage
-    from kneejax.report.scene.rendering import need_view_packages as need_view_packages
-    from kneejax.report.scene.rendering import simplified as simplified
     from kneejax.report.scene.scene import BoneMesh as BoneMesh
     from kneejax.report.scene.scene import Scene as Scene
     from kneejax.report.scene.scene import scenes as scenes

@@ -90,7 +90,14 @@ def balance_one(knee: Knee, load_cases: LoadCases) -> Equilibria:
 
 
 def itself(knee: Knee, _) -> Knee:
-    """A variant that is the knee itself."""
+    """A variant that is the knee itself.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> knee = load_knee("four_ligament")
+        >>> itself(knee, None) is knee
+        True
+    """
     return knee
 
 

@@ -128,6 +128,9 @@ def needs_float64() -> None:
     """Raise `RuntimeError` where JAX computes in single precision.
 
     Energies, which decide what is downhill, are then rounded to 1e-4 N mm.
+
+    Example:
+        >>> needs_float64()
     """
     if not jax.config.read("jax_enable_x64"):
         raise RuntimeError(

@@ -284,6 +284,15 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
 
     Returns:
         A knee whose leaves end in lanes.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> from kneejax.parameters import select
+        >>> knee = load_knee("four_ligament")
+        >>> chosen = select(knee, ["ACL.stiffness"])
+        >>> lanes = in_lanes(knee, chosen.apply, np.array([[4000.0], [6000.0]]))
+        >>> lanes.ligaments.stiffness.shape
+        (4, 2)
     """
     numbers = _numbers(vary, knee, values)
     return with_numbers(knee, {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()})

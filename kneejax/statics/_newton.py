@@ -50,6 +50,11 @@ class Guess(eqx.Module):
         q: free coordinates `(free, lanes)`, rad and mm.
         contact_points: parameters of points near those where surfaces meet, `(n, 2, lanes)`; None,
             or NaN, where they are not known.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> Guess(jnp.zeros((5, 1))).q.shape
+        (5, 1)
     """
 
     q: Array

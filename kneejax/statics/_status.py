@@ -143,6 +143,10 @@ def converged(status):
 
     Returns:
         Truth values of the same shape.
+
+    Example:
+        >>> converged(np.array([int(Status.BALANCED), int(Status.NOT_CONVERGED)])).tolist()
+        [True, False]
     """
     return status < Status.TOO_DEEP
 
@@ -155,6 +159,10 @@ def sound(status):
 
     Returns:
         Truth values of the same shape.
+
+    Example:
+        >>> sound(np.array([int(Status.BALANCED), int(Status.DISLOCATED)])).tolist()
+        [True, False]
     """
     return status < Status.UNSTABLE
 
@@ -192,12 +200,22 @@ def fails(status: np.ndarray, failures: Collection[Status] = FAILURES) -> np.nda
 
     Returns:
         Truth values of the same shape.
+
+    Example:
+        >>> status = [Status.BALANCED, Status.UNSTABLE, Status.NOT_CONVERGED]
+        >>> fails(np.array([int(one) for one in status])).tolist()
+        [False, True, True]
     """
     return ~converged(np.asarray(status)) | np.isin(status, [int(one) for one in failures])
 
 
 def failures_of(words: Collection[str]) -> tuple[Status, ...]:
-    """The statuses that a study names as failures; the usual ones where it names none."""
+    """The statuses that a study names as failures; the usual ones where it names none.
+
+    Example:
+        >>> [one.word for one in failures_of(["dislocated"])]
+        ['dislocated']
+    """
     return tuple(Status[word.upper()] for word in words) or FAILURES
 
 

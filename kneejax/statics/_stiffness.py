@@ -83,6 +83,13 @@ def newton_step_left(
     Returns:
         The largest part of the Newton step that is left, mm, `(lanes,)`; and the pivots of the
         scaled symmetric tangent, `(free, lanes)`.
+
+    Example:
+        >>> left, pivots = newton_step_left(
+        ...     jnp.array([[[10.0]]]), [jnp.array([0.05])], (1.0,)
+        ... )
+        >>> round(float(left[0]), 6)
+        0.005
     """
     stiffness = scaled_tangent(symmetric(tangent), scales)
     step, pivots = map(jnp.stack, solve(stiffness, scaled(residual, scales)))

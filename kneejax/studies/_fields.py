@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import GetCoreSchemaHandler, PlainValidator
 from pydantic_core import core_schema
 
-from kneejax.files import reading
-from kneejax.files.reading import Choice, InputProblem, Part, by_parameter, interval, plain, reads
-from kneejax.quantities import RANGES
+from kneejax.files import nearest_name, reading
+from kneejax.files.reading import (
+    Choice,
+    InputProblem,
+    Part,
+    by_parameter,
+    interval,
+    plain,
+    reads,
+    wrong,
+)
+from kneejax.quantities import FIBRE_QUANTITIES, RANGES
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -43,6 +52,36 @@ def _of_option(problem: ValueError) -> ValueError:
     name, _, number = name.partition("[")
     rest = rest or (f"[{number}" if number else name)
     return InputProblem(name, rest, problem.value, problem.expected, problem.nearest)
+
+
+def misspelt(knee: str, names: Iterable[str]) -> Iterator[InputProblem]:
+    """Names of parameters that the knee's file shows to be wrong, before JAX is imported.
+
+    Only names of ligaments and groups are looked at: what a fibre has with what it wraps around,
+    and names of other parts, the knee itself knows.
+
+    Args:
+        knee: bundled name or file.
+        names: of parameters.
+
+    Returns:
+        Each wrong one as an error without file and field, with the name that is meant.
+    """
+    if knee.endswith(".json"):
+        return
+    from kneejax.files import named_document
+
+    document, _ = named_document("knees", knee)
+    fibres = document.get("ligaments") if isinstance(document, dict) else None
+    fibres = fibres if isinstance(fibres, dict) else {}
+    straight = [name for name, one in fibres.items() if isinstance(one, dict) and "wrap" not in one]
+    owners = {*straight, *(document.get("groups") or ())} if fibres else set()
+    for name in names:
+        owner, _, quantity = name.partition(".")
+        known = any(f"{one}.".startswith(f"{quantity}.") for one in FIBRE_QUANTITIES)
+        near = None if known else nearest_name(quantity, FIBRE_QUANTITIES)
+        if owner in owners and near:
+            yield wrong(name, f"a parameter of {knee}", f"{owner}.{near}")
 
 
 class OrObject:

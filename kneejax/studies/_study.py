@@ -16,7 +16,7 @@ from pydantic import PrivateAttr
 from kneejax.files import InputProblem, named_document
 from kneejax.files.reading import Mistakes, fill, plain, wrong
 from kneejax.quantities import FIBRE_QUANTITIES
-from kneejax.studies._fields import UNITS
+from kneejax.studies._fields import UNITS, misspelt
 from kneejax.studies._lab_tests import check_tests
 from kneejax.studies._reading import check_fields, objects_of
 from kneejax.studies._schema import STUDY_FIELDS, StudyFields
@@ -347,13 +347,20 @@ def check_study_file(name_or_path: str | os.PathLike[str]) -> None:
         name_or_path: as of `read_study`.
 
     Raises:
-        InputProblem: a field is missing, unknown or out of range; `InputProblems` where several
-            are.
+        InputProblem: a field is missing, unknown or out of range, or a name is none of the knee's;
+            `InputProblems` where several are.
     """
     document, path = named_document("studies", name_or_path)
     mistakes = Mistakes(os.fspath(path))
-    fields = _without_empty(document, mistakes)
-    Study.__new__(Study)._fill_alone(plain(fields), mistakes, path.parent)
+    study, fields = Study.__new__(Study), _without_empty(document, mistakes)
+    study._fill_alone(plain(fields), mistakes, path.parent)
+    if isinstance(study.knee, str):
+        places = {name: f"parameters[{number}]" for number, name in enumerate(study.parameters)}
+        for field in ("start", "bounds", "set"):
+            places |= dict.fromkeys(getattr(study, field), field)
+        for problem in misspelt(study.knee, places):
+            mistakes.keep(problem, places[problem.value])
+    mistakes.check()
 
 
 def study_of(document: Any, file: str, folder: Path) -> Study:

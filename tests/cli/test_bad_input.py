@@ -115,11 +115,17 @@ BAD = {
     ),
     "unknown parameter of a study": (
         lambda t: study(t, TWIN.replace('"*.stiffness"', "ACL.stifness")),
-        "study.yaml: unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?",
+        "study.yaml: parameters[0]: ACL.stifness: expected a parameter of four_ligament; "
+        "did you mean ACL.stiffness?",
     ),
     "unknown bounds of a study": (
         lambda t: study(t, TWIN.replace("stiffness: [300, 10000]", "ACL.stifness: [300, 10000]")),
-        "study.yaml: unknown parameter 'ACL.stifness'; did you mean 'ACL.stiffness'?",
+        "study.yaml: bounds: ACL.stifness: expected a parameter of four_ligament; "
+        "did you mean ACL.stiffness?",
+    ),
+    "unknown parameter of what a fibre wraps": (
+        lambda t: study(t, TWIN.replace('"*.stiffness"', "quadriceps.tensio")),
+        "study.yaml: unknown parameter 'quadriceps.tensio': expected a ligament, a group or a part",
     ),
     "unknown ligament": (lambda t: simulate(t, "--cut", "foo"), "expected one of ACL, PCL"),
     "unknown load": (
@@ -294,6 +300,13 @@ def test_bad_input_is_one_line_and_status_2(case, tmp_path, capsys):
     assert len([line for line in lines if "nothing was computed" not in line]) == 1
     assert expected in printed.err
     assert not (tmp_path / "out").exists() and not (tmp_path / "o").exists()
+
+
+@pytest.mark.parametrize("option", [("--set", "{}.stiffness=3"), ("--cut", "{}")])
+def test_a_name_of_thousands_of_letters_is_shown_by_its_beginning(option, tmp_path, capsys):
+    assert main(simulate(tmp_path, option[0], option[1].format("A" * 5000))) == 2
+    said = capsys.readouterr().err
+    assert f"'{'A' * 60}...'" in said and len(said) < 400
 
 
 def test_an_option_that_is_like_no_other_is_offered_none(capsys):

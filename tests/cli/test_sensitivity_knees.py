@@ -28,6 +28,8 @@ def test_knees_side_by_side_are_written_and_printed(tmp_path, monkeypatch, capsy
     assert {row["outcome"] for row in scores} >= {"rmse_deg", "pressure_percent"}
     assert json.loads((out / "result.json").read_text())["knees"] == ["one", "two"]
     assert (out / "figures" / "scores.png").exists()
+    page = (out / "report.html").read_text()
+    assert "Highest scores: one: " in page and page.count("<svg") == 13
     assert (out / "figures" / "LCL-youngs_modulus.svg").exists()
 
 

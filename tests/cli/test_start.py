@@ -17,7 +17,8 @@ from kneejax.cli._command import Place, Written, is_given, marks
 from kneejax.cli._main import line
 from kneejax.cli._settings import asked_for, command_again
 from kneejax.cli._words import choices_of
-from kneejax.cli.options import ABOVE, Evaluate
+from kneejax.cli.options import ABOVE, EXAMPLE, Evaluate
+from kneejax.files import bundled_path
 
 HEAVY = {
     "jax", "equinox", "optimistix", "numpy", "scipy", "matplotlib", "trimesh", "yaml", "tqdm",
@@ -38,7 +39,9 @@ def help_of(words, capsys):
 
 
 def example(words):
-    return COMMANDS[words].example if words in COMMANDS else ABOVE[" ".join(words)][2]
+    """Of a command; those above several have that of the first one."""
+    below = [one.example for name, one in COMMANDS.items() if words and name[: len(words)] == words]
+    return [*below, EXAMPLE][0]
 
 
 @pytest.mark.parametrize(
@@ -56,9 +59,12 @@ def example(words):
         ("completion fish", 0, {"yaml"}),
         (f"calibrate --out {os.devnull}/x", 2, set()),
         (f"rerun {os.devnull}", 2, set()),
+        ("map misspelt.yaml --all-pairs", 2, {"numpy", "yaml"}),
     ],
 )
-def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed):
+def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed, tmp_path):
+    study = bundled_path("studies", "paper1").read_text()
+    (tmp_path / "misspelt.yaml").write_text(study.replace('"*.stiffness"', "ACL.stifness"))
     code = (
         "import sys\nfrom kneejax.cli import main\n"
         "try: status = main(sys.argv[1:])\n"
@@ -66,7 +72,7 @@ def test_nothing_heavy_is_imported_for_a_quick_answer(words, status, allowed):
         "print('modules', status, *sys.modules)"
     )
     command = [sys.executable, "-c", code, *words.split()]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     _, found, *modules = done.stdout.splitlines()[-1].split()
     assert int(found) == status
     assert HEAVY & set(modules) <= allowed

@@ -25,8 +25,7 @@ def poses(tmp_path):
 @pytest.fixture
 def drawn(monkeypatch):
     """Pictures in space replaced by a word: this machine may draw none."""
-    monkeypatch.setattr(report, "need_view_packages", lambda: None)
-    monkeypatch.setattr(report, "simplified", lambda bone: bone)
+    monkeypatch.setattr("kneejax.cli._look.check_installed", lambda package, extra: None)
     monkeypatch.setattr(report, "scene_page", lambda scenes: f"page of {len(scenes)}")
     monkeypatch.setattr(report, "scene_figure", lambda scene: None)
     monkeypatch.setattr(report, "scenes_figure", lambda scenes: None)

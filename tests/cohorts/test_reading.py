@@ -5,8 +5,8 @@ import pytest
 import yaml
 
 from kneejax.cli import main
-from kneejax.cohorts import CohortProblems, is_cohort, plan, read_cohort, shard_of
-from kneejax.files import InputProblem, write_poses
+from kneejax.cohorts import is_cohort, plan, read_cohort, shard_of
+from kneejax.files import InputProblem, InputProblems, write_poses
 
 POSES = np.array([[0.0, 0.5, 1.0, 2.0, -1.0, 0.5], [30.0, 1.0, 4.0, 2.5, -2.0, 0.4]])
 STUDY = {
@@ -51,9 +51,9 @@ def test_every_mistake_of_every_row_is_said_at_once(tmp_path, capsys):
         ",poses.csv,,,",
         "A5,poses.csv,,,true",
     ]
-    with pytest.raises(CohortProblems) as found:
+    with pytest.raises(InputProblems) as found:
         read_cohort(written(tmp_path, rows))
-    said = found.value.problems
+    said = [*map(str, found.value.problems)]
     place = f"{tmp_path / 'knees.csv'}: row"
     for number, words in enumerate(
         ["2 (A2): knee: absent.yaml", "2 (A2): measured.file: absent.csv", "3 (A3): noise_mm: -1",

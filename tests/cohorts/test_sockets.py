@@ -21,10 +21,10 @@ def listening():
 
 
 def test_workers_listen_on_this_machine_alone():
-    from kneejax.cohorts import local_workers
+    from kneejax.cohorts import workers
 
     before = listening()
-    with local_workers(1) as client:
+    with workers(1) as client:
         assert client.submit(os.getpid).result() != os.getpid()
         found = listening()
     assert found - before <= {"127.0.0.1", "::1"} and "127.0.0.1" in found

@@ -55,7 +55,7 @@ def test_a_worker_computes_as_the_command_does():
         names = "OPENBLAS_NUM_THREADS", "MALLOC_TRIM_THRESHOLD_"
         return gc.get_threshold()[0], cores, [os.environ.get(name) for name in names]
 
-    with _on_cluster.local_workers(1) as client:
+    with _on_cluster.workers(1) as client:
         _on_cluster._prepare(client)
         (found,) = client.run(how_it_runs).values()
     assert found == (100_000, 1, ["1", None])
@@ -93,7 +93,7 @@ def test_a_worker_of_another_version_that_comes_late_computes_nothing():
 
 def test_without_dask_workers_are_no_traceback(monkeypatch, made_up):
     monkeypatch.setattr("importlib.util.find_spec", lambda _: None)
-    from kneejax.cohorts import local_workers
+    from kneejax.cohorts import workers
 
-    with pytest.raises(MissingPackage, match=r"kneejax\[cohorts\]"), local_workers(2):
+    with pytest.raises(MissingPackage, match=r"kneejax\[cohorts\]"), workers(2):
         pass

@@ -67,7 +67,7 @@ LEAVES = [
     name
     for name in _names(KNEE)
     if not name.startswith(".reference_pose")
-    and not name.endswith((".failure_strain", ".damping"))
+    and not name.endswith((".failure_strain", ".damping", ".area"))
 ]
 LANES = [*LEAVES, "flexion"]
 #: The largest change of a leaf in a difference, as a part of its scatter. A surface that bears

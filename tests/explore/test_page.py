@@ -4,6 +4,8 @@ import contextlib
 import http.client
 import json
 import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -14,9 +16,10 @@ import pytest
 import kneejax as kj
 
 pytest.importorskip("viser", reason="viser is not installed: kneejax[explore]")
-from kneejax.cli._explore import begin
+from kneejax import report
+from kneejax.cli._explore import _subject, begin
 from kneejax.cli.options import Explore
-from kneejax.explore import Setting
+from kneejax.explorer import Setting
 
 CHROMIUM = Path("/usr/bin/chromium")
 WAIT_MS = 90_000
@@ -114,11 +117,49 @@ def test_a_ligament_is_cut_restored_and_the_change_undone(tab, page):
     assert page.curves.setting == page.setting
 
 
-def test_a_click_on_fibres_cuts_their_ligament(page):
+def test_a_click_on_a_fibre_tells_its_force_and_another_cuts_its_ligament(page):
     page.go(Setting())
+    settled(page)
+    page._clicked("MCL")
+    assert not page.setting.given and page._ligament.value == "MCL"
+    assert f"{page.answer.force_N['MCL']:.1f} N" in page._status.content
     page._clicked("MCL")
     assert page.setting.given == {"MCL.cut": 1.0}
     page.go(Setting())
+
+
+def on_screen(tab, camera, point):
+    """Pixels of a point of the scene."""
+    box = tab.locator("canvas").first.bounding_box()
+    towards = np.array(camera.look_at) - camera.position
+    towards /= np.linalg.norm(towards)
+    right = np.cross(towards, camera.up_direction)
+    right /= np.linalg.norm(right)
+    up, away = np.cross(right, towards), np.asarray(point) - camera.position
+    half = 0.5 * box["height"] / np.tan(0.5 * camera.fov) / (away @ towards)
+    middle = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    return middle[0] + half * (away @ right), middle[1] - half * (away @ up)
+
+
+def test_an_end_is_dragged_on_its_bone(tab, page):
+    """Upwards along the gizmo's own axis: that coordinate moves, and the knee follows."""
+    page._moving.value = True
+    page._show_gizmos()
+    (client,) = page._server.get_clients().values()
+    gizmo, before = page._ends._shown["tibial_attachment"][1], page.answer.force_N["ACL"]
+    time.sleep(1.5)
+    start, end = (np.array(gizmo.position) + [0.0, mm, 0.0] for mm in (9.0, 13.0))
+    tab.mouse.move(*on_screen(tab, client.camera, start))
+    tab.mouse.down()
+    tab.mouse.move(*on_screen(tab, client.camera, end), steps=6)
+    tab.mouse.up()
+    until(lambda: "ACL.tibial_attachment.superior" in page.setting.given)
+    settled(page)
+    own = page.subject.limits["ACL.tibial_attachment.superior"][0]
+    assert 1.0 < page.setting.given["ACL.tibial_attachment.superior"] - own < 8.0
+    assert page.answer.force_N["ACL"] < before
+    page._moving.value = False
+    page._show_gizmos()
 
 
 def test_two_tabs_show_the_same_after_reload_and_resize(tab, page, browser):
@@ -146,13 +187,57 @@ def test_a_link_holds_the_setting(tab, page, browser):
 def test_a_knee_file_is_saved_into_the_folder_and_reads_as_the_setting(tab, page):
     page.set("ACL.stiffness", 3000.0)
     settled(page)
-    tab.get_by_text("Save knee file").click()
-    until(lambda: [*page.out.glob("explore-knee-*.yaml")])
-    time.sleep(0.3)
-    (path,) = page.out.glob("explore-knee-*.yaml")
+    for kind in ("Knee", "Study", "Picture"):
+        tab.get_by_text(kind, exact=True).click()
+        until(lambda kind=kind: [*page.folder.path.glob(f"explore-{kind.lower()}-*")], 60.0)
+    time.sleep(0.5)
+    path = page.folder.path / "explore-knee-1.yaml"
     assert float(kj.load_knee(path).ligaments.stiffness[0]) == pytest.approx(3000.0)
-    tab.get_by_text("Save picture").click()
-    until(lambda: [*page.out.glob("explore-picture-*.png")], 60.0)
+    # Poses of the setting, from which a search begins at the knee as it was read.
+    study = kj.read_study(page.folder.path / "explore-study-1.yaml")
+    assert study.truth == {"ACL.stiffness": 3000.0} and not study.start
+    begin = page.subject.limits["ACL.stiffness"][0]
+    assert float(study.knee_at_start.ligaments.stiffness[0]) == pytest.approx(begin)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    """What a calibration leaves, of a study beside it."""
+    folder = tmp_path_factory.mktemp("result")
+    study = {"title": "two", "knee": "four_ligament", "parameters": ["ACL.stiffness"],
+             "synthetic": {"parameters": {"ACL.stiffness": 4000.0}, "flexion_deg": [0.0, 30.0]}}
+    (folder / "study.yaml").write_text(json.dumps(study))
+    said = {"title": "two", "parameters": {"ACL.stiffness": {"value": 3900.0}},
+            "stiffness_of": "structure", "frame_offset": {"lateral": {"value": 0.5}},
+            "settings": {"knee": "four_ligament", "path": str(folder / "study.yaml")}}  # fmt: skip
+    (folder / "result.json").write_text(json.dumps(said))
+    return folder / "result.json"
+
+
+def test_a_result_stands_behind_the_curves_with_its_measurement(result):
+    knee, _, measured, first = _subject(Explore.read({"subject": str(result)}))
+    assert first == "stored fit"
+    assert float(knee.ligaments.stiffness[0]) == pytest.approx(3900.0)
+    seen = kj.read_study(result.parent / "study.yaml").poses()
+    np.testing.assert_allclose(measured[:, :5], seen[:, :5])
+    np.testing.assert_allclose(measured[:, 5], seen[:, 5] - 0.5)
+    (result.parent / "study.yaml").unlink()
+    assert _subject(Explore.read({"subject": str(result)}))[2] is None
+
+
+def test_a_page_of_a_scene_draws_from_its_file_without_a_network(browser, tmp_path):
+    poses = kj.Pose.from_table([[15.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.7, -1.0, -1]])
+    scenes = report.scenes(kj.load_knee("four_ligament"), poses)
+    (tmp_path / "scene.html").write_text(report.scene_page(scenes), encoding="utf-8")
+    asked = []
+    alone = browser.new_context(offline=True, viewport={"width": 1440, "height": 900}).new_page()
+    alone.on("request", lambda request: asked.append(request.url))
+    alone.goto((tmp_path / "scene.html").as_uri())
+    alone.get_by_text("flexion").first.wait_for(timeout=WAIT_MS)
+    until(lambda: pixels(alone).std() > 5.0)
+    assert alone.get_by_text("Strain, %").is_visible()
+    assert not [url for url in asked if url.startswith(("http", "ws"))]
+    alone.context.close()
 
 
 def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
@@ -164,6 +249,48 @@ def test_a_server_that_starts_again_is_found_by_the_open_tab(tab, page):
     shown = tab.get_by_text(words).first
     shown.wait_for(timeout=WAIT_MS)
     assert shown.is_visible()
+
+
+def started(port):
+    """The command, in a process of its own, and the link that it prints."""
+    command = [sys.executable, "-m", "kneejax", "explore", "four_ligament", "--port", str(port)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+    return process, process.stdout.readline().strip()
+
+
+def test_a_server_killed_and_started_again_serves_its_new_link_alone(browser):
+    process, link = started(8460)
+    tab = browser.new_page()
+    tab.goto(link)
+    tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
+    process.kill()
+    process.wait(30.0)
+    process, again = started(8460)
+    try:
+        assert urlsplit(again).netloc == urlsplit(link).netloc and again != link
+        assert tab.goto(link).status == 403
+        tab.goto(again)
+        tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
+    finally:
+        process.kill()
+        process.wait(30.0)
+        tab.close()
+
+
+@pytest.mark.slow
+def test_thousands_of_slider_moves_leave_no_memory_behind(page):
+    """Settings are replaced faster than they are solved: what is old is dropped, and forgotten."""
+    import psutil
+
+    process, rng, kept = psutil.Process(), np.random.default_rng(0), []
+    for move in range(4000):
+        page.set("flexion_deg", rng.uniform(0.0, 120.0))
+        if move % 4 == 0:
+            until(lambda: page.answer.setting == page.setting)
+        if move % 1000 == 999:
+            settled(page)
+            kept.append(process.memory_info().rss / 2**20)
+    assert kept[-1] < kept[0] + 40.0, kept
 
 
 # What is refused.
@@ -249,5 +376,5 @@ def test_malformed_messages_have_no_effect(page, capfd):
 
 
 def test_nothing_is_written_without_a_folder(tmp_path, page):
-    names = {path.name.split("-")[0] for path in page.out.iterdir()}
+    names = {path.name.split("-")[0] for path in page.folder.path.iterdir()}
     assert names <= {"explore"} and os.listdir(tmp_path) == []

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.explore import Setting, Solver, Subject
+from kneejax.explorer import Setting, Solver, Subject
 from kneejax.files import load_knee_file
 from kneejax.mechanics import load_of
 from kneejax.parameters import cut, with_values

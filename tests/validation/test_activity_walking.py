@@ -18,9 +18,13 @@ from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._joints import moved
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import read_model
-from kneejax.files.opensim._muscles import crossing
-from kneejax.files.opensim._record import acting_on, moved_around, sorted_files
-from kneejax.files.opensim._record_checks import bodies_below
+from kneejax.files.opensim._record import (
+    acting_on,
+    bodies_below,
+    moved_around,
+    sorted_files,
+)
+from kneejax.files.opensim._record_muscles import crossing
 from kneejax.files.tables import common_times
 from kneejax.geometry import TIBIA, Pose, State
 

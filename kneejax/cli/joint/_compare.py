@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -11,10 +10,10 @@ import numpy as np
 
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
+from kneejax.cli.joint._axes import problem
 from kneejax.cli.joint._fit import ContactKnee, passive_motion, read_contact_knee
 from kneejax.cli.options import JointCompare
 from kneejax.files import (
-    AxisPoints,
     InputProblem,
     counted,
     read_axis_points,
@@ -23,11 +22,10 @@ from kneejax.files import (
 )
 from kneejax.joints import (
     MEASURED,
-    Comparison,
     Joint,
+    JointProblem,
     UnsuitableAxis,
     UnsuitableMotions,
-    UnsuitablePoses,
     clinical_measures,
     compare_motions,
     fit_joints,
@@ -107,26 +105,22 @@ def _fitted_models(
     if 0 < len(without) < len(read):
         expected = "epicondyles in every file of --axes, or in none"
         raise InputProblem(without[0], "epicondyles", "missing", expected)
-    poses = np.stack([tables[:, near].mean(axis=1) for near in used], axis=1)
-    subjects = zip(axes, arguments.measured, poses, strict=True)
-    fits = [_fitted(file, read[file], table, own) for file, table, own in subjects]
-    return {name: _of_joints([one[name] for one in fits], tables[..., 0], tuple(read))
-            for name in fits[0]}  # fmt: skip
-
-
-def _fitted(file: str, axes: AxisPoints, table: Path, poses: np.ndarray) -> dict[str, Joint]:
-    """The joints of one subject."""
-    fixed = axes.points[0] if axes.epicondyles is None else axes.epicondyles
-    try:
-        ends = fit_joints(poses[[0, -1]], axes.points, fixed)
-        made = {"moving axis": ends.moving}
-        if len(poses) > 2:
-            made["generalised axis"] = fit_joints(poses, axes.points, fixed, poses[:, 0]).moving
-    except UnsuitablePoses as problem:
-        raise InputProblem(table, problem.field, problem.found, problem.expected) from None
-    except UnsuitableAxis as problem:
-        raise InputProblem(file, problem.field, problem.found, problem.expected) from None
-    return made if axes.epicondyles is None else made | {"hinge": ends.hinge}
+    made: dict[str, list[Joint]] = {}
+    for k, (file, table) in enumerate(zip(axes, arguments.measured, strict=True)):
+        points, epicondyles = read[file].points, read[file].epicondyles
+        fixed = points[0] if epicondyles is None else epicondyles
+        poses = np.stack([tables[k, near].mean(axis=0) for near in used])
+        try:
+            ends = fit_joints(poses[[0, -1]], points, fixed)
+            made.setdefault("moving axis", []).append(ends.moving)
+            if len(poses) > 2:
+                through = fit_joints(poses, points, fixed, poses[:, 0]).moving
+                made.setdefault("generalised axis", []).append(through)
+        except JointProblem as error:
+            raise problem(file if isinstance(error, UnsuitableAxis) else table, error) from None
+        if epicondyles is not None:
+            made.setdefault("hinge", []).append(ends.hinge)
+    return {name: _of_joints(own, tables[..., 0], tuple(read)) for name, own in made.items()}
 
 
 def _of_joints(
@@ -161,8 +155,8 @@ def run(arguments: JointCompare) -> int:
     """Compare models with what was measured."""
     try:  # whether there are subjects enough for the tests that are asked for
         is_tested(len(arguments.measured), arguments.anova)
-    except UnsuitableMotions as problem:
-        raise UnsuitableData(f"--anova: {problem}") from problem
+    except UnsuitableMotions as error:
+        raise UnsuitableData(f"--anova: {error}") from error
     tables = _measured(arguments)
     flexion = tables[..., 0]
     # All that can be at fault is read before the knees move, which takes long.
@@ -186,9 +180,19 @@ def run(arguments: JointCompare) -> int:
     settings = arguments.options()
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
+    # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
+    known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
+    at = flexion.mean(axis=0)
+    try:
+        compared = compare_motions(
+            at, clinical_measures(tables), {name: one.measures for name, one in models.items()},
+            calibrated_at_deg=tuple(at[known]), anova=arguments.anova, alpha=arguments.alpha,
+        )  # fmt: skip
+    except UnsuitableMotions as error:
+        files = ", ".join(str(file) for file in arguments.measured)
+        raise UnsuitableData(f"{files}: {error}") from error
     answer = comparison_answer(
-        _compared(arguments, tables, models, used),
-        {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
+        compared, {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
         doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
     )  # fmt: skip
     return deliver(answer, arguments)
@@ -237,23 +241,3 @@ def _calibration_rows(arguments: JointCompare, flexion: np.ndarray) -> np.ndarra
         only = f"{arguments.calibrate_at[0]:g} alone"
         raise InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
     return rows
-
-
-def _compared(
-    arguments: JointCompare, tables: np.ndarray, models: dict[str, Modelled], used: np.ndarray
-) -> Comparison:
-    flexion = tables[..., 0].mean(axis=0)
-    # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
-    known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
-    try:
-        return compare_motions(
-            flexion,
-            clinical_measures(tables),
-            {name: one.measures for name, one in models.items()},
-            calibrated_at_deg=tuple(flexion[known]),
-            anova=arguments.anova,
-            alpha=arguments.alpha,
-        )
-    except UnsuitableMotions as problem:
-        files = ", ".join(str(file) for file in arguments.measured)
-        raise UnsuitableData(f"{files}: {problem}") from problem

@@ -35,37 +35,14 @@ COMMANDS = {
     "Import and export": (ImportOsim, ImportStl, ExportOsim),
     "Again": (Rerun, Completion),
 }
-#: First word of several commands, or none: heading, sentence and example of its help.
+#: First word of several commands, or none -> what its help says; the example is the first one's.
 ABOVE = {
-    "": (
-        "",
-        "Differentiable knee-joint model: simulate, and identify ligaments from measured motion.",
-        "kneejax simulate passive-flexion --flexion 0:120:5",
-    ),
-    "joint": (
-        "Plan and compare",
-        "Fit, compare and export simple joints: moving axis and hinge.",
-        "kneejax joint fit --knee four_ligament --flexion 0:90:10",
-    ),
-    "import": (
-        "Import and export",
-        "Make a knee from a model or from meshes.",
-        "kneejax import osim MODEL.osim --side r",
-    ),
-    "export": (
-        "Import and export",
-        "Write a knee's numbers into a model.",
-        "kneejax import osim MODEL.osim --side r && "
-        "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim",
-    ),
-    "cohort": (
-        "Identify",
-        "Make up a cohort of knees.",
-        "kneejax cohort synthesise --knees 100 --out made-up && kneejax calibrate made-up",
-    ),
-    "plan": (
-        "Plan and compare",
-        "Plan an operation on a knee.",
-        "kneejax plan acl ten_bundle --points 11",
-    ),
+    "": "Differentiable knee-joint model: simulate, and identify ligaments from measured motion.",
+    "joint": "Fit, compare and export simple joints: moving axis and hinge.",
+    "import": "Make a knee from a model or from meshes.",
+    "export": "Write a knee's numbers into a model.",
+    "cohort": "Make up a cohort of knees.",
+    "plan": "Plan an operation on a knee.",
 }
+#: Of a person who knows no command yet.
+EXAMPLE = "kneejax simulate passive-flexion --flexion 0:120:5"

@@ -133,7 +133,6 @@ class JointCompare(Drawn):
         "kneejax joint compare kneejax-passive-flexion/poses.csv --knee four_ligament"
     )
     body: ClassVar = "kneejax.cli.joint._compare"
-    folder: ClassVar = "kneejax-joint-compare"
 
     measured: Annotated[list[Path], File("a CSV table"), Place("MEASURED")] = meaning(
         "CSV of measured poses, one file a subject"
@@ -190,6 +189,5 @@ class JointExport(Written):
         "kneejax joint fit --knee four_ligament && kneejax joint export kneejax-joint/joint.yaml"
     )
     body: ClassVar = "kneejax.cli.joint._fit:export"
-    folder: ClassVar = "kneejax-joint-export"
 
     joint: Annotated[Path, File("a joint file"), Place("JOINT")] = meaning("joint file")

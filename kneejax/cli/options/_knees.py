@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from kneejax.cli._command import (
     Bundled,
@@ -20,7 +20,9 @@ from kneejax.files import InputProblem
 from kneejax.files.reading import meaning
 
 Side = Literal["r", "l"]
+Bone = Annotated[Mesh | None, Form("FILE")]
 ALL_DATA = "kneejax.cli._knees"
+BY_OPENSIM = Group("Forces by OpenSim")
 #: What OpenSim is to compute, for an activity.
 COMPUTED = Only(
     lambda asked: asked.motion is not None,
@@ -31,6 +33,10 @@ PLANNED = Only(
     lambda asked: asked.plan is None,
     "no --plan with it: a plan states its knee, and which ligament is torn",
 )
+
+
+def _to_show(bone: str) -> Any:
+    return meaning(f"mesh of the {bone} to show, in its frame, m or mm", None)
 
 
 class Knees(Command):
@@ -84,7 +90,6 @@ class Evaluate(Drawn):
         "kneejax evaluate average_knee kneejax-passive-flexion/poses.csv"
     )
     body: ClassVar = "kneejax.cli._look:evaluate_poses"
-    folder: ClassVar = "kneejax-evaluate"
 
     knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
     poses: Annotated[Table, Place("POSES")] = meaning("CSV of poses")
@@ -100,7 +105,6 @@ class View(Drawn):
         "kneejax view average_knee kneejax-passive-flexion/poses.csv"
     )
     body: ClassVar = "kneejax.cli._look:view_knee"
-    folder: ClassVar = "kneejax-view"
 
     knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
     poses: Annotated[Table | None, Place("POSES")] = meaning(
@@ -109,15 +113,9 @@ class View(Drawn):
     patella: bool = meaning(
         "with the patella and the quadriceps, as where a table has the patella's columns", False
     )
-    femur_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the femur to show, in its frame, m or mm", None
-    )
-    tibia_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the tibia to show, in its frame, m or mm", None
-    )
-    patella_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the patella to show, in its frame, m or mm", None
-    )
+    femur_bone: Bone = _to_show("femur")
+    tibia_bone: Bone = _to_show("tibia")
+    patella_bone: Bone = _to_show("patella")
     convention: Convention = meaning("of the poses", "femoral")
 
 
@@ -135,15 +133,9 @@ class Explore(Command):
         f"{KNEE}; or a study, whose measured poses stand behind the curves", "average_knee"
     )
     patella: bool = meaning("with the patella and the quadriceps", False)
-    femur_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the femur to show, in its frame, m or mm", None
-    )
-    tibia_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the tibia to show, in its frame, m or mm", None
-    )
-    patella_bone: Annotated[Mesh | None, Form("FILE")] = meaning(
-        "mesh of the patella to show, in its frame, m or mm", None
-    )
+    femur_bone: Bone = _to_show("femur")
+    tibia_bone: Bone = _to_show("tibia")
+    patella_bone: Bone = _to_show("patella")
     port: Annotated[int, Form("N")] = meaning("the first to try; the next free one is used", 8137)
     open: bool = meaning("open the page in the browser", False)
     out: Annotated[Path | None, Form("FOLDER")] = meaning(
@@ -258,7 +250,6 @@ class Activity(Drawn):
         "--model MODEL.osim --side r"
     )
     body: ClassVar = "kneejax.cli._activity"
-    folder: ClassVar = "kneejax-activity"
 
     files: Annotated[
         list[Path], File("a table of OpenSim, or external loads"), Place("FILES")
@@ -267,30 +258,24 @@ class Activity(Drawn):
         "loads (.xml), if some act, or of joint reactions; each is known by its columns", [],
     )  # fmt: skip
     model: Model = meaning("the model that moved (.osim)")
-    motion: Annotated[
-        Path | None, File("a table of OpenSim"), Group("Forces by OpenSim")
-    ] = meaning(
+    motion: Annotated[Path | None, File("a table of OpenSim"), BY_OPENSIM] = meaning(
         "in place of FILES: coordinates (.sto, .mot) for which OpenSim itself finds the forces, by "
         "inverse dynamics and static optimisation; needs the extra opensim", None,
     )  # fmt: skip
-    grf: Annotated[
-        Path | None, COMPUTED, File("external loads"), Group("Forces by OpenSim")
-    ] = meaning(
+    grf: Annotated[Path | None, COMPUTED, File("external loads"), BY_OPENSIM] = meaning(
         "with --motion: forces from the ground, external loads (.xml); without them the model's "
         "own contacts press its feet", None,
     )  # fmt: skip
-    actuators: Annotated[
-        Path | None, COMPUTED, File("a ForceSet"), Group("Forces by OpenSim")
-    ] = meaning(
+    actuators: Annotated[Path | None, COMPUTED, File("a ForceSet"), BY_OPENSIM] = meaning(
         "with --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise", None
     )
     time_s: Annotated[
         tuple[float, float] | None,
         COMPUTED,
         Split(":", "BEGIN:END, two numbers of seconds", "BEGIN:END"),
-        Group("Forces by OpenSim"),
+        BY_OPENSIM,
     ] = meaning("with --motion: a part of it (default: all)", None)
-    rounds: Annotated[int, COMPUTED, Group("Forces by OpenSim")] = meaning(
+    rounds: Annotated[int, COMPUTED, BY_OPENSIM] = meaning(
         "with --motion: how often the knee's secondary motion goes back into the model, as splines "
         "of flexion, for OpenSim to find the forces again", 0, ge=0, le=20,
     )  # fmt: skip

@@ -54,6 +54,7 @@ class Simulate(Drawn):
     )
     body: ClassVar = "kneejax.cli._simulate"
     folder: ClassVar = "kneejax-EXPERIMENT"
+    renamed: ClassVar = {"flexion_deg": "flexion", "held": "hold"}
 
     experiment: Annotated[
         Literal["passive-flexion", Test, Extensor, InTime], Place("EXPERIMENT")
@@ -195,6 +196,18 @@ class Simulate(Drawn):
     def in_time(self) -> bool:
         """Whether mass and time play a part."""
         return self.dynamic or self.experiment in IN_TIME
+
+    @property
+    def person(self) -> dict[str, float]:
+        """Whose leg it is."""
+        usual = {"body_kg": 75.0, "height_m": 1.75, "ankle_kg": 0.0}
+        given = {name: getattr(self, name) for name in usual}
+        return {name: usual[name] if x is None else x for name, x in given.items()}
+
+    @property
+    def in_errors(self) -> str:
+        """The command in errors, with its experiment."""
+        return f"{self.command} {self.experiment}"
 
     def problems(self) -> Iterator[InputProblem]:
         """Options that an experiment needs, or that exclude each other."""

@@ -18,6 +18,7 @@ from kneejax.cli._command import (
     Several,
     Written,
     option_name,
+    shown_name,
 )
 from kneejax.cli._words import Split, plain_type
 from kneejax.cli.options._types import KNEE, Knee
@@ -103,6 +104,15 @@ class Asked(Drawn):
         given = {name: getattr(self, name) for name in self.asks.model_fields}
         return self.asks(**given | read)
 
+    def said(self, problem: ValueError) -> ValueError:
+        """Also what the question refuses names the option."""
+        if not isinstance(problem, InputProblem) or problem.file not in self.asks.model_fields:
+            return super().said(problem)
+        option = shown_name(type(self).model_fields[problem.file])
+        return InputProblem(
+            option, problem.field, problem.value, problem.expected, problem.nearest
+        )
+
 
 def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
     """A command whose options are the fields of a question: their type, meaning and default.
@@ -152,7 +162,6 @@ class Map(
     command: ClassVar = "map"
     example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
     body: ClassVar = "kneejax.cli._studies:objective_maps"
-    folder: ClassVar = "kneejax-map"
 
     def resumes(self) -> bool:
         """Maps go on, part by part."""
@@ -183,7 +192,6 @@ class Sensitivity(
     command: ClassVar = "sensitivity"
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
     body: ClassVar = "kneejax.cli._studies:sensitivity"
-    folder: ClassVar = "kneejax-sensitivity"
 
     knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = meaning(
         "compare knees instead: varus and valgus moments, scores of paper 4; each a " f"{KNEE}", []
@@ -208,7 +216,6 @@ class Identify(
     command: ClassVar = "identify"
     example: ClassVar = "kneejax identify --next-tests 2"
     body: ClassVar = "kneejax.cli._studies:what_data_tell"
-    folder: ClassVar = "kneejax-identify"
 
 
 class CohortSynthesise(Written):

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from kneejax.cli._command import Bundled, File, Form, Group
+from kneejax.cli._command import Bundled, File, Form, Group, Parameters
 
 #: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
 Convention = Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"]
@@ -14,7 +14,7 @@ Table = Annotated[Path, File("a CSV table")]
 Model = Annotated[Path, File("an OpenSim model")]
 Mesh = Annotated[Path, File("a triangle mesh")]
 #: Parameters set by name.
-Values = Annotated[dict[str, float], Form("NAME=VALUE"), Group("Knee")]
+Values = Annotated[dict[str, float], Form("NAME=VALUE"), Group("Knee"), Parameters()]
 SET = (
     "a parameter, as ACL.stiffness=3000 (N) or *.reference_strain=0.02; once for each. By the name "
     "of a structure drawn as several fibres (a group), stiffness is the sum over its fibres, any "

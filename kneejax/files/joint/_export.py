@@ -70,6 +70,14 @@ class JointExport:
         flexion_deg: knots of the splines, shape `(n,)`.
         error: largest difference between splines and joint over the range, degrees and mm, shape
             `(5,)`, in the order of `kneejax.geometry.FREE_COORDINATES`.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> from kneejax.files import export_joint
+        >>> "CustomJoint" in export_joint(JointFile(turning, "a hinge")).snippet
+        True
     """
 
     snippet: str
@@ -92,6 +100,14 @@ def export_joint(file: JointFile) -> JointExport:
     Returns:
         The texts, and how well they meet the joint. `error` is above `TOLERANCE` only where corners
         are so sharp that OpenSim cannot resolve them.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> found = export_joint(JointFile(turning, "a hinge"))
+        >>> bool(found.error.max() < 0.01)
+        True
     """
     bends = np.asarray(file.joint.flexion)
     low = min(np.deg2rad(RANGE_DEG[0]), bends[0] - np.deg2rad(10.0))

@@ -54,6 +54,13 @@ class JointFile:
         side: `right` or `left`.
         source: where its numbers come from; may be empty.
         notes: anything else; may be empty.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> JointFile(turning, "a hinge").side
+        'right'
     """
 
     joint: Joint
@@ -116,6 +123,13 @@ def format_joint(file: JointFile) -> str:
 
     Returns:
         YAML.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> "right" in format_joint(JointFile(turning, "a hinge"))
+        True
     """
     joint = file.joint
     points = np.concatenate([joint.femoral, joint.tibial], axis=1) * _mirror(file.side)

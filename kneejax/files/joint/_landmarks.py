@@ -97,6 +97,11 @@ class AxisPoints:
         points: medial and lateral point of the extension, then of the flexion axis, shape
             `(2, 2, 3)`, mm.
         epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if the file has none.
+
+    Example:
+        >>> ends = np.zeros((2, 2, 3))
+        >>> AxisPoints(ends, None).points.shape
+        (2, 2, 3)
     """
 
     points: np.ndarray
@@ -212,6 +217,11 @@ class FemurLandmarks:
         epicondyles: medial, then lateral, shape `(2, 3)`, mm.
         head_within: points of the mesh as near to `hip_center` as this, mm, are the femoral head;
             None if the centre is given.
+
+    Example:
+        >>> found = FemurLandmarks(np.zeros(3), np.zeros((2, 3)), head_within=30.0)
+        >>> found.head_within
+        30.0
     """
 
     hip_center: np.ndarray
@@ -229,6 +239,11 @@ class TibiaLandmarks:
             middle it is, shape `(2, 3)`, mm; only roughly, where `ankle_within` is given.
         ankle_within: for each, points of the mesh as near to it as this, mm, are a ball of bone
             about it; None where the point itself is given.
+
+    Example:
+        >>> found = TibiaLandmarks(np.zeros((2, 3)), np.zeros((1, 3)), (None,))
+        >>> found.ankle.shape
+        (1, 3)
     """
 
     plateau: np.ndarray

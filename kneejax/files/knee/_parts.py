@@ -85,7 +85,7 @@ def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
     return {name: found[0] for name, found in every.items() if found}
 
 
-_UNITS = ("_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
+_UNITS = ("_N_per_mm", "_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
 #: Fields that no attribute of what is built stands for.
 _ELSEWHERE = (*_LAST, "via_points")
 

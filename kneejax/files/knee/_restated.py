@@ -13,7 +13,14 @@ import numpy as np
 from kneejax.files.knee import _parts as parts
 from kneejax.files.knee._building import detour_counts, slack_length
 from kneejax.files.knee._document import mirror_document, with_own_patella
-from kneejax.files.knee._surfaces import FACES, OBSTACLES, SURFACES, ContactPart, Surface
+from kneejax.files.knee._surfaces import (
+    FACES,
+    OBSTACLES,
+    SURFACES,
+    ContactPart,
+    RingPart,
+    Surface,
+)
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
 from kneejax.mechanics import (
@@ -71,6 +78,8 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
     contacts = [part for section in sections for part in section["contacts"].values()]
     for part, contact in zip(contacts, knee.contacts, strict=True):
         _state(part, contact, ContactPart, source)
+        if "ring" in part and _put(part["ring"], _numbers_of(contact.ring, RingPart)):
+            _say(part, ContactPart, ["ring"], source)
         faces = [face for face in FACES if face in part]
         for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
             _state(part[field], surface, SURFACES[part[field]["kind"]], source)
@@ -207,12 +216,17 @@ def _state(
     part: dict[str, Any], of: Any, model: type[Part], source: str, usual: Mapping[str, Any] = {}
 ) -> None:
     """Put the numbers of an object into its part of the document, and say whose they are."""
+    _say(part, model, _put(part, _numbers_of(of, model), usual), source)
+
+
+def _numbers_of(of: Any, model: type[Part]) -> dict[str, Any]:
+    """Field -> number of an object, in the units of its part of a document."""
     found = {}
     for field, name in parts.attributes(model).items():
         value = operator.attrgetter(name)(of)
         if value is not None:
             found[field] = np.rad2deg(value) if field.endswith("_deg") else value
-    _say(part, model, _put(part, found, usual), source)
+    return found
 
 
 def _put(

@@ -14,7 +14,7 @@ from kneejax.files.knee import _parts as parts
 from kneejax.files.knee._parts import APART, WORD, Gives, Mirrored, Point, Sourced
 from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
-from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, cartilage_law
+from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, Ring, cartilage_law
 
 #: Fields of a contact that hold a surface.
 FACES = ("femoral_surface", "patellar_surface", "tibial_surface")
@@ -243,6 +243,39 @@ AnySurface = Annotated[Surface, _by_kind(SURFACES)]
 AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
 
 
+def _horns(value: Any) -> tuple[float, float]:
+    begin, end = reading.numbers(value, 2, RANGES["rotation_deg"])
+    if not 10.0 <= end - begin < 360.0:
+        raise wrong(value, "two angles, the second larger by 10 degrees at least, less than 360")
+    return begin, end
+
+
+def _middle(x: Any, _: Any) -> list[float]:
+    return [x[0], parts.negative(x[1])]
+
+
+class RingPart(Part):
+    """What holds a meniscus from horn to horn; without it a rim stands still."""
+
+    youngs_modulus_MPa: Number
+    cross_section_mm2: Number
+    horn_stiffness_N_per_mm: Number
+    coronary_stiffness_N_per_mm: Number
+    middle_mm: Annotated[
+        tuple[float, float], reading.numbers_within(2, "point_mm"), Mirrored(_middle)
+    ]
+    horns_deg: Annotated[tuple[float, float], reads(_horns), Mirrored(_swapped)]
+    sections: Annotated[int, reads(reading.whole, 2, 60), APART] = 12
+
+    def built(self) -> Ring:
+        """The ring in a right knee."""
+        return Ring(
+            self.youngs_modulus_MPa, self.cross_section_mm2, self.horn_stiffness_N_per_mm,
+            self.coronary_stiffness_N_per_mm, self.middle_mm, np.deg2rad(self.horns_deg),
+            self.sections,
+        )  # fmt: skip
+
+
 class ContactPart(Sourced):
     """A contact of two surfaces with cartilage."""
 
@@ -255,6 +288,7 @@ class ContactPart(Sourced):
     layer_thickness_mm: Number
     layer_variation_mm: Annotated[Table, parts.SPARED] = None
     onset_width_mm: Annotated[Number, parts.SPARED]
+    ring: Annotated[RingPart | None, APART] = None
     femoral_surface: Annotated[AnySurface, APART]
     patellar_surface: Annotated[AnySurface | None, APART] = None
     tibial_surface: Annotated[AnySurface | None, APART] = None
@@ -270,12 +304,14 @@ class ContactPart(Sourced):
         first, second = self.faces
         bodies = FEMUR, PATELLA if second == "patellar_surface" else TIBIA
         faces = {"femoral": getattr(self, first).built(), "tibial": getattr(self, second).built()}
+        if self.ring is not None:
+            more["ring"] = self.ring.built()
         return super().built(**faces, bodies=bodies, **more)
 
     @model_validator(mode="after")
     def _check_layer(self) -> ContactPart:
         mistakes = Mistakes()
-        for name in ("points", "layer_variation_mm"):
+        for name in ("points", "layer_variation_mm", "ring"):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))

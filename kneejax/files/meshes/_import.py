@@ -57,6 +57,10 @@ class MeshOptions:
         cell_mm: size of the splines' cells.
         smoothing_mm: length below which bends are smoothed away.
         source: where the meshes come from; the files' names by default.
+
+    Example:
+        >>> MeshOptions(layer_thickness_mm=4.0).layer_thickness_mm
+        4.0
     """
 
     patellar_cartilage: MeshPath | None = None

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Offset, shifted
+from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Rigid, shifted
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._xml import Element
@@ -35,7 +35,7 @@ class OsimMesh:
     bone: str  # `femur`, `tibia` or `patella`
     file: str  # name of the surface's file, without folders
     back_file: str  # likewise of its back; empty if none is named
-    frame: Offset  # from the mesh's coordinates to the bone's
+    frame: Rigid  # from the mesh's coordinates to the bone's
     scale: tuple[float, float, float]  # factors of the vertices along x, y, z
     youngs_modulus_MPa: float  # of its layer
     poisson_ratio: float  # of its layer
@@ -60,39 +60,31 @@ class OsimContact:
 
 
 def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
-    """Contacts between the knee's bones.
-
-    Raises:
-        InputProblem: a contact names a mesh that does not exist, or numbers are none.
-    """
-    meshes = {e.name: e for e in model.elements if e.tag == MESH}
-    contacts = []
+    """Contacts between the knee's bones; what is wrong in one is an InputProblem."""
+    meshes, contacts = {e.name: e for e in model.elements if e.tag == MESH}, []
     for force in model.elements:
         if force.tag != FORCE:
             continue
-        pair = [_of_role(model, force, role, meshes) for role in ("target", "casting")]
+        pair = [_of_role(force, role, meshes) for role in ("target", "casting")]
         places = [model.socket(mesh, "frame") for mesh, _ in pair]
         bones = [knee.bone_of(body) for body, _ in places]
-        if model.applied(force) and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
+        if force.applied and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
             found = {
-                bone: _read(model, mesh, settings, bone, knee.rigid[body][1].after(frame))
+                bone: _mesh_of(mesh, settings, bone, knee.rigid[body][1].after(frame))
                 for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
             }
-            other = found[TIBIA if TIBIA in found else PATELLA]
-            contacts.append(_contact(model, force, found[FEMUR], other))
+            femur = found.pop(FEMUR)
+            contacts.append(_contact(force, femur, *found.values()))
     return contacts
 
 
-def _of_role(
-    model: Model, force: Element, role: str, meshes: dict[str, Element]
-) -> tuple[Element, Element]:
+def _of_role(force: Element, role: str, meshes: dict[str, Element]) -> tuple[Element, Element]:
     """The mesh of a role, and the element that holds its material."""
-    tag = f"socket_{role}_mesh"
-    tags = tag, f"{tag}_connectee_name"
+    tags = f"socket_{role}_mesh", f"socket_{role}_mesh_connectee_name"
     name = force.last_word(*tags)
     if name not in meshes:
         word = force.word(*tags) or "missing"
-        raise model.file.problem(force, tag, word, f"a {MESH} of the model", meshes)
+        raise force.problem(tags[0], word, f"a {MESH} of the model", meshes)
     # Earlier versions of JAM keep the material with the force.
     held = force.child(f"{role}_mesh_contact_params")
     if held is not None and meshes[name].child("elastic_modulus") is None:
@@ -101,46 +93,47 @@ def _of_role(
     return meshes[name], meshes[name]
 
 
-def _read(model: Model, mesh: Element, settings: Element, bone: str, carrier: Offset) -> OsimMesh:
-    own = Offset.of(model.point(mesh, "location"), model.point(mesh, "orientation"))
-    x, y, z = (float(x) for x in model.numbers(mesh, "scale_factors", 3, "1 1 1"))
-    modulus = model.numbers(settings, "elastic_modulus", 1, "1000000")[0]
-    ratio = model.numbers(settings, "poissons_ratio", 1, "0.5")[0]
-    thickness = model.numbers(settings, "thickness", 1, "0.005")[0]
-    for tag, value in (("elastic_modulus", modulus), ("thickness", thickness)):
-        if value <= 0:
-            raise model.file.problem(settings, tag, settings.word(tag), "a number above 0")
-    if not 0 <= ratio <= Decimal("0.5"):
-        word = settings.word("poissons_ratio")
-        raise model.file.problem(settings, "poissons_ratio", word, "a ratio from 0 to 0.5")
+def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> OsimMesh:
+    own = Rigid.of(mesh.point("location"), mesh.point("orientation"))
+    x, y, z = (float(x) for x in mesh.numbers("scale_factors", 3, "1 1 1"))
+    modulus = settings.numbers("elastic_modulus", 1, "1000000")[0]
+    ratio = settings.numbers("poissons_ratio", 1, "0.5")[0]
+    thickness = settings.numbers("thickness", 1, "0.005")[0]
+    for tag, holds, expected in (
+        ("elastic_modulus", modulus > 0, "a number above 0"),
+        ("thickness", thickness > 0, "a number above 0"),
+        ("poissons_ratio", 0 <= ratio <= Decimal("0.5"), "a ratio from 0 to 0.5"),
+    ):
+        if not holds:
+            raise settings.problem(tag, settings.word(tag), expected)
     file, back_file = (PurePosixPath(PureWindowsPath(word).as_posix()).name for word in (
         mesh.word("mesh_file", "filename"), mesh.word("mesh_back_file")))
     return OsimMesh(
         mesh.name, bone, file, back_file, carrier.after(own), (x, y, z),
         shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM),
-        model.truth(settings, "use_variable_thickness", False),
+        settings.truth("use_variable_thickness", False),
     )
 
 
-def _contact(model: Model, force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
+def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
     tag = "elastic_foundation_formulation"
-    word = force.word(tag, default="linear")
+    word, pair, doubts = force.word(tag, default="linear"), (femur, other), []
     if word not in _LAWS:
-        raise model.file.problem(force, tag, word, f"one of {', '.join(_LAWS)}")
-    law, pair = _LAWS[word], (femur, other)
+        raise force.problem(tag, word, f"one of {', '.join(_LAWS)}")
+    law = _LAWS[word]
     findings = [f"Formulation {word}: the {law} law of kneejax."]
-    doubts = []
     for mesh in pair:
         layer = "to its back mesh" if mesh.varies else f"{mesh.thickness_mm:g} mm"
         findings.append(
             f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), E {mesh.youngs_modulus_MPa:g} MPa, "
             f"nu {mesh.poisson_ratio:g}, layer {layer}."
         )
-    thickness = float(sum(Decimal(repr(mesh.thickness_mm)) for mesh in pair))
-    ratio = float(sum(Decimal(repr(mesh.poisson_ratio)) for mesh in pair) / 2)
-    modulus = float(sum(Decimal(repr(mesh.youngs_modulus_MPa)) for mesh in pair) / 2)
+    thickness, ratio, modulus = (
+        float(sum(Decimal(repr(getattr(mesh, name))) for mesh in pair) / count)
+        for name, count in (("thickness_mm", 1), ("poisson_ratio", 2), ("youngs_modulus_MPa", 2))
+    )
     same = len({(mesh.youngs_modulus_MPa, mesh.poisson_ratio) for mesh in pair}) == 1
-    if not same and model.truth(force, "use_lumped_contact_model", True):
+    if not same and force.truth("use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
@@ -214,16 +207,18 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     folder, file = Path(folder), read.model.file.path
     if not folder.is_dir():
         raise InputProblem("--geometry", "folder", str(folder), "a folder of meshes")
-    if len(read.contacts) != 1:
-        names = ", ".join(contact.name for contact in read.contacts) or "none"
-        expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
-        raise InputProblem(file, "contacts", names, expected)
-    (contact,) = read.contacts
+    expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
+    contact, joint = _only(read.contacts, file, "contacts", expected), None
     if contact.poisson_ratio >= 0.5:
         raise InputProblem(file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
     pair = (contact.femur, contact.other)
     varies = any(mesh.varies for mesh in pair)
-    joint = _on_patella(read, contact) if "patella" in read.document else None
+    if "patella" in read.document:
+        expected = "one contact of femur and patella, or --without-patella"
+        joint = _only(read.patellofemoral, file, "contacts of the patella", expected)
+        if joint.femur.file != contact.femur.file:
+            expected = f"the femur's mesh of {contact.name}, {contact.femur.file}"
+            raise InputProblem(file, joint.name, joint.femur.file, expected)
     with tempfile.TemporaryDirectory() as scratch:
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
@@ -257,17 +252,13 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     return OsimGeometry(document, tuple(found.findings), found.doubtful)
 
 
-def _on_patella(read: OsimImport, contact: OsimContact) -> OsimContact:
-    """The one contact of the patella, on the same femur."""
-    file, found = read.model.file.path, read.patellofemoral
-    if len(found) != 1:
-        names = ", ".join(one.name for one in found) or "none"
-        expected = "one contact of femur and patella, or --without-patella"
-        raise InputProblem(file, "contacts of the patella", names, expected)
-    if found[0].femur.file != contact.femur.file:
-        expected = f"the femur's mesh of {contact.name}, {contact.femur.file}"
-        raise InputProblem(file, found[0].name, found[0].femur.file, expected)
-    return found[0]
+def _only(
+    contacts: tuple[OsimContact, ...], file: Path, field: str, expected: str
+) -> OsimContact:
+    if len(contacts) != 1:
+        names = ", ".join(contact.name for contact in contacts) or "none"
+        raise InputProblem(file, field, names, expected)
+    return contacts[0]
 
 
 def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Path:
@@ -281,7 +272,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
         expected = f"this file; there is {present}{without}"
         known = sorted(path.name for path in by_lower.values())
         raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
-    still = mesh.frame.rotation is None and not any(mesh.frame.translation)
+    still = mesh.frame.turn is None and not any(mesh.frame.shift)
     if still and mesh.scale == (1.0, 1.0, 1.0):
         return path
     import trimesh
@@ -290,7 +281,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     scaled = np.asarray(loaded.vertices) * np.asarray(mesh.scale)
     size = float(np.max(np.ptp(scaled, axis=0)))
     unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
-    shift = np.asarray(mesh.frame.translation, float) * unit
+    shift = np.asarray(mesh.frame.shift, float) * unit
     loaded.vertices = scaled @ mesh.frame.matrix.T + shift
     # What is said about it names the file that a person knows.
     moved = scratch / mesh.bone / ("back" if back else "front") / f"{path.stem}.stl"

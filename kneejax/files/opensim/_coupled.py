@@ -54,6 +54,11 @@ class CoupledMotion:
         secondary: at the knots, degrees and mm, `(k, 5)`, in the order of
             `kneejax.geometry.FREE_COORDINATES`.
         rms: what the splines leave of the poses, `(5,)`, likewise.
+
+    Example:
+        >>> motion = CoupledMotion(np.array([0.0, 90.0]), np.zeros((2, 5)), np.zeros(5))
+        >>> motion.secondary.shape
+        (2, 5)
     """
 
     flexion_deg: np.ndarray
@@ -152,9 +157,18 @@ def couple_knee(
         found = ", ".join(f"{one.kind} {one.name}" for one in bones.joints)
         found += ", upwards" * upwards + ", with other axes" * bones.turned
         expected = f"one {_KIND} from femur to tibia, for its coordinates to follow flexion"
-        raise model.file.problem(joint.element, "joint", found, expected)
-    name = flexion_coordinate(model, bones)
-    slope, constant = _flexion_of(model, bones, name)
+        raise joint.element.problem("joint", found, expected)
+    name = flexion_coordinate(bones)
+    # Flexion, rad, is slope times the coordinate and a constant; small rotations about other axes
+    # change it by their products.
+    angle = np.linspace(-_SPAN, _SPAN, 5)
+    flexion = np.deg2rad(flexions(model, bones, name, angle))
+    slope = float(np.sign(flexion[-1] - flexion[0]))
+    constant = round(float(np.mean(flexion - slope * angle)), 12) + 0.0
+    off = np.rad2deg(np.abs(flexion - slope * angle - np.mean(flexion - slope * angle)).max())
+    if off > 1.0:
+        expected = "flexion that is the coordinate but for its sign and a constant"
+        raise joint.element.problem(name, f"up to {off:.2g} degrees otherwise", expected)
     gone = {c.name for c in joint.coordinates if c.name != name}
     changes = _take_out(model, joint, gone)
     # Knots with seven between each two: in frames far from the knee splines of the same knots
@@ -163,15 +177,23 @@ def couple_knee(
     flexion_deg = np.interp(np.arange(8 * count - 7) / 8.0, np.arange(count), motion.flexion_deg)
     knots = (np.deg2rad(flexion_deg) - constant) / slope
     order = np.argsort(knots)
-    poses = np.column_stack([flexion_deg, motion.at(flexion_deg)])
-    table = _between_frames(joint, bones, poses, shifts)[order]
+    # Poses of the joint's child frame in its parent frame, by clinical meaning.
+    secondary, mirror = motion.at(flexion_deg), MIRROR[bones.side]
+    placement = Pose.from_table(np.column_stack([flexion_deg, secondary])).placement
+    assert placement.rotation is not None  # a pose turns
+    rows = [[np.broadcast_to(x, len(order)) for x in row] for row in placement.rotation]
+    turn = np.moveaxis(np.array(rows, float), -1, 0)
+    place = secondary[:, 2:] + turn @ shifts.tibia - shifts.femur
+    there = Rigid(mirror @ turn @ mirror, 1e-3 * place @ mirror)
+    there = joint.parent_frame.inverse().after(there).after(joint.child_frame)
+    table = poses_of(there, bones.side)[order]
     values = np.column_stack([np.deg2rad(table[:, :3]), 1e-3 * table[:, 3:]])
     columns = dict(zip(("flexion", *FREE_COORDINATES), values.T, strict=True))
     own = columns.pop("flexion") - (slope * knots[order] + constant)
     shift = float(np.mean(own))
     if np.rad2deg(np.abs(own - shift)).max() > _STRAIGHT_DEG:
         expected = "frames of the joint whose Z axis is that of the femur, for flexion about it"
-        raise model.file.problem(joint.element, "frames", "turned", expected)
+        raise joint.element.problem("frames", "turned", expected)
     transform = joint.element.child("SpatialTransform")
     assert transform is not None  # otherwise nothing would turn
     wrapped = any(e.tag == "function" for e in transform.iter())
@@ -223,35 +245,6 @@ def transform_axes(
     return "\n".join(axes)
 
 
-def _flexion_of(model: Model, bones: OsimKneeJoint, name: str) -> tuple[float, float]:
-    """Slope and constant of flexion, rad, over a coordinate."""
-    angle = np.linspace(-_SPAN, _SPAN, 5)
-    flexion = np.deg2rad(flexions(model, bones, name, angle))
-    slope = float(np.sign(flexion[-1] - flexion[0]))
-    constant = float(np.mean(flexion - slope * angle))
-    off = np.rad2deg(np.abs(flexion - slope * angle - constant).max())
-    # Small rotations about other axes change it by their products.
-    if off > 1.0:
-        expected = "flexion that is the coordinate but for its sign and a constant"
-        found = f"up to {off:.2g} degrees otherwise"
-        raise model.file.problem(bones.joints[0].element, name, found, expected)
-    return slope, round(constant, 12) + 0.0
-
-
-def _between_frames(
-    joint: Joint, bones: OsimKneeJoint, table: np.ndarray, shifts: Registration
-) -> np.ndarray:
-    """Poses of the joint's child frame in its parent frame, degrees and mm, by clinical meaning."""
-    placement, count = Pose.from_table(table).placement, len(table)
-    assert placement.rotation is not None  # a pose turns
-    rows = [[np.broadcast_to(np.asarray(x), count) for x in row] for row in placement.rotation]
-    turn, mirror = np.moveaxis(np.array(rows, float), -1, 0), MIRROR[bones.side]
-    place = table[:, 3:] + np.einsum("nij,j->ni", turn, shifts.tibia) - shifts.femur
-    there = Rigid(mirror @ turn @ mirror, 1e-3 * place @ mirror)
-    parent, child = Rigid.of(joint.parent_frame), Rigid.of(joint.child_frame)
-    return poses_of(parent.inverse().after(there).after(child), bones.side)
-
-
 def _take_out(model: Model, joint: Joint, gone: set[str]) -> list[str]:
     """Take out coordinates that go, and the constraints and forces that act on them."""
     found = []
@@ -261,7 +254,7 @@ def _take_out(model: Model, joint: Joint, gone: set[str]) -> list[str]:
             words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
             if gone & words:
                 expected = "a coordinate that stays: this one follows flexion from now on"
-                raise model.file.problem(element, child.tag, ", ".join(gone & words), expected)
+                raise element.problem(child.tag, ", ".join(gone & words), expected)
         own = element.tag == "Coordinate" and element.name in gone
         own = own and joint.element in element.iterancestors()
         if own or {element.last_word(tag) for tag in _ON_COORDINATE} & gone:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from decimal import Context, Decimal, localcontext
 from typing import NamedTuple
@@ -17,7 +16,8 @@ METRES_TO_MM = 3
 PASCAL_TO_MPA = -6
 _WIDE = Context(prec=60)
 _PI = Decimal("3.14159265358979323846264338327950288419716939937511")
-Point = tuple[Decimal, Decimal, Decimal]
+#: Three decimals, `(3,)`.
+Point = np.ndarray
 
 
 def read_decimal(word: str) -> Decimal:
@@ -67,6 +67,16 @@ def unshifted(x: float, places: int) -> Decimal:
     return Decimal(repr(float(x))).scaleb(-places, _WIDE)
 
 
+def millimetres(point: Point) -> list[float]:
+    """A point in m, in mm."""
+    return [shifted(x, METRES_TO_MM) for x in point]
+
+
+def metres(point_mm) -> Point:
+    """The point that `millimetres` reads as this one."""
+    return np.array([unshifted(x, METRES_TO_MM) for x in point_mm], object)
+
+
 def degrees(radians: Decimal) -> float:
     """Degrees of an angle in rad, correctly rounded.
 
@@ -99,92 +109,70 @@ def _digits(value: Decimal) -> tuple[int, ...]:
     return digits if any(digits) else (0,)
 
 
-ORIGIN: Point = (Decimal(0), Decimal(0), Decimal(0))
+def decimals(values: np.ndarray) -> Point:
+    """The numbers that doubles are printed as."""
+    return np.array([Decimal(repr(float(x) + 0.0)) for x in values], object)
+
+
+ORIGIN: Point = decimals(np.zeros(3))
 #: Side -> from a model's axes to those of clinical meaning, which are the right knee's.
 MIRROR = {"r": np.eye(3), "l": np.diag([1.0, 1.0, -1.0])}
 
 
-@dataclasses.dataclass(frozen=True)
-class Offset:
-    """A motion `x -> rotation x + translation`, m; exact where nothing turns (rotation None)."""
+class Rigid(NamedTuple):
+    """Motions `x -> turn x + shift`, m, one or one an instant.
 
-    rotation: np.ndarray | None = None
-    translation: Point = ORIGIN
+    Attributes:
+        turn: `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
+        shift: `(..., 3)`: doubles, or decimals.
+    """
+
+    turn: np.ndarray | None = None
+    shift: np.ndarray = ORIGIN
 
     @classmethod
-    def of(cls, translation: Point, angles: Point) -> Offset:
+    def of(cls, translation: Point, angles: Point) -> Rigid:
         """The motion from a frame's coordinates, by its place and its X-Y-Z angles (rad)."""
         return cls(turn_xyz(angles) if any(angles) else None, translation)
 
     @property
     def matrix(self) -> np.ndarray:
         """The rotation, also where nothing turns."""
-        return np.eye(3) if self.rotation is None else self.rotation
-
-    def point(self, x: Point) -> Point:
-        """Image of a point."""
-        return _sum(self._turned(x, self.matrix), self.translation)
-
-    def point_back(self, x: Point) -> Point:
-        """The point whose image is `x`."""
-        return self._turned(_sum(x, _minus(self.translation)), self.matrix.T)
-
-    def after(self, first: Offset) -> Offset:
-        """This motion after `first`."""
-        if self.rotation is None or first.rotation is None:
-            rotation = self.rotation if first.rotation is None else first.rotation
-        else:
-            rotation = self.rotation @ first.rotation
-        return Offset(rotation, self.point(first.translation))
-
-    def inverse(self) -> Offset:
-        """The motion that undoes this one."""
-        back = None if self.rotation is None else self.rotation.T
-        return Offset(back, self._turned(_minus(self.translation), self.matrix.T))
-
-    def _turned(self, x: Point, matrix: np.ndarray) -> Point:
-        if self.rotation is None:
-            return x
-        a, b, c = (Decimal(repr(float(value))) for value in matrix @ np.array(x, float))
-        return a, b, c
-
-
-class Rigid(NamedTuple):
-    """Motions `x -> turn x + shift`, one an instant: turn `(..., 3, 3)`, shift `(..., 3)`, m."""
-
-    turn: np.ndarray
-    shift: np.ndarray
-
-    @classmethod
-    def of(cls, offset: Offset) -> Rigid:
-        """One that does not move."""
-        return cls(offset.matrix, np.array(offset.translation, float))
+        return np.eye(3) if self.turn is None else self.turn
 
     def point(self, x: np.ndarray) -> np.ndarray:
         """Images of points, `(..., 3)`."""
-        return np.einsum("...ij,...j->...i", self.turn, x) + self.shift
+        return _sum(_turned(self.turn, x), self.shift)
+
+    def point_back(self, x: np.ndarray) -> np.ndarray:
+        """The points whose images these are."""
+        return _turned(_back(self.turn), _sum(x, -self.shift))
 
     def after(self, first: Rigid) -> Rigid:
         """This motion after `first`."""
-        return Rigid(self.turn @ first.turn, self.point(first.shift))
+        if self.turn is None or first.turn is None:
+            turn = self.turn if first.turn is None else first.turn
+        else:
+            turn = self.turn @ first.turn
+        return Rigid(turn, self.point(first.shift))
 
     def inverse(self) -> Rigid:
         """The motion that undoes this one."""
-        back = np.swapaxes(self.turn, -1, -2)
-        return Rigid(back, -np.einsum("...ij,...j->...i", back, self.shift))
+        back = _back(self.turn)
+        return Rigid(back, _turned(back, -self.shift))
 
     def at(self, rows) -> Rigid:
         """At some of the instants, as NumPy indexes."""
-        return Rigid(self.turn[rows], self.shift[rows])
+        return Rigid(self.matrix[rows], self.shift[rows])
 
 
 def poses_of(there: Rigid, side: str) -> np.ndarray:
     """Poses of a bone in the femur from the motion of its coordinates to the femur's, in rows of
     degrees and mm, by clinical meaning: of a left knee (`l`) that of the mirrored right one."""
-    turn = MIRROR[side] @ there.turn @ MIRROR[side]
+    turn, shift = MIRROR[side] @ there.matrix @ MIRROR[side], there.shift.astype(float)
     rows = tuple(tuple(turn[..., i, j] for j in range(3)) for i in range(3))
     angles = np.rad2deg(np.stack([np.asarray(x) for x in angles_from_rotation(rows)], axis=-1))
-    return np.concatenate([angles, 1e3 * there.shift @ MIRROR[side]], axis=-1) + 0.0
+    return np.concatenate([angles, 1e3 * shift @ MIRROR[side]], axis=-1) + 0.0
 
 
 def turn_about(axis: np.ndarray, angle) -> np.ndarray:
@@ -208,9 +196,16 @@ def angles_xyz(rotation: np.ndarray) -> np.ndarray:
     return np.array([first, middle, np.arctan2(-rotation[0, 1], rotation[0, 0])])
 
 
-def _sum(a: Point, b: Point) -> Point:
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+def _back(turn: np.ndarray | None) -> np.ndarray | None:
+    return None if turn is None else np.swapaxes(turn, -1, -2)
 
 
-def _minus(a: Point) -> Point:
-    return -a[0], -a[1], -a[2]
+def _turned(turn: np.ndarray | None, x: np.ndarray) -> np.ndarray:
+    if turn is None:
+        return x
+    there = (turn @ x.astype(float)[..., None])[..., 0]
+    return decimals(there) if x.dtype == object and there.ndim == 1 else there
+
+
+def _sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a + b if a.dtype == b.dtype else a.astype(float) + b.astype(float)

@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.opensim._exact import MIRROR, Offset, Rigid, poses_of
-from kneejax.files.opensim._joints import at_defaults, moved, placed_above, read_joints, turning
+from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim._joints import moved, read_joints, turning
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim._ligaments import OsimLigament
 from kneejax.files.opensim._model import GROUND, Model, read_model
@@ -70,7 +70,8 @@ def anatomical(
         votes = _votes(knee, ligaments, right, sense, flexion)
         doubts = [one.doubt for one in superior if not one.holds]
         if votes and max(votes.values()) < 0 and len(votes) > 1:
-            return _turned(knee, np.diag([-1.0, 1.0, -1.0]), ", ".join(votes))
+            rotation = np.diag([-1.0, 1.0, -1.0])
+            return turned(knee, rotation, ", ".join(votes)), rotation
         doubts += [
             f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
             "to the left: is the side right?"
@@ -86,7 +87,8 @@ def anatomical(
         if sure and y @ line == 0 and flexion @ line > 0.8:
             z = line * next(iter(votes.values()))
             why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
-            return _turned(knee, np.stack([np.cross(y, z), y, z]), why)
+            rotation = np.stack([np.cross(y, z), y, z])
+            return turned(knee, rotation, why), rotation
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
     found += [f"{one.why} say that {_word(one.direction)} points upwards"
               for one in superior if not one.holds]
@@ -94,14 +96,23 @@ def anatomical(
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
     expected = f"bodies with {_WANTED}"
-    raise model.file.problem(knee.joints[0].element, "axes", "; ".join(found), expected)
+    raise knee.joints[0].element.problem("axes", "; ".join(found), expected)
 
 
-def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
-    """The knee with turned axes of all its bones."""
+def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKneeJoint:
+    """The knee with turned axes of all its bones; with a sentence where something says why."""
     if np.array_equal(rotation, np.eye(3)):
         return knee
-    turn = Offset(rotation)
+    if why:
+        names = (("anterior", "posterior"), ("superior", "inferior"),
+                 ("to the right", "to the left"))
+        words = ", ".join(
+            f"{'XYZ'[int(np.argmax(np.abs(row)))]} {both[int(row.sum() < 0)]}"
+            for row, both in zip(rotation, names, strict=True)
+        )
+        why = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
+        knee = dataclasses.replace(knee, unusual=(*knee.unusual, why))
+    turn = Rigid(rotation)
     back = turn.inverse()
     return dataclasses.replace(
         knee, turned=True,
@@ -111,30 +122,18 @@ def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
     )
 
 
-def _turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str):
-    names = (("anterior", "posterior"), ("superior", "inferior"), ("to the right", "to the left"))
-    words = ", ".join(
-        f"{'XYZ'[int(np.argmax(np.abs(row)))]} {both[int(row.sum() < 0)]}"
-        for row, both in zip(rotation, names, strict=True)
-    )
-    sentence = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
-    knee = dataclasses.replace(knee, unusual=(*knee.unusual, sentence))
-    return turned(knee, rotation), rotation
-
-
 def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
-    own = {id(joint.element) for joint in knee.joints}
     for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
         places = [
-            knee.rigid[body][1].point(frame.translation)
+            knee.rigid[body][1].point(frame.shift)
             for joint in (knee.joints[0], knee.joints[-1]) for body, frame in joint.ends
             if knee.bone_of(body) == bone
         ]
         middle = np.array(places or [(0, 0, 0)], float).mean(axis=0)
         for joint in joints:
-            if not joint.coordinates or joint.kind == "FreeJoint" or id(joint.element) in own:
+            if not joint.coordinates or joint.kind == "FreeJoint" or joint in knee.joints:
                 continue
             near = [end for end in joint.ends if knee.bone_of(end[0]) == bone]
             far = [body for body, _ in joint.ends if body not in knee.rigid]
@@ -144,7 +143,7 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
             if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
                 continue
             (body, frame), = near
-            center = np.array(knee.rigid[body][1].point(frame.translation), float)
+            center = np.array(knee.rigid[body][1].point(frame.shift), float)
             way = 1e3 * (center - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
@@ -186,14 +185,11 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     if len(found) != 1:
         return None, 0.0
     (bend,) = found
-    above = {joint.child: joint for joint in read_joints(model)}
-    above |= {joint.child: at_defaults(joint, {bend.name: bend.default + 0.1})
-              for joint in knee.joints}
-    there = placed_above(model, above, knee.femur).inverse()
-    there = there.after(placed_above(model, above, knee.tibia))
-    turn = there.matrix @ knee.tibia_in_femur.matrix.T
-    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-    if np.linalg.norm(axis) < 1e-3:
+    # By this coordinate alone: nothing that is coupled to it follows.
+    bent = {c.name: c.default for c in every} | {bend.name: bend.default + 0.1}
+    there = moved(model, bent).between(knee.femur, knee.tibia)
+    axis = _axis_of(there.matrix @ knee.tibia_in_femur.matrix.T)
+    if not axis.any():
         return None, 0.0
     low, high = bend.range or (0.0, 0.0)
     sense = 0.0
@@ -201,7 +197,7 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
         sense = float(np.sign(low + high))  # a knee bends farther than it extends
     elif abs(bend.default) > np.deg2rad(10.0):
         sense = float(np.sign(bend.default))
-    return axis / np.linalg.norm(axis), sense
+    return axis, sense
 
 
 def _votes(
@@ -223,6 +219,14 @@ def _votes(
             right = 1.0 if knee.side == "r" else -1.0
             votes["the names of the collateral ligaments"] = right * float(np.sign(cosine))
     return votes
+
+
+def _axis_of(turn: np.ndarray) -> np.ndarray:
+    """The unit vector about which a rotation turns; zero where it hardly does."""
+    skew = turn - turn.T
+    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    size = np.linalg.norm(axis)
+    return axis / size if size >= 1e-3 else np.zeros(3)
 
 
 def _nearest(direction: np.ndarray) -> np.ndarray:
@@ -280,19 +284,34 @@ def registration(
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
-        raise model.file.problem(bones.joints[0].element, "axes", axes.unusual[-1], expected)
+        raise bones.joints[0].element.problem("axes", axes.unusual[-1], expected)
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
-    if frames == "same" or (frames == "auto" and _made_of(model, document)):
+    # A knee says that it was imported from this model, or its patella that it was.
+    origin, muscles = document.get("imported_from", {}), document.get("patella", {}).get("muscles")
+    if origin:
+        made = origin.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
+    else:
+        sources = [str(one.get("source", "")) for one in (muscles or {}).values()]
+        made = any(source.startswith(f"{model.name},") for source in sources)
+    if frames == "same" or (frames == "auto" and made):
         why = "as asked for" if frames == "same" else f"as the knee was made of {model.name}"
         return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
     own = condyle_axes(*condyle_points(knee)).points[1].mean(axis=0)
     reference = float(knee.reference_pose.to_table().ravel()[0])
     there = knee.reference_pose.placement.inverse()
     on_tibia = np.array([float(x) for x in there.apply(tuple(own))])
-    axis, center, at = _flexion_line(model, bones, reference)
+    name = flexion_coordinate(bones)
+    sign = np.sign(np.diff(flexions(model, bones, name, np.array([0.0, 1e-3])))[0])
+    degrees = sign * np.deg2rad(np.array([*_BETWEEN, reference]))
+    there = moved(model, {name: degrees}).between(bones.femur, bones.tibia)
+    turn = there.at(1).after(there.at(0).inverse())
+    axis = _axis_of(turn.matrix)
+    # A point of the flexion axis, which stays, nearest to the tibia's origin along it.
+    still = np.linalg.lstsq(np.eye(3) - turn.matrix, turn.shift, rcond=1e-6)[0]
+    center = still + axis @ (there.shift[2] - still) * axis
     femur = own - 1e3 * center @ MIRROR[bones.side]
-    tibia = on_tibia - 1e3 * at.inverse().point(center) @ MIRROR[bones.side]
+    tibia = on_tibia - 1e3 * there.at(2).inverse().point(center) @ MIRROR[bones.side]
     off = np.rad2deg(np.arccos(min(1.0, abs(axis[2]))))
     words = " and ".join(
         f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
@@ -333,7 +352,7 @@ def registered(
     return registration(model, find_knee(model, side, *(bones or ())), knee, document, frames)
 
 
-def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
+def flexion_coordinate(bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee: the first angle of its joints.
 
     Raises:
@@ -343,7 +362,7 @@ def flexion_coordinate(model: Model, bones: OsimKneeJoint) -> str:
     names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]
     if not names:
         joint = bones.joints[0]
-        raise model.file.problem(joint.element, "coordinates", "none", "an angle of the knee")
+        raise joint.element.problem("coordinates", "none", "an angle of the knee")
     return names[0]
 
 
@@ -351,30 +370,3 @@ def flexions(model: Model, bones: OsimKneeJoint, name: str, values: np.ndarray) 
     """Flexion, degrees, at values of a coordinate, rad, `(n,)`."""
     there = moved(model, {name: values}).between(bones.femur, bones.tibia)
     return poses_of(there, bones.side)[:, 0]
-
-
-def _made_of(model: Model, document: dict[str, Any]) -> bool:
-    """Whether a knee says that it was imported from this model, or its patella was."""
-    imported = document.get("imported_from", {})
-    if imported:
-        return imported.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
-    muscles = document.get("patella", {}).get("muscles", {}).values()
-    sources = [str(one.get("source", "")) for one in muscles]
-    return any(source.startswith(f"{model.name},") for source in sources)
-
-
-def _flexion_line(model: Model, bones: OsimKneeJoint, reference_deg: float):
-    """Direction and middle of the flexion axis in the femur, m, and where the tibia is in the femur
-    at a flexion."""
-    name = flexion_coordinate(model, bones)
-    sign = np.sign(np.diff(flexions(model, bones, name, np.array([0.0, 1e-3])))[0])
-    degrees = np.deg2rad(np.array([*_BETWEEN, reference_deg]))
-    there = moved(model, {name: sign * degrees}).between(bones.femur, bones.tibia)
-    turn = there.at(1).after(there.at(0).inverse())
-    skew = turn.turn - turn.turn.T
-    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
-    axis = axis / np.linalg.norm(axis)
-    # A point that stays, nearest to the tibia's origin along the axis.
-    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
-    along = axis @ (there.shift[2] - still)
-    return axis, still + along * axis, there.at(2)

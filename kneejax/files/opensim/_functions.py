@@ -19,49 +19,6 @@ FUNCTIONS = (
 )  # fmt: skip
 #: Properties of an axis, a coordinate or a constraint that hold one.
 _HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
-_SPLINES = ("SimmSpline", "NaturalCubicSpline")  # the second is the first's name in OpenSim 2
-
-
-class UnknownFunction(Exception):
-    """A kind of function that is not understood; its argument is the kind."""
-
-
-def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
-    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`.
-
-    Raises:
-        UnknownFunction: its kind is not one of `FUNCTIONS`.
-        ValueError: its numbers are not what that kind needs.
-    """
-    x = arguments[0] if arguments else 0.0
-    if function.tag == "Constant":
-        return _number(function.word("value", default="0"))
-    if function.tag == "LinearFunction":
-        # OpenSim 2 and 3 call them coefficients too; the constant comes last.
-        *slopes, constant = _numbers(function, "coefficients", 2)
-        return sum(a * b for a, b in zip(slopes, arguments, strict=False)) + constant
-    if function.tag == "PolynomialFunction":
-        return np.polyval(_numbers(function, "coefficients", 1), x)
-    if function.tag == "PiecewiseLinearFunction":
-        knots, values = _points(function)
-        return _between(knots, values, x)
-    if function.tag in _SPLINES:
-        knots, values = _points(function)
-        return simm_spline(knots, values, x)
-    if function.tag == "MultiplierFunction":
-        inner = function_of(function)
-        if inner is None:
-            raise ValueError("no function to multiply")
-        return _number(function.word("scale", default="1")) * evaluate(inner, arguments)
-    if function.tag == "GCVSpline":
-        return _natural(function, x)
-    if function.tag == "Sine":
-        size, rate, phase, middle = (
-            _number(function.word(tag, default=usual))
-            for tag, usual in (("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0"))
-        )
-        return size * np.sin(rate * np.asarray(x) + phase) + middle
-    raise UnknownFunction(function.tag)
 
 
 def function_of(owner: Element) -> Element | None:
@@ -73,6 +30,52 @@ def function_of(owner: Element) -> Element | None:
     held = owner.child(*_HOLDERS)
     inside = (owner if held is None else held).children
     return next((child for child in inside if child.tag[:1].isupper()), None)
+
+
+def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
+    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`.
+
+    Raises:
+        InputProblem: its kind is not one of `FUNCTIONS`, or its numbers are not what that needs.
+    """
+    x, kind = arguments[0] if arguments else 0.0, function.tag
+    if kind not in FUNCTIONS:
+        inner = (*FUNCTIONS, "TransformAxis")
+        owners = (e for e in function.iterancestors() if e.name and e.tag not in inner)
+        expected = f"one of the functions that are supported: {', '.join(FUNCTIONS)}"
+        raise function.problem(f"function of {next(owners).name}", kind, expected)
+    inner = function_of(function)
+    factor = evaluate(inner, arguments) if inner is not None else 1.0
+    try:
+        if kind == "Constant":
+            return _number(function.word("value", default="0"))
+        if kind == "LinearFunction":
+            # OpenSim 2 and 3 call them coefficients too; the constant comes last.
+            *slopes, constant = _numbers(function, "coefficients", 2)
+            return sum(a * b for a, b in zip(slopes, arguments, strict=False)) + constant
+        if kind == "PolynomialFunction":
+            return np.polyval(_numbers(function, "coefficients", 1), x)
+        if kind == "MultiplierFunction":
+            if inner is None:
+                raise ValueError("no function to multiply")
+            return _number(function.word("scale", default="1")) * factor
+        if kind == "Sine":
+            size, rate, phase, middle = (
+                _number(function.word(tag, default=usual)) for tag, usual in
+                (("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0"))
+            )
+            return size * np.sin(rate * np.asarray(x) + phase) + middle
+        knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
+        if len(knots) != len(values):
+            raise ValueError(f"{len(knots)} values of x and {len(values)} of y")
+        if kind == "GCVSpline":
+            return _natural(function, knots, values, x)
+        if kind == "PiecewiseLinearFunction":
+            return _between(knots, values, x)
+        return simm_spline(knots, values, x)
+    except ValueError as error:
+        expected = "the numbers of this kind of function"
+        raise function.problem("numbers", str(error), expected) from None
 
 
 def describe(function: Element) -> str:
@@ -129,17 +132,14 @@ def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.nda
     return spline(inside) + beyond * spline(inside, 1)
 
 
-def _natural(function: Element, x: Any) -> Any:
+def _natural(function: Element, knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     """The natural spline of degree `2 half_order - 1`; outside of degree `half_order - 1`."""
-    knots, values = _points(function)
     if float(function.word("error_variance", default="0")) > 0:
         raise ValueError("error_variance above 0: a spline that misses its points")
-    half = int(function.word("half_order", default="3"))
-    half = min(half, len(knots) // 2)
+    half = min(int(function.word("half_order", default="3")), len(knots) // 2)
     ends = [(order, 0.0) for order in range(half, 2 * half - 1)]
-    spline = make_interp_spline(
-        knots, values, k=2 * half - 1, bc_type=(ends, ends) if ends else None
-    )
+    bounds = (ends, ends) if ends else None
+    spline = make_interp_spline(knots, values, k=2 * half - 1, bc_type=bounds)
     inside = np.clip(x, knots[0], knots[-1])
     beyond = np.asarray(x) - inside
     return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
@@ -157,13 +157,6 @@ def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     width = knots[i + 1] - knots[i]
     slope = np.where(width > 0, values[i + 1] - values[i], 0.0) / np.where(width > 0, width, 1.0)
     return values[i] + (x - knots[i]) * slope
-
-
-def _points(function: Element) -> tuple[np.ndarray, np.ndarray]:
-    knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
-    if len(knots) != len(values):
-        raise ValueError(f"{len(knots)} values of x and {len(values)} of y")
-    return knots, values
 
 
 def _numbers(function: Element, name: str, at_least: int) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 
 from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
+from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, read_storage
 
@@ -67,54 +67,37 @@ def read_external_loads(
     Raises:
         InputProblem: the file or its table cannot be read, or a body or column does not exist.
     """
-    file = parse_xml(path, KIND)
+    file, back = parse_xml(path, KIND), {own: name for name, own in (called or {}).items()}
     top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
     if top is None:
-        raise file.problem(file.root, "", file.root.tag, f"{KIND}: an element ExternalLoads")
+        raise file.root.problem("", file.root.tag, f"{KIND}: an element ExternalLoads")
     word = top.word("datafile")
     if not word:
-        raise file.problem(top, "datafile", "missing", "the table of forces")
-    table = read_storage(Path(path).parent / word)
-    found = [
-        _force(file, e, model, table, called or {}) for e in top.inside("objects")
-        if e.tag == "ExternalForce" and e.word("isDisabled").lower() != "true"
-        and e.word("appliesForce").lower() != "false"
-    ]
+        raise top.problem("datafile", "missing", "the table of forces")
+    table, found = read_storage(Path(path).parent / word), []
+    for element in top.inside("objects"):
+        off = element.word("isDisabled").lower() == "true"
+        off = off or element.word("appliesForce").lower() == "false"
+        if element.tag != "ExternalForce" or off:
+            continue
+        bodies, columns = [], []
+        for tag, usual in (("applied_to_body", ""), ("force_expressed_in_body", GROUND),
+                           ("point_expressed_in_body", GROUND)):
+            body = element.last_word(tag) or usual
+            bodies.append(model.named(back.get(body, body)))
+            if not bodies[-1]:
+                word, expected = element.word(tag) or "missing", "a body of the model"
+                raise element.problem(tag, word, expected, model.bodies)
+        for tag in ("force_identifier", "point_identifier", "torque_identifier"):
+            stem = element.word(tag)
+            needed = stem or tag == "force_identifier"
+            columns.append(tuple(f"{stem}{axis}" for axis in "xyz") if needed else ())
+            for name in columns[-1]:
+                table.named(name, f"a column of {tag} of {element.name}")
+        found.append(ExternalForce(element.name, *bodies, *columns))
     if not found:
-        raise file.problem(top, "objects", "none", "at least one ExternalForce")
+        raise top.problem("objects", "none", "at least one ExternalForce")
     return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
-
-
-def _force(
-    file: XmlFile, element: Element, model: Model, table: Storage, called: Mapping[str, str]
-) -> ExternalForce:
-    back = {own: name for name, own in called.items()}
-
-    def body(tag: str, usual: str = "") -> str:
-        word = element.word(tag, default=usual)
-        last = word.rsplit("/", 1)[-1]
-        name = model.named(back.get(last, last))
-        if not name:
-            expected = "a body of the model"
-            raise file.problem(element, tag, word or "missing", expected, model.bodies)
-        return name
-
-    def columns(tag: str, needed: bool) -> tuple[str, ...]:
-        word = element.word(tag)
-        names = tuple(f"{word}{axis}" for axis in "xyz") if word or needed else ()
-        for name in names:
-            table.named(name, f"a column of {tag} of {element.name}")
-        return names
-
-    return ExternalForce(
-        element.name,
-        body("applied_to_body"),
-        body("force_expressed_in_body", GROUND),
-        body("point_expressed_in_body", GROUND),
-        columns("force_identifier", True),
-        columns("point_identifier", False),
-        columns("torque_identifier", False),
-    )
 
 
 def _doubts(file: str, forces: list[ExternalForce], table: Storage) -> Iterator[str]:
@@ -151,17 +134,18 @@ def on_bodies(
     for one in loads.forces:
         if one.body not in bodies:
             continue
-        # Forces and moments are taken between rows, not points: a point without force jumps.
         pull, point, torque = one.rows(loads.table)
         if one.force_in == one.point_in == GROUND:
-            force += _between(time, inside, pull)
-            moment += _between(time, inside, torque + np.cross(point, pull))
-            continue
-        carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
-        here, spin = (np.einsum("nij,nj->ni", carrier.turn, _between(time, inside, x))
-                      for x in (pull, torque))
-        force += here
-        moment += spin + np.cross(frame.point(_between(time, inside, point)), here)
+            # Forces and moments are taken between rows, not points: one without force jumps.
+            here = _between(time, inside, pull)
+            spin = _between(time, inside, torque + np.cross(point, pull))
+        else:
+            carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
+            turn = np.asarray(carrier.turn)
+            here, spin = (np.einsum("nij,nj->ni", turn, _between(time, inside, x))
+                          for x in (pull, torque))
+            spin = spin + np.cross(frame.point(_between(time, inside, point)), here)
+        force, moment = force + here, moment + spin
     return force, moment
 
 
@@ -213,8 +197,8 @@ def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
     """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
     center of mass and its joints; m, `(n,)`."""
     model, here = movement.model, movement.placed[body]
-    marks = [np.zeros(3), np.array(model.point(model.bodies[body], "mass_center"), float)]
-    marks += [np.array(frame.translation, float) for joint in movement.joints
+    marks = [np.zeros(3), np.array(model.bodies[body].point("mass_center"), float)]
+    marks += [np.array(frame.shift, float) for joint in movement.joints
               if GROUND not in (joint.parent, joint.child)
               for end, frame in joint.ends if end == body]
     return np.min([np.linalg.norm(point - here.point(np.broadcast_to(mark, point.shape)), axis=1)

@@ -8,7 +8,7 @@ import fnmatch
 import hashlib
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from kneejax.files.knee import check_knee
@@ -23,12 +23,14 @@ from kneejax.files.opensim._ligaments import (
     outside_obstacles,
 )
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._muscles import PatellaSection, find_muscles, patella_section
+from kneejax.files.opensim._patella import PatellaSection, read_patella, wrap_names
 from kneejax.files.opensim._paths import OsimWrap, file_names
-from kneejax.files.opensim._untaken import (
+from kneejax.files.opensim._report import (
     ACTS,
+    ASKED,
     ELSEWHERE,
     OFF,
+    WITHOUT_PATELLA,
     Untaken,
     listed,
     numbers_of_kinds,
@@ -54,11 +56,9 @@ class OsimImport:
         found: fibres, with those left out and why.
         contacts: contacts of femur and tibia.
         untaken: forces and constraints of the model that are no part of the knee.
-        without: names that were left out because a person asked for it.
         bodies: at the knee that are part of none of its bones, as menisci.
         patellofemoral: contacts of femur and patella.
-        patella_notes: what was assumed or left out of the patella and the muscles.
-        patella_doubts: where they are not the model's.
+        patella: what was assumed or left out of it and the muscles.
     """
 
     document: dict[str, Any]
@@ -69,53 +69,53 @@ class OsimImport:
     found: Found
     contacts: tuple[OsimContact, ...]
     untaken: tuple[Untaken, ...]
-    without: tuple[str, ...]
-    bodies: tuple[str, ...] = ()
-    patellofemoral: tuple[OsimContact, ...] = ()
-    patella_notes: tuple[str, ...] = ()
-    patella_doubts: tuple[str, ...] = ()
+    bodies: tuple[str, ...]
+    patellofemoral: tuple[OsimContact, ...]
+    patella: PatellaSection
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What a person should look at; empty if everything of the knee was read."""
-        unsupported = (
-            f"{name} was left out: not supported: {why}."
-            for name, why in self.found.unsupported.items()
-        )
-        acting = [one for one in self.untaken if one.how == ACTS]
-        others = (f"{line}: left out, though it {ACTS}." for line in listed(acting))
-        contact = (f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts)
-        return (
-            *unsupported, *others, *self.patella_doubts, *self.knee.doubts, *contact,
-            *_soft(self.document),
-        )
+        acting = listed(one for one in self.untaken if one.how == ACTS)
+        doubts = [f"{name} was left out: not supported: {why}."
+                  for name, why in self.found.unsupported.items()]
+        doubts += [f"{line}: left out, though it {ACTS}." for line in acting]
+        doubts += [*self.patella.doubts, *self.knee.doubts]
+        doubts += [f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts]
+        parts = (self.document, self.document.get("patella", {}))
+        every = {name: x for part in parts for name, x in part.get("ligaments", {}).items()}
+        soft = [name for name, x in every.items() if x["stiffness_N"] < SOFT_N]
+        if soft:
+            softest = min(every[name]["stiffness_N"] for name in soft)
+            first = every[soft[0]]["stiffness_N"] * every[soft[0]]["slack_length_mm"]
+            doubts.append(
+                f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
+                f"{', '.join(soft)}. N/mm are suspected: of {soft[0]} that would be "
+                f"{first:.4g} N per unit strain."
+            )
+        return tuple(doubts)
 
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the model has for this knee besides, and why no doubt follows from it."""
-        groups = collections.defaultdict(list)
-        for one in self.untaken:
-            if one.how not in (ACTS, ELSEWHERE):
-                groups[one.how].append(one)
-        asked = [f"{', '.join(self.without)}: as asked by --without"] if self.without else []
-        return (*(f"{line}: {how}" for how, many in groups.items() for line in listed(many)),
-                *asked)
+        ways = dict.fromkeys(one.how for one in self.untaken if one.how not in (ACTS, ELSEWHERE))
+        return tuple(f"{line}: {how}" for how in ways
+                     for line in listed(one for one in self.untaken if one.how == how))
 
     @property
     def numbers_left_out(self) -> str:
-        """How many of which kind the knee has not: of what acts on it, is switched off, or is
-        elsewhere in the model."""
-        fibres = [e.tag for e in self.found.answered if e.name not in self.without]
-        tags = collections.defaultdict(list, {ACTS: fibres})
+        """How many of which kind the knee has not: of what acts on it, was not wanted, is switched
+        off, or is elsewhere in the model."""
+        titles = {
+            ACTS: "left out", ASKED: ASKED, WITHOUT_PATELLA: WITHOUT_PATELLA,
+            OFF: "switched off in the model", ELSEWHERE: "not at this knee",
+        }  # fmt: skip
+        tags = {how: [] for how in titles} | {ACTS: [e.tag for e in self.found.answered]}
         for one in self.untaken:
-            tags[one.how if one.how in (OFF, ELSEWHERE) else ACTS].append(one.element.tag)
-        parts = {
-            "left out": numbers_of_kinds(tags[ACTS], self.bodies),
-            "as asked by --without": f"{len(self.without)}" if self.without else "",
-            "switched off in the model": numbers_of_kinds(tags[OFF]),
-            "not at this knee": numbers_of_kinds(tags[ELSEWHERE]),
-        }
-        return "; ".join(f"{what}: {numbers}" for what, numbers in parts.items() if numbers)
+            tags[one.how if one.how in tags else ACTS].append(one.element.tag)
+        numbers = {how: numbers_of_kinds(many, self.bodies if how == ACTS else ())
+                   for how, many in tags.items()}
+        return "; ".join(f"{titles[how]}: {number}" for how, number in numbers.items() if number)
 
 
 def import_osim(
@@ -164,13 +164,11 @@ def import_osim(
         >>> read.doubts
         ()
     """
-    if side not in SIDES:
-        raise InputProblem(path, "--side", side, "r or l")
     model = read_model(path, data)
     knee = find_knee(model, side, femur, tibia, may_be_named=True)
     whole = with_pelvis_and_foot(model, knee, at)
     found = find_ligaments(model, whole)
-    left_out = _leave_out(model, found, without)
+    unwanted = _leave_out(model, found, without)
     knee = _with_small_bones(knee, whole, found.ligaments)
     own = [x for x in found.ligaments if not _beside(x, knee)]
     if not own:
@@ -182,54 +180,67 @@ def import_osim(
         )
     knee, turn = anatomical(model, knee, own)
     whole = turned(whole, turn)
-    every = outside_obstacles(model, whole, found, inside)
+    every = outside_obstacles(whole, found, inside)
     beside = [x for x in every if _beside(x, knee)]
-    found.ligaments[:] = [x for x in every if not _beside(x, knee)]
+    found.ligaments[:] = [x for x in every if x not in beside]
     names = file_names((ligament.key for ligament in found.ligaments), "L")
     ligaments = dict(zip(names, found.ligaments, strict=True))
-    wraps = {name: wrap for wrap, name in _wrap_names(found.ligaments)}
+    wraps = {name: wrap for wrap, name in wrap_names(found.ligaments)}
     contacts = find_contacts(model, knee)
     of_tibia, of_patella = (tuple(c for c in contacts if (c.other.bone == PATELLA) == there)
                             for there in (False, True))
-    section = _patella(model, whole, beside, knee, at or {}) if patella else PatellaSection({}, ())
+    section = PatellaSection({}, ())
+    if patella:
+        section = read_patella(model, whole, beside, knee, at or {})
     taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
     if section.document:
         taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
     else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-    others, bodies = untaken(model, knee, taken)
-    others = [one for one in others if one.element.name not in left_out
-              and (patella or not one.muscle_or_patella)]
+    others, bodies = untaken(model, knee, taken, unwanted, patella)
     bodies = [body for body in bodies if patella or "menisc" in body.lower()]
     bodies += [knee.patella] if patella and knee.patella and not section.document else []
-    doubts = section.doubts
     if not section.document and any(x.muscle_or_patella and x.how == ACTS for x in others):
-        doubts += (f"{section.notes[0]} --without-patella does without it and its muscles.",)
-    answer = OsimImport(
-        {}, model, knee, ligaments, wraps, found, of_tibia, tuple(others), left_out,
-        tuple(bodies), of_patella, section.notes, doubts,
-    )
-    check_lengths(model, whole, [*found.ligaments, *beside])
-    answer.document.update(_document(answer))
-    if section.document:
-        answer.document["patella"] = section.document
-    check_knee(answer.document, path)
-    return answer
+        say = f"{section.notes[0]} --without-patella does without it and its muscles."
+        section = dataclasses.replace(section, doubts=(*section.doubts, say))
+    check_lengths(whole, [*found.ligaments, *beside])
 
-
-def _soft(document: dict[str, Any]) -> list[str]:
-    """A doubt where stiffnesses look like N/mm."""
-    every = document["ligaments"] | document.get("patella", {}).get("ligaments", {})
-    soft = {name: x for name, x in every.items() if x["stiffness_N"] < SOFT_N}
-    if not soft:
-        return []
-    name, entry = next(iter(soft.items()))
-    softest = min(x["stiffness_N"] for x in soft.values())
-    return [
-        f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
-        f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
-        f"{entry['stiffness_N'] * entry['slack_length_mm']:.4g} N per unit strain."
-    ]
+    file, word = model.name, SIDES[knee.side]
+    keys = {wrap.element: name for name, wrap in wraps.items()}
+    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}."
+             for joint in knee.joints]
+    for contact in of_tibia:
+        lines += [f"Contact {contact.name} of the model:", *contact.findings]
+    origin = {
+        "file": file,
+        "sha256": hashlib.sha256(model.file.original).hexdigest(),
+        "side": knee.side,
+        "femur": knee.femur,
+        "tibia": knee.tibia,
+        # Only names that a knee file does not allow differ from the model's.
+        "ligaments": {n: x.key for n, x in ligaments.items() if n != x.key},
+        "wraps": {n: x.key for n, x in wraps.items() if n != x.key},
+    }
+    document: dict[str, Any] = {
+        "kneejax": 1,
+        "name": model.root.name or model.file.path.stem,
+        "side": word,
+        "description": f"The {word} knee of the OpenSim model {model.root.name or file} ({file})",
+        "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True)) | {
+            "source": f"{file}: {knee.tibia} in {knee.femur} at the coordinates' default values"},
+        "ligaments": {name: one.document(knee, file, keys) for name, one in ligaments.items()},
+        "contacts": {},
+        "wraps": {name: wrap.document(knee, file) for name, wrap in wraps.items()},
+        "groups": _groups(list(ligaments)),
+        "notes": " ".join((*knee.unusual, "Knee joint of the model.", *lines)),
+        "imported_from": {name: value for name, value in origin.items() if value != {}},
+        "patella": section.document,
+    }
+    optional = ("wraps", "groups", "patella")
+    document = {name: x for name, x in document.items() if x or name not in optional}
+    check_knee(document, path)
+    return OsimImport(document, model, knee, ligaments, wraps, found, of_tibia, tuple(others),
+                      tuple(bodies), of_patella, section)
 
 
 def _with_small_bones(
@@ -257,78 +268,8 @@ def _beside(ligament: OsimLigament, knee: OsimKneeJoint) -> str:
     return next((x for x in bodies if knee.bone_of(x) in ("", PATELLA)), "")
 
 
-def _wrap_names(fibres: Sequence[Any]) -> list[tuple[OsimWrap, str]]:
-    """What fibres or muscles go around, each once, with its name in a knee file."""
-    used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}
-    return [*zip(used.values(), file_names((w.key for w in used.values()), "W"), strict=True)]
-
-
-def _patella(
-    model: Model,
-    whole: OsimKneeJoint,
-    beside: list[OsimLigament],
-    knee: OsimKneeJoint,
-    at: Mapping[str, float],
-) -> PatellaSection:
-    """The section of the patella, with the muscles over the knee and ligaments from the pelvis."""
-    where = f" at {', '.join(f'{name}={value:g}' for name, value in at.items())}" if at else ""
-    notes, doubts, file = [], [], f"{model.name}{where}"
-    muscles = find_muscles(model, whole, notes, doubts)
-    every = (*beside, *muscles)
-    if any(point.body not in knee.rigid for one in every for point in one.points):
-        notes.append(
-            "Pelvis and foot stand where the model's default coordinates have them"
-            + (f", but for{where.removeprefix(' at')}" if where else "")
-            + ": what comes from there begins or ends at a fixed point of the femur or the tibia."
-        )
-    names = {wrap.element: name for wrap, name in _wrap_names(every)}
-    keys = file_names((x.key for x in beside), "L")
-    entries = {name: one.document(whole, file, names)
-               for name, one in zip(keys, beside, strict=True)}
-    section = patella_section(model, whole, entries, muscles, names, file, notes)
-    return dataclasses.replace(section, doubts=tuple(doubts) if section.document else ())
-
-
-def _document(read: OsimImport) -> dict[str, Any]:
-    model, knee, file = read.model, read.knee, read.model.name
-    side = SIDES[knee.side]
-    names = {wrap.element: name for name, wrap in read.wraps.items()}
-    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}."
-             for joint in knee.joints]
-    for contact in read.contacts:
-        lines += [f"Contact {contact.name} of the model:", *contact.findings]
-    source = f"{file}: {knee.tibia} in {knee.femur} at the coordinates' default values"
-    origin = {
-        "file": file,
-        "sha256": hashlib.sha256(model.file.original).hexdigest(),
-        "side": knee.side,
-        "femur": knee.femur,
-        "tibia": knee.tibia,
-        # Only names that a knee file does not allow differ from the model's.
-        "ligaments": {n: x.key for n, x in read.ligaments.items() if n != x.key},
-        "wraps": {n: x.key for n, x in read.wraps.items() if n != x.key},
-    }
-    document: dict[str, Any] = {
-        "kneejax": 1,
-        "name": model.root.name or model.file.path.stem,
-        "side": side,
-        "description": f"The {side} knee of the OpenSim model {model.root.name or file} ({file})",
-        "reference_pose": dict(zip(COLUMNS, knee.pose, strict=True)) | {"source": source},
-        "ligaments": {name: one.document(knee, file, names)
-                      for name, one in read.ligaments.items()},
-        "contacts": {},
-        "wraps": {name: wrap.document(model, knee, file) for name, wrap in read.wraps.items()},
-        "groups": _groups(list(read.ligaments)),
-        "notes": " ".join((*knee.unusual, "Knee joint of the model.", *lines)),
-        "imported_from": {name: value for name, value in origin.items() if value != {}},
-    }
-    for section in ("wraps", "groups"):
-        if not document[section]:
-            del document[section]
-    return document
-
-
-def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:
+def _leave_out(model: Model, found: Found, without) -> list[str]:
+    """Names that a person wants left out; fibres of these go."""
     names: list[str] = []
     for pattern in without:
         known = [x.key for x in found.ligaments] + list(found.unsupported) + list(found.outside)
@@ -341,7 +282,8 @@ def _leave_out(model: Model, found: Found, without) -> tuple[str, ...]:
     found.ligaments[:] = [x for x in found.ligaments if x.key not in names]
     for name in names:
         found.unsupported.pop(name, None)
-    return tuple(names)
+    found.answered[:] = [x for x in found.answered if x.name not in names]
+    return names
 
 
 def _groups(names: list[str]) -> dict[str, list[str]]:

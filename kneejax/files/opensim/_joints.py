@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from decimal import Decimal
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import Offset, Rigid, turn_about
-from kneejax.files.opensim._functions import (
-    FUNCTIONS,
-    UnknownFunction,
-    describe,
-    evaluate,
-    function_of,
-)
+from kneejax.files.opensim._exact import Rigid, decimals, turn_about
+from kneejax.files.opensim._functions import describe, evaluate, function_of
 from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._xml import Element
 from kneejax.files.tables import Storage, last_word
@@ -58,15 +51,15 @@ class Axis:
     function: Element | None  # amount as a function of them; None for the coordinate itself
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Joint:
     """A joint between two bodies."""
 
     element: Element
     parent: str
     child: str
-    parent_frame: Offset  # from the joint's frame on the parent to the parent
-    child_frame: Offset  # likewise on the child
+    parent_frame: Rigid  # from the joint's frame on the parent to the parent
+    child_frame: Rigid  # likewise on the child
     coordinates: tuple[Coordinate, ...]
     axes: tuple[Axis, ...]  # in order, rotations first
     reverse: bool = False  # whether the axes state the parent's motion in the child
@@ -87,7 +80,7 @@ class Joint:
         return all(coordinate.locked for coordinate in self.coordinates)
 
     @property
-    def ends(self) -> tuple[tuple[str, Offset], tuple[str, Offset]]:
+    def ends(self) -> tuple[tuple[str, Rigid], tuple[str, Rigid]]:
         """Both bodies, and the joint's frame on each."""
         return (self.parent, self.parent_frame), (self.child, self.child_frame)
 
@@ -95,31 +88,30 @@ class Joint:
         """The body that it joins to this one; empty where it does not."""
         return {self.parent: self.child, self.child: self.parent}.get(body, "")
 
-    def motion(self, model: Model, values: Mapping[str, Any], shape: tuple[int, ...] = ()) -> Rigid:
-        """The motion between the joint's frames at coordinates, rad or m, arrays of a shape.
+    def placement(self, values: Mapping[str, Any], shape: tuple[int, ...] | None) -> Rigid:
+        """The motion from the child's to the parent's coordinates.
 
-        Raises:
-            InputProblem: an axis has a function that is not supported, or its numbers are wrong.
+        It is that at coordinates, rad or m, arrays of a shape, or numbers where it is None.
         """
-        turn, shift = np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3))
+        every = shape or ()
+        turn, shift = np.broadcast_to(np.eye(3), (*every, 3, 3)), np.zeros((*every, 3))
         for axis in self.axes:
             arguments = [values.get(name, 0.0) for name in axis.coordinates]
             if axis.function is not None:
-                amount = function_value(model, axis.function, arguments, self.name)
+                amount = evaluate(axis.function, arguments)
             else:
                 amount = arguments[0] if arguments else 0.0
-            amount = np.broadcast_to(np.asarray(amount, float), shape)
+            amount = np.broadcast_to(np.asarray(amount, float), every)
             if axis.turns:
                 turn = turn @ turn_about(axis.direction, amount)
             else:
                 shift = shift + amount[..., None] * axis.direction
-        return Rigid(turn, shift).inverse() if self.reverse else Rigid(turn, shift)
-
-    def placement(self, model: Model) -> Offset:
-        """The motion from the child's to the parent's coordinates, at the coordinates' defaults."""
-        own = self.motion(model, {c.name: c.default for c in self.coordinates})
-        x, y, z = (Decimal(repr(float(value) + 0.0)) for value in own.shift)
-        moved = Offset(None if np.array_equal(own.turn, np.eye(3)) else own.turn, (x, y, z))
+        if shape is None:
+            still = np.array_equal(turn, np.eye(3))
+            moved = Rigid(None if still else turn, decimals(shift))
+        else:
+            moved = Rigid(turn, shift)
+        moved = moved.inverse() if self.reverse else moved
         return self.parent_frame.after(moved).after(self.child_frame.inverse())
 
     def describe(self) -> list[str]:
@@ -163,49 +155,62 @@ class Movement:
         return Movement(self.model, self.joints, values, placed)
 
 
-def moved(model: Model, values: Mapping[str, np.ndarray]) -> Movement:
+def reached(
+    joints: Iterable[Joint], body: str, through: Callable[[Joint], bool] = lambda _: True
+) -> Iterator[tuple[Joint, str, str]]:
+    """Outwards from a body, breadth first: a joint that passes a condition, the body from which it
+    is reached, and the one to which it leads."""
+    seen, waiting = {body}, [body]
+    while waiting:
+        here = waiting.pop(0)
+        for joint in joints:
+            other = joint.other(here)
+            if other and other not in seen and through(joint):
+                seen.add(other)
+                waiting.append(other)
+                yield joint, here, other
+
+
+def placed(
+    joints: Iterable[Joint], body: str, values: Mapping[str, Any],
+    shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
+) -> dict[str, Rigid]:  # fmt: skip
+    """Where bodies are in one of them to which joints connect them: forward kinematics.
+
+    Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
+    exact as long as nothing turns.
+    """
+    still = Rigid()
+    if shape is not None:
+        still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
+    found = {body: still}
+    for joint, here, other in reached(joints, body, through):
+        step = joint.placement(values, shape)
+        found[other] = found[here].after(step if other == joint.child else step.inverse())
+    return found
+
+
+def moved(model: Model, values: Mapping[str, Any]) -> Movement:
     """Bodies of a model at coordinates, rad or m, all of one shape; others follow these where they
-    are coupled to them, and have their defaults where not.
+    are coupled to them, and have their defaults where not. Without any, all have these.
 
     Raises:
         InputProblem: a joint moves by a function that is not known.
     """
     joints = read_joints(model)
-    shape = np.shape(next(iter(values.values())))
-    every = {
-        c.name: np.broadcast_to(values.get(c.name, c.default), shape)
-        for joint in joints for c in joint.coordinates
-    }
-    every = {x: np.broadcast_to(y, shape) for x, y in _followed(model, every, values).items()}
-    still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
-    placed, waiting = {GROUND: still}, list(joints)
-    while waiting:
-        ready = [joint for joint in waiting if joint.parent in placed]
-        if not ready:
-            # A body that no joint carries begins at the ground, as in OpenSim.
-            free = {joint.parent for joint in waiting} - {joint.child for joint in waiting}
-            if not free:
-                break
-            placed |= dict.fromkeys(free, still)
-        for joint in ready:
-            there = placed[joint.parent].after(Rigid.of(joint.parent_frame))
-            there = there.after(joint.motion(model, every, shape))
-            placed[joint.child] = there.after(Rigid.of(joint.child_frame).inverse())
-        waiting = [joint for joint in waiting if joint not in ready]
-    return Movement(model, tuple(joints), every, placed)
-
-
-def placed_above(model: Model, above: Mapping[str, Joint], body: str) -> Offset:
-    """The motion from a body's coordinates to the uppermost body's above it, at the defaults.
-
-    `above` has the joint by which each body hangs on another one.
-    """
-    motion, seen = Offset(), set()
-    while body in above and body not in seen:
-        seen.add(body)
-        motion = above[body].placement(model).after(motion)
-        body = above[body].parent
-    return motion
+    shape = np.shape(next(iter(values.values()))) if values else ()
+    known = coordinates_of(joints)
+    every = {c.name: np.broadcast_to(values.get(c.name, c.default), shape) for c in known}
+    every = _followed(model, known, every, values)
+    every = {name: np.broadcast_to(x, shape) for name, x in every.items()}
+    # A body that no joint carries begins at the ground, as in OpenSim.
+    carried = {joint.child for joint in joints}
+    free = [joint.parent for joint in joints if joint.parent not in carried]
+    found: dict[str, Rigid] = {}
+    for body in (GROUND, *free, *model.bodies):
+        if body not in found:
+            found |= placed(joints, body, every, shape or None)
+    return Movement(model, tuple(joints), every, found)
 
 
 def turning(joints: Iterable[Joint]) -> set[str]:
@@ -229,38 +234,12 @@ def coordinate_columns(model: Model, table: Storage) -> dict[str, str]:
     return {last_word(name): name for name in table.columns if last_word(name) in known}
 
 
-def function_value(model: Model, function: Element, arguments: Sequence[Any], of: str) -> Any:
-    """A function's value; InputProblem where its kind is not known or its numbers are wrong."""
-    try:
-        return evaluate(function, arguments)
-    except UnknownFunction as kind:
-        expected = f"one of the functions that are supported: {', '.join(FUNCTIONS)}"
-        raise model.file.problem(function, f"function of {of}", str(kind), expected) from None
-    except ValueError as error:
-        expected = "the numbers of this kind of function"
-        raise model.file.problem(function, "numbers", str(error), expected) from None
-
-
 def couplers(model: Model) -> Iterator[tuple[Element, str, tuple[str, ...]]]:
     """Constraints that hold, the coordinate that follows others by each, and those others."""
     for element in model.elements:
-        if element.tag == "CoordinateCouplerConstraint" and model.applied(element):
-            leading = tuple(model.word(element, "independent_coordinate_names").split())
-            yield element, model.word(element, "dependent_coordinate_name"), leading
-
-
-def _followed(model: Model, values: Mapping[str, Any], given: Iterable[str]) -> dict[str, Any]:
-    """Coordinates, rad or m, where couplers hold; those that are given follow nothing."""
-    values, known = dict(values), list(couplers(model))
-    for _ in known:  # one may follow another
-        for element, name, leading in known:
-            function = function_of(element)
-            if name in given or name not in values or function is None:
-                continue
-            arguments = [values.get(one, 0.0) for one in leading]
-            scale = model.number(element, "scale_factor", "1")
-            values[name] = scale * function_value(model, function, arguments, element.name)
-    return values
+        if element.tag == "CoordinateCouplerConstraint" and element.applied:
+            leading = tuple(element.word("independent_coordinate_names").split())
+            yield element, element.word("dependent_coordinate_name"), leading
 
 
 def read_joints(model: Model) -> list[Joint]:
@@ -274,17 +253,30 @@ def read_joints(model: Model) -> list[Joint]:
         joints = [_joint(model, element) for element in model.elements
                   if element.tag.endswith("Joint") and element.tag != "Joint"]
         every = coordinates_of(joints)
-        fixed = {c.name for c in every if c.prescribed is not None or c.locked}
-        values = _followed(model, {c.name: c.default for c in every}, fixed)
-        model.joints = [at_defaults(joint, values) for joint in joints]
+        values = _followed(model, every, {c.name: c.default for c in every}, ())
+        model.joints = [
+            dataclasses.replace(joint, coordinates=tuple(
+                dataclasses.replace(c, default=float(values[c.name])) for c in joint.coordinates))
+            for joint in joints
+        ]
     return model.joints
 
 
-def at_defaults(joint: Joint, values: Mapping[str, Any]) -> Joint:
-    """A joint with other defaults of those coordinates that are given, rad or m."""
-    return dataclasses.replace(joint, coordinates=tuple(
-        dataclasses.replace(c, default=float(values.get(c.name, c.default)))
-        for c in joint.coordinates))
+def _followed(
+    model: Model, coordinates: Iterable[Coordinate], values: Mapping[str, Any], given: Iterable[str]
+) -> dict[str, Any]:
+    """Coordinates, rad or m, where couplers hold; what is given, locked or prescribed follows
+    nothing."""
+    values, known = dict(values), list(couplers(model))
+    fixed = {*given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
+    for _ in known:  # one may follow another
+        for element, name, leading in known:
+            function = function_of(element)
+            if name in fixed or name not in values or function is None:
+                continue
+            arguments = [values.get(one, 0.0) for one in leading]
+            values[name] = element.number("scale_factor", "1") * evaluate(function, arguments)
+    return values
 
 
 def _joint(model: Model, element: Element) -> Joint:
@@ -292,36 +284,36 @@ def _joint(model: Model, element: Element) -> Joint:
     if element.child("parent_body") is not None and outer is not None:
         parent, child = model.body_of(element, "parent_body"), outer.name
         parent_frame, child_frame = (
-            Offset.of(model.point(element, f"location{where}"),
-                      model.point(element, f"orientation{where}"))
+            Rigid.of(element.point(f"location{where}"),
+                      element.point(f"orientation{where}"))
             for where in ("_in_parent", "")
         )
     else:
         parent, parent_frame = model.socket(element, "parent_frame")
         child, child_frame = model.socket(element, "child_frame")
     listed = element.inside("coordinates") or element.inside("CoordinateSet", "objects")
-    coordinates = tuple(_coordinate(model, c) for c in listed if c.tag == "Coordinate")
-    axes = _axes(model, element, coordinates)
-    reverse = model.truth(element, "reverse", False)
+    coordinates = tuple(_coordinate(c) for c in listed if c.tag == "Coordinate")
+    axes = _axes(element, coordinates)
+    reverse = element.truth("reverse", False)
     return Joint(element, parent, child, parent_frame, child_frame, coordinates, axes, reverse)
 
 
-def _coordinate(model: Model, element: Element) -> Coordinate:
+def _coordinate(element: Element) -> Coordinate:
     limits = None
-    if model.word(element, "range"):
-        lower, upper = model.numbers(element, "range", 2)
+    if element.word("range"):
+        lower, upper = element.numbers("range", 2)
         limits = float(lower), float(upper)
-    default = model.number(element, "default_value", "0")
-    locked, function = model.truth(element, "locked", False), function_of(element)
-    if locked or not model.truth(element, "prescribed", False):
+    default = element.number("default_value", "0")
+    locked, function = element.truth("locked", False), function_of(element)
+    if locked or not element.truth("prescribed", False):
         function = None
     if function is not None:
-        default = float(function_value(model, function, [0.0], element.name))
-    clamped = model.truth(element, "clamped", False)
+        default = float(evaluate(function, [0.0]))
+    clamped = element.truth("clamped", False)
     return Coordinate(element.name, default, limits, locked, clamped, function)
 
 
-def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
+def _axes(element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
     if element.tag in _AXES:
         pairs = zip(_AXES[element.tag], coordinates, strict=False)
         return tuple(
@@ -330,13 +322,13 @@ def _axes(model: Model, element: Element, coordinates: tuple[Coordinate, ...]) -
     for axis in element.inside("SpatialTransform"):
         if axis.tag != "TransformAxis":
             continue
-        direction = np.array(model.point(axis, "axis"), float)
+        direction = np.array(axis.point("axis"), float)
         size = float(np.linalg.norm(direction))
         function, names = function_of(axis), tuple(axis.word("coordinates").split())
         if function is None and not names:
             continue
         if size == 0:
-            raise model.file.problem(axis, "axis", axis.word("axis") or "missing", "a direction")
+            raise axis.problem("axis", axis.word("axis") or "missing", "a direction")
         turns = axis.name.lower().startswith("rotation")
         answer.append(Axis(turns, direction / size, names, function))
     return tuple(sorted(answer, key=lambda axis: not axis.turns))

@@ -7,11 +7,13 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from kneejax.files.opensim._exact import Offset, Rigid, poses_of
+from kneejax.files.opensim._exact import Rigid, poses_of
 from kneejax.files.opensim._joints import (
     Joint,
-    at_defaults,
-    placed_above,
+    Movement,
+    moved,
+    placed,
+    reached,
     read_joints,
     unit_of,
 )
@@ -44,12 +46,12 @@ class OsimKneeJoint:
     joints: tuple[Joint, ...]  # between them, from the femur to the tibia
     # body -> (`femur`, `tibia` or `patella`, the motion from the body's to that bone's
     # coordinates), for the bones and what does not move against them
-    rigid: dict[str, tuple[str, Offset]]
-    tibia_in_femur: Offset  # motion of the tibia at the coordinates' defaults, in the model's axes
+    rigid: dict[str, tuple[str, Rigid]]
+    tibia_in_femur: Rigid  # motion of the tibia at the coordinates' defaults, in the model's axes
     findings: tuple[str, ...]  # what was taken as what
     doubts: tuple[str, ...]  # what a person should look at
     patella: str = ""  # its body; empty without one
-    patella_in_femur: Offset = dataclasses.field(default_factory=Offset)  # as `tibia_in_femur`
+    patella_in_femur: Rigid = dataclasses.field(default_factory=Rigid)  # as `tibia_in_femur`
     turned: bool = False  # whether the bones' axes are others than those of their bodies
     unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
@@ -61,17 +63,17 @@ class OsimKneeJoint:
     def pose(self) -> tuple[float, ...]:
         """Table row of the tibia in the femur at the coordinates' defaults, in the order of
         `kneejax.geometry.COLUMNS`, by clinical meaning."""
-        return tuple(poses_of(Rigid.of(self.tibia_in_femur), self.side).tolist())
+        return tuple(poses_of(self.tibia_in_femur, self.side).tolist())
 
     @property
     def patella_pose(self) -> tuple[float, ...]:
         """Likewise of the patella."""
-        return tuple(poses_of(Rigid.of(self.patella_in_femur), self.side).tolist())
+        return tuple(poses_of(self.patella_in_femur, self.side).tolist())
 
     @property
-    def in_femur(self) -> dict[str, Offset]:
+    def in_femur(self) -> dict[str, Rigid]:
         """Bone -> the motion from its coordinates to the femur's at the coordinates' defaults."""
-        return {FEMUR: Offset(), PATELLA: self.patella_in_femur, TIBIA: self.tibia_in_femur}
+        return {FEMUR: Rigid(), PATELLA: self.patella_in_femur, TIBIA: self.tibia_in_femur}
 
 
 def find_knee(
@@ -91,8 +93,9 @@ def find_knee(
     Raises:
         InputProblem: the model has no such knee, several, or not those bodies.
     """
+    if side not in SIDES:
+        raise InputProblem(model.file.path, "--side", side, "r or l")
     joints = read_joints(model)
-    above = {joint.child: joint for joint in joints}
     findings: list[str] = []
     doubts: list[str] = []
     unusual: tuple[str, ...] = ()
@@ -101,8 +104,8 @@ def find_knee(
         raise InputProblem(model.file.path, given, femur or tibia, "--femur and --tibia together")
     if femur is not None and tibia is not None:
         femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
-        found = _between(above, femur, tibia)
-        carried = tibia != femur and tibia in {joint.parent for joint in chain(above, femur)}
+        found = _between(joints, femur, tibia)
+        carried = tibia != femur and tibia in {joint.parent for joint in chain(joints, femur)}
         if _carries_upwards(joints, found, femur, tibia) or (
             carried and not _carries_upwards(joints, found, tibia, femur)
         ):
@@ -111,7 +114,7 @@ def find_knee(
                 "model's joints say otherwise: have --femur and --tibia changed places?"
             )
     else:
-        found = _guess(model, joints, above, side, findings, may_be_named)
+        found = _guess(model, joints, side, findings, may_be_named)
         femur, tibia = found[0].parent, found[-1].child
         if _carries_upwards(joints, found, femur, tibia):
             femur, tibia, found = tibia, femur, found[::-1]
@@ -119,14 +122,16 @@ def find_knee(
     findings += [f"{femur} was taken as the femur.", f"{tibia} was taken as the tibia."]
     names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
     findings.append(f"Joint between them: {names}.")
-    rigid: dict[str, tuple[str, Offset]] = {}
+    rigid: dict[str, tuple[str, Rigid]] = {}
+    movement = moved(model, {})
     for bone, body in ((FEMUR, femur), (TIBIA, tibia)):
-        for other, offset, through in _rigid(model, joints, body, found):
+        held = _held(movement, body, found)
+        for other, (at, through) in held.items():
             if other in rigid:
-                at = f"{rigid[other][0]} and {bone}"
+                where = f"{rigid[other][0]} and {bone}"
                 expected = "bones that are not one rigid body"
-                raise InputProblem(model.file.path, f"body {other}", at, expected)
-            rigid[other] = bone, offset
+                raise InputProblem(model.file.path, f"body {other}", where, expected)
+            rigid[other] = bone, at
             if other != body:
                 findings.append(f"{other} does not move against the {bone} ({through}).")
     patellae = [joint.child for joint in joints if joint.coordinates and joint.parent in rigid
@@ -134,7 +139,7 @@ def find_knee(
     patella = patellae[0] if len(patellae) == 1 else ""
     if patella:
         findings.append(f"{patella} was taken as the patella.")
-        rigid |= {body: (PATELLA, at) for body, at, _ in _rigid(model, joints, patella, [])}
+        rigid |= {body: (PATELLA, at) for body, (at, _) in _held(movement, patella, []).items()}
     elif patellae:
         doubts.insert(0, f"{len(patellae)} bodies may be the patella: {', '.join(patellae)}.")
     doubts += [
@@ -142,19 +147,17 @@ def find_knee(
         "value at 0 s."
         for joint in found for c in joint.coordinates if c.prescribed is not None
     ]
-    from_femur = placed_above(model, above, femur).inverse()
     return OsimKneeJoint(
-        side, femur, tibia, tuple(found), rigid,
-        from_femur.after(placed_above(model, above, tibia)), tuple(findings), tuple(doubts),
-        patella, from_femur.after(placed_above(model, above, patella)) if patella else Offset(),
+        side, femur, tibia, tuple(found), rigid, movement.between(femur, tibia), tuple(findings),
+        tuple(doubts), patella, movement.between(femur, patella) if patella else Rigid(),
         unusual=unusual,
     )
 
 
-def chain(above: Mapping[str, Joint], body: str) -> list[Joint]:
-    """Joints from a body upwards; `above` has the joint by which each body hangs on another."""
-    answer: list[Joint] = []
-    while body in above and not any(above[body] is joint for joint in answer):
+def chain(joints: Iterable[Joint], body: str) -> list[Joint]:
+    """Joints from a body upwards."""
+    above, answer = {joint.child: joint for joint in joints}, []
+    while body in above and above[body] not in answer:
         answer.append(above[body])
         body = above[body].parent
     return answer
@@ -164,16 +167,14 @@ def connected(
     joints: Iterable[Joint], bodies: Iterable[str], through: Callable[[Joint], bool]
 ) -> set[str]:
     """Bodies, and all that hang together with them by joints that pass a condition."""
-    names, ways = {*bodies}, [{j.parent, j.child} for j in joints if through(j)]
-    while more := set().union(*(both for both in ways if both & names)) - names:
-        names |= more
-    return names
+    bodies = {*bodies}
+    return bodies | {other for body in bodies for *_, other in reached(joints, body, through)}
 
 
 def beyond(joints: list[Joint], cut: list[Joint], body: str) -> set[str]:
     """A body and all that hangs together with it without some joints and without the ground."""
     return connected(joints, [body], lambda joint: GROUND not in (joint.parent, joint.child)
-                     and not any(joint is one for one in cut))
+                     and joint not in cut)
 
 
 def is_between(joint: Joint) -> bool:
@@ -192,25 +193,25 @@ def with_pelvis_and_foot(
     Raises:
         InputProblem: a coordinate that no joint of hip or foot has, or one out of its range.
     """
-    joints, own = read_joints(model), {id(joint.element) for joint in knee.joints}
-    above = {joint.child: joint for joint in joints}
+    joints = read_joints(model)
     # The femur carries the pelvis where the tibia carries the femur.
     standing = any(knee.bone_of(joint.child) == FEMUR for joint in knee.joints)
     parts: dict[str, list[tuple[Joint, str]]] = {}
     for bone, body in ((FEMUR, knee.femur), (TIBIA, knee.tibia)):
-        way = itertools.takewhile(lambda j: id(j.element) not in own, chain(above, body))
+        way = itertools.takewhile(lambda j: j not in knee.joints, chain(joints, body))
         parts[bone] = [(joint, joint.parent) for joint in way]
         waiting = [name for name in knee.rigid if knee.bone_of(name) == bone]
         while waiting and (bone == TIBIA or standing):
             body = waiting.pop()
             for joint in joints:
                 carried = joint.parent == body and joint.child not in knee.rigid
-                new = not is_between(joint) and id(joint.element) not in own
+                new = not is_between(joint) and joint not in knee.joints
                 if carried and new and (joint, joint.child) not in parts[bone]:
                     parts[bone].append((joint, joint.child))
                     waiting.append(joint.child)
     moving = [joint for found in parts.values() for joint, _ in found if joint.parent != GROUND]
     known = {c.name: (joint, c) for joint in moving for c in joint.coordinates}
+    values = {}
     for name, value in (at or {}).items():
         if name not in known:
             expected = f"a coordinate of hip or foot: {', '.join(known) or 'the model has none'}"
@@ -222,20 +223,18 @@ def with_pelvis_and_foot(
             if not lower <= value <= upper:
                 expected = f"{lower:.6g} to {upper:.6g} {unit}, its range in the model"
                 raise InputProblem(model.file.path, f"--at {name}", f"{value:g}", expected)
-        above[joint.child] = at_defaults(above[joint.child], {name: value / scale})
-    rigid = dict(knee.rigid)
+        values[name] = value / scale
+    movement, rigid = moved(model, values), dict(knee.rigid)
     for bone, body in ((FEMUR, knee.femur), (TIBIA, knee.tibia)):
-        to_bone = knee.rigid[body][1].after(placed_above(model, above, body).inverse())
         for _, other in parts[bone]:
             if other not in rigid and other in model.bodies:
-                rigid[other] = bone, to_bone.after(placed_above(model, above, other))
+                rigid[other] = bone, knee.rigid[body][1].after(movement.between(body, other))
     return dataclasses.replace(knee, rigid=rigid)
 
 
 def _guess(
     model: Model,
     joints: list[Joint],
-    above: dict[str, Joint],
     side: str,
     findings: list[str],
     may_be_named: bool,
@@ -268,9 +267,9 @@ def _guess(
     candidates = carrying if len(candidates) > 1 and carrying else candidates
     # The candidates from the uppermost to the lowest, with what is between.
     for last in candidates:
-        row = [last, *chain(above, last.parent)]
+        row = [last, *chain(joints, last.parent)]
         for k in range(len(row)):
-            if all(any(j is c for j in row[: k + 1]) for c in candidates):
+            if all(c in row[: k + 1] for c in candidates):
                 return row[k::-1]
     shown = candidates or moving
     names = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in shown[:12]) or "no joint"
@@ -286,13 +285,12 @@ def _side(joint: Joint) -> str:
     return said.pop() if len(said) == 1 else ""
 
 
-def _between(above: dict[str, Joint], femur: str, tibia: str) -> list[Joint]:
+def _between(joints: list[Joint], femur: str, tibia: str) -> list[Joint]:
     """Joints of the way from one body to the other."""
-    up, down = chain(above, femur), chain(above, tibia)
-    shared = [joint for joint in up if joint in down]
-    joints = [j for j in up if j not in shared] + [j for j in reversed(down) if j not in shared]
+    up, down = chain(joints, femur), chain(joints, tibia)
+    way = [j for j in up if j not in down] + [j for j in reversed(down) if j not in up]
     # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
-    return [j for j in joints if not j.fixed] or [j for j in joints if j.coordinates] or joints
+    return [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
 
 
 def _carries_upwards(joints: list[Joint], knee: list[Joint], upper: str, lower: str) -> bool:
@@ -316,22 +314,17 @@ def _welded(joints: list[Joint], body: str, knee: Joint) -> set[str]:
     return connected(joints, [body], lambda j: j is not knee and j.fixed) - {GROUND}
 
 
-def _rigid(model: Model, joints: list[Joint], bone: str, knee: list[Joint]):
-    """Bodies that do not move against a bone: name, motion to the bone's coordinates, why."""
-    found, waiting = {bone}, [(bone, Offset(), "")]
-    while waiting:
-        body, offset, through = waiting.pop(0)
-        yield body, offset, through
-        for joint in joints:
-            other = joint.other(body)
-            moves = not joint.fixed or any(joint is one for one in knee)
-            if moves or not other or other in found or GROUND in (joint.parent, joint.child):
-                continue
-            found.add(other)
-            there = joint.placement(model)
-            there = there if other == joint.child else there.inverse()
-            why = f"{joint.kind} {joint.name}" + (", locked" if joint.coordinates else "")
-            waiting.append((other, offset.after(there), why))
+def _held(movement: Movement, bone: str, knee: list[Joint]) -> dict[str, tuple[Rigid, str]]:
+    """Bodies that do not move against a bone -> the motion to the bone's coordinates, and why."""
+    def fixed(joint: Joint) -> bool:
+        return joint.fixed and joint not in knee and GROUND not in (joint.parent, joint.child)
+
+    at = placed(movement.joints, bone, movement.values, through=fixed)
+    why = {bone: ""} | {
+        other: f"{joint.kind} {joint.name}" + (", locked" if joint.coordinates else "")
+        for joint, _, other in reached(movement.joints, bone, fixed)
+    }
+    return {body: (at[body], why[body]) for body in at}
 
 
 def _body(model: Model, option: str, name: str) -> str:

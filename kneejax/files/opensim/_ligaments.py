@@ -15,6 +15,7 @@ from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._paths import (
     Counted,
+    OsimPath,
     OsimPoint,
     OsimWrap,
     in_order,
@@ -32,42 +33,29 @@ TRANSITION_WIDTH = 1e-4
 #: A point this little inside an obstacle is a matter of digitising.
 SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
-#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing).
+#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing, unit).
 NUMBERS = {
-    "stiffness_N": ("linear_stiffness", "1"),
-    "slack_length_mm": ("slack_length", "0"),
-    "transition_strain": ("transition_strain", "0.06"),
-    "damping_N_s": ("damping_coefficient", "0.003"),
+    "stiffness_N": ("linear_stiffness", "1", " N"),
+    "slack_length_mm": ("slack_length", "0", " m"),
+    "transition_strain": ("transition_strain", "0.06", ""),
+    "damping_N_s": ("damping_coefficient", "0.003", ""),
 }
-
-
 @dataclasses.dataclass(frozen=True)
-class OsimLigament:
+class OsimLigament(OsimPath):
     """A fibre that spans the knee."""
 
-    element: Element
-    key: str  # its name; with `#2` if another fibre before it has the same
-    # from the first of two bones to the second: femur, patella, tibia
-    points: tuple[OsimPoint, ...]
-    wrap: OsimWrap | None  # what it goes around; None if nothing
-    numbers: dict[str, Decimal]  # field of a knee file -> number of the model, in SI
-    assumed: tuple[str, ...]  # fields that stand neither at the fibre nor in <defaults>
+    # field of a knee file -> number of the model, in SI
+    numbers: dict[str, Decimal] = dataclasses.field(default_factory=dict)
+    assumed: tuple[str, ...] = ()  # fields that stand neither at the fibre nor in <defaults>
 
     def document(
         self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
     ) -> dict[str, Any]:
         """The entry of a knee file, whose source is a model by this name and whose wrap objects
         have these names."""
-        bones = [knee.bone_of(point.body) for point in self.points]
-        places = [point.in_bone_mm(knee) for point in self.points]
-        ends = {bone: field for field, bone in ENDS.items()}
-        entry: dict[str, Any] = {ends[bones[0]]: places[0]}
-        if len(places) > 2:
-            entry["via_points"] = [
-                {"bone": bone, "point_mm": place}
-                for bone, place in zip(bones[1:-1], places[1:-1], strict=True)
-            ]
-        entry[ends[bones[-1]]] = places[-1]
+        first, last, via = self.ends(knee)
+        fields = {bone: field for field, bone in ENDS.items()}
+        entry: dict[str, Any] = {fields[first[0]]: first[1], **via, fields[last[0]]: last[1]}
         if self.wrap is not None:
             entry["wrap"] = wraps[self.wrap.element]
         for field, value in self.numbers.items():
@@ -114,10 +102,12 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     found, keys, wraps = Found(), Counted(), read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
-        others = collections.Counter(e.tag for e in model.forces() if _pulls(e))
+        others = collections.Counter(
+            e.tag for e in model.forces() if not e.tag.endswith(("Muscle", "Actuator"))
+            and ("Ligament" in e.tag or any(child.tag.endswith("Path") for child in e.children)))
         listed = ", ".join(f"{n} of class {tag}" for tag, n in others.items())
         plain = f"none that is supported, but {listed}" if others else "none"
-        raise model.file.problem(model.root, "ligaments", plain, f"at least one {KIND}")
+        raise model.root.problem("ligaments", plain, f"at least one {KIND}")
     for element in elements:
         key = keys(element.name, "ligament")
         try:
@@ -126,8 +116,8 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
                 raise _Unsupported(
                     "of class Ligament (resting_length, pcsa_force and a force-length curve)"
                 )
-            wrap = _wrap(model, element, points, wraps, knee, found.notes, key)
-            numbers, assumed = _numbers(model, element)
+            wrap = _wrap(element, len(points), wraps, knee, found.notes, key)
+            numbers, assumed = _numbers(element)
         except _Outside as reason:
             found.outside[key] = str(reason)
         except _Unsupported as reason:
@@ -138,13 +128,6 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     return found
 
 
-def _pulls(element: Element) -> bool:
-    """Whether a force that is no muscle and no actuator runs along a path, or is called so."""
-    driven = element.tag.endswith(("Muscle", "Actuator"))
-    path = any(child.tag.endswith("Path") for child in element.children)
-    return not driven and (path or "Ligament" in element.tag)
-
-
 def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
     """Points from the first of two bones to the second."""
     if element.child("GeometryPath") is None:
@@ -153,43 +136,36 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
     points = path_points(model, element)
     if len(points) < 2:
         raise _Unsupported(f"its path has {counted(len(points), 'point')}")
-    bodies = dict.fromkeys(point.body for point in points)
-    strange = [body for body in bodies if body not in knee.rigid]
-    bones = list(dict.fromkeys(knee.bone_of(body) for body in bodies))
+    strange = [*dict.fromkeys(x.body for x in points if x.body not in knee.rigid)]
+    ends = [knee.bone_of(point.body) for point in points]
     if strange:
         raise _Outside(f"attached to {', '.join(strange)}")
-    if len(bones) < 2:
-        raise _Outside(f"does not leave the {bones[0]}")
-    if len(bones) > 2:
+    if len({*ends}) < 2:
+        raise _Outside(f"does not leave the {ends[0]}")
+    if len({*ends}) > 2:
         raise _Unsupported("runs over three bones")
-    if not model.applied(element):
+    if not element.applied:
         raise _Outside("switched off in the model (appliesForce or isDisabled)")
     for point in points:
         if point.element.tag != "PathPoint":
             raise _Unsupported(f"its point {point.element.name} is a {point.element.tag}")
-    ends = [knee.bone_of(points[i].body) for i in (0, -1)]
-    if ends[0] == ends[1]:
+    if ends[0] == ends[-1]:
         raise _Unsupported(f"begins and ends on the {ends[0]}")
-    return tuple(points if in_order(*ends) else reversed(points))
+    return tuple(points if in_order(ends[0], ends[-1]) else reversed(points))
 
 
 def _wrap(
-    model: Model,
-    element: Element,
-    points: tuple[OsimPoint, ...],
-    wraps: list[OsimWrap],
-    knee: OsimKneeJoint,
-    notes: list[str],
+    element: Element, points: int, wraps: list[OsimWrap], knee: OsimKneeJoint, notes: list[str],
     key: str,
-) -> OsimWrap | None:
+) -> OsimWrap | None:  # fmt: skip
     """What a fibre goes around."""
     found: list[OsimWrap] = []
     for path_wrap in path_objects(element, "PathWrapSet"):
         name = path_wrap.last_word("wrap_object")
         same = [wrap for wrap in wraps if wrap.element.name == name]
         if not same:
-            raise model.file.problem(
-                path_wrap, "wrap_object", path_wrap.word("wrap_object") or "missing",
+            raise path_wrap.problem(
+                "wrap_object", path_wrap.word("wrap_object") or "missing",
                 f"a wrap object of the model ({element.tag} {element.name} goes around it)",
                 [wrap.element.name for wrap in wraps],
             )
@@ -207,14 +183,14 @@ def _wrap(
             first, last = (int(float(word)) for word in words) if words else (-1, -1)
         except (ValueError, OverflowError):
             first, last = 0, 0
-        if first not in (-1, 1) or last not in (-1, len(points)):
+        if first not in (-1, 1) or last not in (-1, points):
             raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
-        if all(wrap.element is not other.element for other in found):
+        if wrap not in found:
             found.append(wrap)
     if len(found) > 1:
         names = ", ".join(wrap.key for wrap in found)
         raise _Unsupported(f"goes around {len(found)} wrap objects ({names})")
-    if found and len(points) > 2:
+    if found and points > 2:
         notes.append(
             f"{key} has via points and the wrap object {found[0].key}: here every part of the "
             "fibre may touch the object, in OpenSim one part does."
@@ -222,22 +198,19 @@ def _wrap(
     return found[0] if found else None
 
 
-def _numbers(model: Model, element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
-    values, assumed = {}, []
-    for field, (tag, own) in NUMBERS.items():
-        if not model.word(element, tag):
-            assumed.append(field)
-        values[field] = model.numbers(element, tag, 1, own)[0]
+def _numbers(element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
+    values = {}
+    for field, (tag, own, unit) in NUMBERS.items():
+        values[field] = element.numbers(tag, 1, own)[0]
         limit = ">= 0" if field == "damping_N_s" else "> 0"
-        if values[field] < 0 or (values[field] == 0 and field != "damping_N_s"):
-            unit = {"stiffness_N": " N", "slack_length_mm": " m"}.get(field, "")
-            word = model.word(element, tag) or f"{own} (OpenSim's default)"
-            raise model.file.problem(element, tag, word, f"a number {limit}{unit}")
-    return values, tuple(assumed)
+        if values[field] < 0 or (values[field] == 0 and limit == "> 0"):
+            word = element.word(tag) or f"{own} (OpenSim's default)"
+            raise element.problem(tag, word, f"a number {limit}{unit}")
+    return values, tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
 
 
 def outside_obstacles(
-    model: Model, knee: OsimKneeJoint, found: Found, inside: str
+    knee: OsimKneeJoint, found: Found, inside: str
 ) -> list[OsimLigament]:
     """The fibres; those with a point inside their obstacle run straight, if that is allowed.
 
@@ -247,7 +220,7 @@ def outside_obstacles(
     for ligament in found.ligaments:
         depth, point = 0.0, None
         if ligament.wrap is not None:
-            depth, point = ligament.wrap.deepest(model, knee, ligament.points)
+            depth, point = ligament.wrap.deepest(knee, ligament.points)
         if ligament.wrap is None or point is None:
             answer.append(ligament)
             continue
@@ -256,8 +229,7 @@ def outside_obstacles(
         shape = f"the {kind.removeprefix('Wrap').lower()} {ligament.wrap.key}"
         shape += "" if there else " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
-            raise model.file.problem(
-                ligament.element, where, f"{depth:.3g} mm inside {shape}",
+            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",
                 "a point outside what the fibre goes around; --inside straight leaves the "
                 f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
             )
@@ -269,15 +241,15 @@ def outside_obstacles(
     return answer
 
 
-def check_lengths(model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
+def check_lengths(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
     """Attachments closer or farther than any are in another unit or frame."""
     for ligament in ligaments:
-        first, last = (np.array(ligament.points[i].in_femur(knee), float) for i in (0, -1))
+        first, last = (ligament.points[i].in_femur(knee) for i in (0, -1))
         length = 1e3 * float(np.linalg.norm(last - first))
         allowed = RANGES["length_mm"]
         if not allowed.holds(length):
-            raise model.file.problem(
-                ligament.element, "attachments", f"{length:.4g} mm apart at the reference pose",
+            raise ligament.element.problem(
+                "attachments", f"{length:.4g} mm apart at the reference pose",
                 f"{allowed}: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
             )

@@ -6,9 +6,9 @@ import os
 import posixpath
 import re
 from collections.abc import Iterator
-from decimal import Decimal
+from pathlib import Path
 
-from kneejax.files.opensim._exact import Offset, Point, read_decimal
+from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
 
 KIND = "an OpenSim model"
@@ -36,20 +36,24 @@ class Model:
         bodies: name -> element; ground among them.
         frames: path of a component -> element, of bodies and offset frames.
         notes: what was assumed on reading.
-        defaults: class -> element of `<defaults>`, whose values hold where an object has none.
         joints: what `read_joints` read, once it has.
     """
 
     def __init__(self, file: XmlFile):
         self.file = file
-        self.version = _version(file)
+        if file.root.tag != "OpenSimDocument":
+            raise file.root.problem("", file.root.tag, f"{KIND}, an OpenSimDocument")
+        word = file.root.get("Version", "")
+        if not word.isdecimal() or not 20000 <= int(word) < 50000:
+            expected = "schema 2, 3 or 4: a version from 20000 to 49999"
+            raise file.root.problem("Version", word or "missing", expected)
+        self.version = int(word)
         found = file.root.child("Model")
         if found is None:
             kinds = ", ".join(child.tag for child in file.root.children) or "nothing"
-            raise file.problem(file.root, "content", kinds, f"{KIND}: an element Model")
+            raise file.root.problem("content", kinds, f"{KIND}: an element Model")
         self.root = found
         self.notes: list[str] = []
-        self.defaults = {element.tag: element for element in found.inside("defaults")}
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
@@ -57,7 +61,7 @@ class Model:
                     f"The model does not state {tag}: OpenSim's default, {unit}, was assumed."
                 )
             elif word.lower() not in known:
-                raise file.problem(found, tag, word, unit)
+                raise found.problem(tag, word, unit)
         self.elements: list[Element] = []
         waiting = [found]
         while waiting:
@@ -73,56 +77,13 @@ class Model:
         if GROUND not in self.bodies:  # OpenSim has one whether the file does or not
             ground = found.makeelement("Ground", name=GROUND)
             self.bodies[GROUND] = self.frames[f"/{GROUND}"] = ground
-        self._offsets: dict[Element, tuple[str, Offset]] = {}
+        self._offsets: dict[Element, tuple[str, Rigid]] = {}
         self.joints: list | None = None
 
     @property
     def name(self) -> str:
         """The file's name, without folders."""
         return self.file.path.name
-
-    def word(self, owner: Element, tag: str, default: str = "") -> str:
-        """Text of a child, of the class's child in `<defaults>`, or `default`."""
-        usual = self.defaults.get(owner.tag)
-        return owner.word(tag) or (usual.word(tag) if usual is not None else "") or default
-
-    def numbers(self, owner: Element, tag: str, count: int, default: str = "") -> list[Decimal]:
-        """As many finite numbers of a child, or InputProblem; of `default` if it is absent."""
-        word = self.word(owner, tag, default)
-        try:
-            values = [read_decimal(part) for part in word.split()]
-        except (ValueError, ArithmeticError):
-            values = []
-        if len(values) != count:
-            what = "a number" if count == 1 else f"{count} numbers"
-            raise self.file.problem(owner, tag, word or "missing", what)
-        return values
-
-    def number(self, owner: Element, tag: str, default: str = "") -> float:
-        """One of them."""
-        return float(self.numbers(owner, tag, 1, default)[0])
-
-    def point(self, owner: Element, tag: str, default: str = "0 0 0") -> Point:
-        """Three of them."""
-        x, y, z = self.numbers(owner, tag, 3, default)
-        return x, y, z
-
-    def truth(self, owner: Element, tag: str, default: bool) -> bool:
-        """A yes or no of a child."""
-        word = self.word(owner, tag).lower()
-        if word in ("true", "1", "false", "0"):
-            return word in ("true", "1")
-        if word:
-            raise self.file.problem(owner, tag, word, "true or false")
-        return default
-
-    def applied(self, force: Element) -> bool:
-        """Whether a force acts or a constraint holds; some are switched off."""
-        return (
-            self.truth(force, "appliesForce", True)
-            and self.truth(force, "isEnforced", True)
-            and not self.truth(force, "isDisabled", False)
-        )
 
     def forces(self) -> Iterator[Element]:
         """Every force and every constraint, of whatever class."""
@@ -143,7 +104,7 @@ class Model:
         by_lower = {known.lower(): known for known in self.bodies}
         return name if name in self.bodies else by_lower.get(name.lower(), "")
 
-    def socket(self, owner: Element, name: str) -> tuple[str, Offset]:
+    def socket(self, owner: Element, name: str) -> tuple[str, Rigid]:
         """The body of a frame that an element's socket names, and the motion from the frame's
         coordinates to the body's; InputProblem if there is no such frame."""
         tag = f"socket_{name}"
@@ -153,7 +114,7 @@ class Model:
             expected = f"a frame of the model ({len(self.bodies)} bodies)"
             nearest = tuple(self.bodies) if owner.last_word(*tags) else ()
             word = owner.word(*tags) or "missing"
-            raise self.file.problem(owner, tag, word, expected, nearest)
+            raise owner.problem(tag, word, expected, nearest)
         return self.place(frame)
 
     def frame(self, word: str, owner: Element) -> Element | None:
@@ -170,16 +131,16 @@ class Model:
         same = [frame for frame in self.frames.values() if frame.name == last]
         return same[0] if len(same) == 1 else None
 
-    def place(self, frame: Element) -> tuple[str, Offset]:
+    def place(self, frame: Element) -> tuple[str, Rigid]:
         """The body that carries a body, the ground or an offset frame, and the motion to it."""
         if frame not in self._offsets:
-            self._offsets[frame] = GROUND, Offset()  # a frame that hangs on itself ends here
+            self._offsets[frame] = GROUND, Rigid()  # a frame that hangs on itself ends here
             if frame.tag == "PhysicalOffsetFrame":
                 body, outer = self.socket(frame, "parent")
-                own = Offset.of(self.point(frame, "translation"), self.point(frame, "orientation"))
+                own = Rigid.of(frame.point("translation"), frame.point("orientation"))
                 self._offsets[frame] = body, outer.after(own)
             else:
-                self._offsets[frame] = frame.name or GROUND, Offset()
+                self._offsets[frame] = frame.name or GROUND, Rigid()
         return self._offsets[frame]
 
     def body_of(self, owner: Element, tag: str) -> str:
@@ -187,7 +148,7 @@ class Model:
         word = owner.word(tag)
         if word not in self.bodies:
             nearest = tuple(self.bodies) if word else ()
-            raise self.file.problem(owner, tag, word or "missing", "a body of the model", nearest)
+            raise owner.problem(tag, word or "missing", "a body of the model", nearest)
         return word
 
 
@@ -199,16 +160,6 @@ def read_model(path: str | os.PathLike[str], data: bytes | None = None) -> Model
             that is not known, or in other units than m and N.
     """
     return Model(parse_xml(path, KIND, data))
-
-
-def _version(file: XmlFile) -> int:
-    if file.root.tag != "OpenSimDocument":
-        raise file.problem(file.root, "", file.root.tag, f"{KIND}, an OpenSimDocument")
-    word = file.root.get("Version", "")
-    if not word.isdecimal() or not 20000 <= int(word) < 50000:
-        expected = "schema 2, 3 or 4: a version from 20000 to 49999"
-        raise file.problem(file.root, "Version", word or "missing", expected)
-    return int(word)
 
 
 def _path(element: Element) -> str:
@@ -225,35 +176,4 @@ def _path(element: Element) -> str:
 
 
 #: A right knee of one hinge and one fibre, for examples: in schema 4, in metres and newtons.
-SMALLEST_MODEL = """<?xml version="1.0" encoding="UTF-8"?>
-<OpenSimDocument Version="40000">
-  <Model name="smallest">
-    <length_units>meters</length_units>
-    <force_units>N</force_units>
-    <BodySet><objects><Body name="femur_r"/><Body name="tibia_r"/></objects></BodySet>
-    <JointSet><objects>
-      <PinJoint name="knee_r">
-        <socket_parent_frame>/bodyset/femur_r</socket_parent_frame>
-        <socket_child_frame>/bodyset/tibia_r</socket_child_frame>
-        <coordinates><Coordinate name="knee_angle_r"/></coordinates>
-      </PinJoint>
-    </objects></JointSet>
-    <ForceSet><objects>
-      <Blankevoort1991Ligament name="LCL">
-        <GeometryPath><PathPointSet><objects>
-          <PathPoint name="origin">
-            <socket_parent_frame>/bodyset/femur_r</socket_parent_frame>
-            <location>0.002 0.004 0.038</location>
-          </PathPoint>
-          <PathPoint name="insertion">
-            <socket_parent_frame>/bodyset/tibia_r</socket_parent_frame>
-            <location>-0.018 -0.052 0.036</location>
-          </PathPoint>
-        </objects></PathPointSet></GeometryPath>
-        <linear_stiffness>2000</linear_stiffness>
-        <slack_length>0.057</slack_length>
-      </Blankevoort1991Ligament>
-    </objects></ForceSet>
-  </Model>
-</OpenSimDocument>
-"""
+SMALLEST_MODEL = Path(__file__).with_name("smallest.osim").read_text(encoding="utf-8")

@@ -5,19 +5,18 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Iterable
-from decimal import Decimal
 from typing import Any
 
 import numpy as np
 
 from kneejax.files.opensim._exact import (
-    METRES_TO_MM,
     ORIGIN,
-    Offset,
     Point,
+    Rigid,
     angles_xyz,
+    decimals,
     degrees,
-    shifted,
+    millimetres,
     turn_xyz,
 )
 from kneejax.files.opensim._knee import OsimKneeJoint
@@ -38,39 +37,38 @@ _ORDER = FEMUR, PATELLA, TIBIA
 
 
 @dataclasses.dataclass(frozen=True)
-class OsimPoint:
-    """A point of a path."""
+class _Carried:
+    """What a body or a frame on it carries."""
 
     element: Element
-    body: str  # that carries its frame
-    frame: Offset  # from the coordinates that it is stated in to the body's
-    location: Point  # m, as stated
+    body: str
+    frame: Rigid  # from the coordinates that it is stated in to the body's
 
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
+    def carrier_in_bone(self, knee: OsimKneeJoint) -> Rigid:
         """The motion from the coordinates that it is stated in to its bone's."""
         return knee.rigid[self.body][1].after(self.frame)
+
+
+@dataclasses.dataclass(frozen=True)
+class OsimPoint(_Carried):
+    """A point of a path."""
+
+    location: Point  # m, as stated
 
     def in_bone(self, knee: OsimKneeJoint) -> Point:
         """The point in its bone's frame, m."""
         return self.carrier_in_bone(knee).point(self.location)
 
-    def in_bone_mm(self, knee: OsimKneeJoint) -> list[float]:
-        """Likewise, mm."""
-        return [shifted(x, METRES_TO_MM) for x in self.in_bone(knee)]
-
-    def in_femur(self, knee: OsimKneeJoint) -> Point:
+    def in_femur(self, knee: OsimKneeJoint) -> np.ndarray:
         """The point in the femur at the reference pose, m."""
-        return knee.in_femur[knee.bone_of(self.body)].point(self.in_bone(knee))
+        return knee.in_femur[knee.bone_of(self.body)].point(self.in_bone(knee)).astype(float)
 
 
 @dataclasses.dataclass(frozen=True)
-class OsimWrap:
+class OsimWrap(_Carried):
     """A wrap object."""
 
-    element: Element
     key: str  # its name; with `#2` if another one before it has the same
-    body: str  # that carries it
-    frame: Offset  # from the carrier's coordinates to the body's
     active: bool  # whether the model uses it
 
     @property
@@ -89,81 +87,95 @@ class OsimWrap:
             return f"its wrap object {self.key} is confined to the quadrant {quadrant}"
         return ""
 
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Offset:
-        """The motion from the coordinates that it is stated in to its bone's."""
-        return knee.rigid[self.body][1].after(self.frame)
-
-    def document(self, model: Model, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
+    def document(self, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
         """The entry of a knee file, whose source is a model by this name.
 
         Raises:
             InputProblem: a size that is not positive, or numbers that are none.
         """
         kind, sizes = WRAP_KINDS[self.element.tag]
-        carrier = self.carrier_in_bone(knee)
-        center = carrier.point(model.point(self.element, "translation"))
-        turn = model.point(self.element, "xyz_body_rotation")
-        if carrier.rotation is None:
-            angles = [degrees(x) for x in turn]
-        else:
-            inner = angles_xyz(carrier.rotation @ turn_xyz(turn))
-            angles = [degrees(Decimal(repr(float(x)))) for x in inner]
+        carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
+        if carrier.turn is not None:
+            turn = decimals(angles_xyz(carrier.turn @ turn_xyz(turn)))
         document: dict[str, Any] = {
             "kind": kind,
             "bone": knee.bone_of(self.body),
-            "center_mm": [shifted(x, METRES_TO_MM) for x in center],
+            "center_mm": millimetres(carrier.point(self.element.point("translation"))),
         }
-        if any(angles):
-            document["rotation_deg"] = angles
+        angles = [degrees(x) for x in turn]
+        document |= {"rotation_deg": angles} if any(angles) else {}
         for field, tag, count in sizes:
-            values = model.numbers(self.element, tag, count)
+            values = self.element.numbers(tag, count)
             if min(values) <= 0:
-                word = self.element.word(tag)
-                raise model.file.problem(self.element, tag, word, "sizes above 0 m")
-            lengths = [shifted(x, METRES_TO_MM) for x in values]
+                raise self.element.problem(tag, self.element.word(tag), "sizes above 0 m")
+            lengths = millimetres(values)
             document[field] = lengths if count > 1 else lengths[0]
-        if self.side:
-            document["side"] = self.side
-        source = f"{file}, {self.element.tag} {self.key} of {self.body}"
-        return document | {"source": source}
+        document |= {"side": self.side} if self.side else {}
+        return document | {"source": f"{file}, {self.element.tag} {self.key} of {self.body}"}
 
     def deepest(
-        self, model: Model, knee: OsimKneeJoint, points: Iterable[OsimPoint]
+        self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
     ) -> tuple[float, OsimPoint | None]:
         """How deep inside it points lie at the reference pose, mm, and which is the deepest; zero
-        and none where all lie outside."""
-        obstacle = self.document(model, knee, "")
-        to_obstacle = knee.in_femur[obstacle["bone"]].inverse()
-        found = ((depth_inside(obstacle, 1e3 * np.array(to_obstacle.point(p.in_femur(knee)),
-                                                        float)), p) for p in points)
-        inside = [one for one in found if one[0] > 1e-9]
-        return max(inside, key=lambda one: one[0]) if inside else (0.0, None)
+        and none where all lie outside.
+
+        Depth is along the ray from its centre, or in a cylinder across it or to its end.
+        """
+        entry, found = self.document(knee, ""), (0.0, None)
+        back = knee.in_femur[entry["bone"]].inverse()
+        turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
+        for point in points:
+            x = 1e3 * back.point(point.in_femur(knee)) - np.asarray(entry["center_mm"], float)
+            x = turn.T @ x
+            if entry["kind"] == "cylinder":
+                across = entry["radius_mm"] - float(np.hypot(x[0], x[1]))
+                depth = min(across, entry["length_mm"] / 2.0 - abs(float(x[2])))
+            else:
+                sizes = entry["semi_axes_mm"] if "semi_axes_mm" in entry else entry["radius_mm"]
+                sizes = np.broadcast_to(np.asarray(sizes, float), 3)
+                part, size = float(np.linalg.norm(x / sizes)), float(np.linalg.norm(x))
+                depth = float(sizes.min()) if part == 0 else size / part - size
+            if depth > max(found[0], 1e-9):
+                found = depth, point
+        return found
 
 
-def path_point(model: Model, element: Element) -> OsimPoint:
-    """A point of a path with the body that carries it."""
-    if element.child("body") is not None:
-        body, frame = model.body_of(element, "body"), Offset()
-    else:
-        body, frame = model.socket(element, "parent_frame")
-    moving = element.tag == "MovingPathPoint"
-    location = ORIGIN if moving else model.point(element, "location")
-    return OsimPoint(element, body, frame, location)
+@dataclasses.dataclass(frozen=True)
+class OsimPath:
+    """A fibre or a muscle over the knee."""
+
+    element: Element
+    key: str  # its name; with `#2` if another one before it has the same
+    points: tuple[OsimPoint, ...]  # from the first of two bones to the last: femur, patella, tibia
+    wrap: OsimWrap | None = None  # what it goes around; None if nothing
+
+    def ends(self, knee: OsimKneeJoint, begin: int = 0, end: int = -1) -> tuple[Any, Any, dict]:
+        """Bone and place, mm, of a point near its femur's end, and of one near the other; what a
+        knee file says of those between them."""
+        places = [(knee.bone_of(one.body), millimetres(one.in_bone(knee))) for one in self.points]
+        places = places[begin : len(places) + end + 1]
+        via = [{"bone": bone, "point_mm": place} for bone, place in places[1:-1]]
+        return places[0], places[-1], {"via_points": via} if via else {}
 
 
 def path_objects(element: Element, name: str) -> list[Element]:
     """What a set of the path of a force holds."""
-    path = element.child("GeometryPath")
-    held = None if path is None else path.child(name)
-    if held is None:
-        return []
-    objects = held.child("objects")
-    return (held if objects is None else objects).children
+    held = element.inside("GeometryPath", name)
+    inside = next((one for one in held if one.tag == "objects"), None)
+    return held if inside is None else inside.children
 
 
 def path_points(model: Model, element: Element) -> list[OsimPoint]:
-    """The points of the path of a force."""
-    return [path_point(model, e) for e in path_objects(element, "PathPointSet")]
+    """The points of the path of a force, with the bodies that carry them."""
+    found = []
+    for point in path_objects(element, "PathPointSet"):
+        if point.child("body") is not None:
+            body, frame = model.body_of(point, "body"), Rigid()
+        else:
+            body, frame = model.socket(point, "parent_frame")
+        moving = point.tag == "MovingPathPoint"
+        found.append(OsimPoint(point, body, frame, ORIGIN if moving else point.point("location")))
+    return found
 
 
 def in_order(first: str, last: str) -> bool:
@@ -178,28 +190,12 @@ def read_wraps(model: Model) -> list[OsimWrap]:
         outer = element.getparent()
         if not element.tag.startswith("Wrap") or outer.tag not in ("objects", "WrapObjectSet"):
             continue
-        if not any(e.tag == "WrapObjectSet" for e in element.iterancestors()):
-            continue
-        carrier = next((e for e in element.iterancestors() if e in carriers), None)
-        if carrier is not None:
-            active = model.truth(element, "active", True)
-            answer.append(OsimWrap(element, keys(element.name), *model.place(carrier), active))
+        around = [*element.iterancestors()]
+        carrier = next((e for e in around if e in carriers), None)
+        if carrier is not None and any(e.tag == "WrapObjectSet" for e in around):
+            active = element.truth("active", True)
+            answer.append(OsimWrap(element, *model.place(carrier), keys(element.name), active))
     return answer
-
-
-def depth_inside(entry: dict[str, Any], point_mm: np.ndarray) -> float:
-    """How deep inside an obstacle, an entry of a knee file, a point of its bone lies.
-
-    In mm along the ray from its centre; negative outside. A cylinder ends at its length.
-    """
-    turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
-    x = turn.T @ (point_mm - np.asarray(entry["center_mm"], float))
-    if entry["kind"] == "cylinder":
-        across = entry["radius_mm"] - float(np.hypot(x[0], x[1]))
-        return min(across, entry["length_mm"] / 2.0 - abs(float(x[2])))
-    sizes = np.asarray(entry.get("semi_axes_mm", entry.get("radius_mm")), float)
-    fraction, distance = float(np.linalg.norm(x / sizes)), float(np.linalg.norm(x))
-    return float(sizes.min()) if fraction == 0 else distance / fraction - distance
 
 
 class Counted:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim import _record_checks as checks
-from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, poses_of, turn_xyz
+from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
+from kneejax.files.opensim._functions import evaluate
 from kneejax.files.opensim._ground import (
     ExternalLoads,
     of_contacts,
@@ -21,26 +21,42 @@ from kneejax.files.opensim._ground import (
     read_external_loads,
 )
 from kneejax.files.opensim._joints import (
+    Joint,
     Movement,
     coordinate_columns,
     coordinates_of,
+    couplers,
     moved,
     read_joints,
     turning,
 )
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._muscles import Crossing, crossing, muscles_of, tension_of_ligament
-from kneejax.files.reading import InputProblem, counted, nearest_name
+from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
+from kneejax.files.opensim._model import GROUND, Model, read_model
+from kneejax.files.opensim._record_muscles import recorded_muscles
+from kneejax.files.reading import InputProblem, nearest_name
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
-from kneejax.geometry import FEMUR, TIBIA, Pose, State
-from kneejax.mechanics import Knee, LegRecord, MovingMass, Muscles, wrench_in_frame
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4
 #: Columns of a table of no known kind that are named.
 _SHOWN = 4
 _AXES = tuple(f"{kind}{axis}" for kind in "fmp" for axis in "xyz")
+#: A knee's bones are no farther from where its joint has them, m.
+_MOST_M = 0.3
+#: No knee bends faster, degrees/s: twice a kick's.
+_FASTEST_DEG_S = 3000.0
+#: Rows of a record of a movement are nearer to each other, s.
+_SLOWEST_S = 1.0
+#: Largest force, moment and distance of a joint reaction: no person's knee holds more, and its
+#: point lies on the tibia.
+_REACTION = (
+    (RANGES["force_N"].upper, "a force, N"),
+    (1000.0, "a moment, N m; N mm are suspected"),
+    (1.0, "a point of the tibia, m; mm are suspected"),
+)
+_KINDS = "coordinates", "muscle forces", "external loads", "joint reactions"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,8 +114,6 @@ def read_activity(
         InputProblem: a file cannot be read or is of no known kind, tables do not overlap in time,
             numbers are in another unit than they should be, or the model has no such knee.
     """
-    if side not in SIDES:
-        raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
     given = sorted_files(model, bones, files, called)
@@ -109,23 +123,26 @@ def read_activity(
         shifts = registration(model, bones, knee, document or {}, shifts)
     around = moved_around(model, bones, given.motion, time)
     movement = around.at(2)
-    below = checks.bodies_below(movement.joints, bones)
+    below = bodies_below(movement.joints, bones)
     frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
                  for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
-    mass, ground = 0.0, None
+    mass, ground = 0.0, np.zeros((len(time), 3))
     if given.reaction is not None:
         acting = {"joint reaction": _reaction(given.reaction, bones, time, shifts)}
     else:
         acting, mass, ground = acting_on(given, movement, around, below, frames_of[TIBIA], time)
+    missing = [*_missing(model, bones, below, given.motion)]
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    doubts += checks.record_doubts(model, bones, below, given.motion)
-    notes += checks.missing_words(model, bones, below, given.motion)
+    doubts += _doubts(bones, given.motion, coordinate_columns(model, given.motion), missing)
+    absent = [name for free, names in missing if free != names for name in names]
+    if absent:
+        notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
     if given.ground is not None:
         doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
-    elif ground is not None and not ground.any():
+    elif given.reaction is None and not ground.any():
         notes.append("No external loads were given: none act on the leg.")
-    found = crossing(movement, bones, below)
-    muscles, quadriceps = _muscles(given, movement, bones, found, frames_of, shifts, time, notes)
+    muscles, quadriceps = recorded_muscles(
+        given.muscles, movement, bones, below, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frames_of[TIBIA].inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
     if given.reaction is not None and given.muscles is not None:
@@ -133,11 +150,8 @@ def read_activity(
             pulls = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(own)})))
             acting = {"besides muscles": acting["joint reaction"] - pulls.sum(axis=0).T}
         notes.append("Other loads than the muscles' are what the joint reaction leaves.")
-    none = np.zeros((len(time), 3))
-    return LegRecord(
-        time, own, acting, muscles, quadriceps, none if ground is None else ground, shifts.same,
-        mass, tuple(notes), tuple(doubts),
-    )
+    return LegRecord(time, own, acting, muscles, quadriceps, ground, shifts.same, mass,
+                     tuple(notes), tuple(doubts))
 
 
 def sorted_files(
@@ -146,25 +160,25 @@ def sorted_files(
 ) -> RecordedFiles:  # fmt: skip
     """Each file by what it has."""
     kinds: dict[str, Any] = {}
-    called = called or {}
-    _check_called(model, called)
-    flexion = flexion_coordinate(model, bones)
-    muscles = {e.name for e in model.muscles()}
+    called, muscles = called or {}, {e.name for e in model.muscles()}
+    known = {*(c.name for c in coordinates_of(read_joints(model))), *model.bodies, *muscles}
+    for name in called:
+        if name not in known:
+            expected = f"a coordinate, a muscle or a body of {model.name}"
+            raise InputProblem("--called", "name", name, expected, known)
+    flexion, on_tibia = flexion_coordinate(bones), f"_on_{bones.tibia}_in_".lower()
     for path in files:
-        file = os.fspath(path)
         if Path(path).suffix.lower() == ".xml":
             kind, value = "external loads", read_external_loads(path, model, called)
         else:
             value = read_storage(path).renamed(called)
             words = {last_word(name) for name in value.columns}
-            on_tibia = f"_on_{bones.tibia}_in_".lower()
+            kind = "muscle forces" if len(words & muscles) > 1 else ""
             if flexion in words:
                 kind = "coordinates"
-            elif len(words & muscles) > 1:
-                kind = "muscle forces"
-            elif any(on_tibia in name.lower() for name in value.columns):
+            elif not kind and any(on_tibia in name.lower() for name in value.columns):
                 kind = "joint reactions"
-            else:
+            if not kind:
                 near = nearest_name(flexion, words)
                 so = f" (--called {flexion}={near})" if near else ""
                 expected = (
@@ -172,10 +186,10 @@ def sorted_files(
                     f"muscles, or with reactions on {bones.tibia}; forces of the ground come with "
                     "their .xml"
                 )
-                found = ", ".join([*words][:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
-                raise InputProblem(file, "columns", found, expected, flexion if near else None)
+                found = ", ".join(sorted(words)[:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
+                raise InputProblem(path, "columns", found, expected, flexion if near else None)
         if kind in kinds:
-            raise InputProblem(file, "file", f"a second table of {kind}", "one of each kind")
+            raise InputProblem(path, "file", f"a second table of {kind}", "one of each kind")
         kinds[kind] = value
     if "coordinates" not in kinds:
         expected = f"a table with the coordinate {flexion} among the files"
@@ -183,33 +197,41 @@ def sorted_files(
     if "joint reactions" not in kinds and "muscle forces" not in kinds:
         expected = "a table of muscle forces, or one of joint reactions, among the files"
         raise InputProblem("FILES", "muscle forces", "missing", expected)
-    order = ("coordinates", "muscle forces", "external loads", "joint reactions")
-    return RecordedFiles(*(kinds.get(kind) for kind in order))
+    return RecordedFiles(*(kinds.get(kind) for kind in _KINDS))
 
 
-def _check_called(model: Model, called: Mapping[str, str]) -> None:
-    """What files have by other names is there in the model."""
-    known = {*(c.name for c in coordinates_of(read_joints(model))), *model.bodies,
-             *(e.name for e in model.muscles())}  # fmt: skip
-    for name in called:
-        if name not in known:
-            expected = f"a coordinate, a muscle or a body of {model.name}"
-            raise InputProblem("--called", "name", name, expected, known)
+def bodies_below(joints: Sequence[Joint], bones: OsimKneeJoint) -> set[str]:
+    """Bodies of the leg below the knee: what joints other than the knee's join to the tibia,
+    whichever of their two bodies is the parent."""
+    above = {name for name in bones.rigid if bones.bone_of(name) in (FEMUR, PATELLA)}
+    above |= {GROUND, bones.femur, bones.patella}
+    found = {name for name in bones.rigid if bones.bone_of(name) == TIBIA} - above
+    return connected(joints, found, lambda joint: joint not in bones.joints
+                     and not {joint.parent, joint.child} & above)
 
 
 def moved_around(
     model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray
 ) -> Movement:
     """The model at five instants about each of `(n,)`, along a first axis."""
-    columns, flexion = coordinate_columns(model, table), flexion_coordinate(model, bones)
+    columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
+    angles = turning(read_joints(model))
     angles_rad(table, columns[flexion])
-    checks.check_movement(bones, table)
+    for c in coordinates_of(bones.joints):
+        if c.name in columns and c.name not in angles:
+            values = table.columns[columns[c.name]]
+            farthest = float(values[np.abs(values - c.default).argmax()])
+            if abs(farthest - c.default) > _MOST_M:
+                expected = (f"a translation of the knee within {_MOST_M:g} m of {c.default:g}, the "
+                            "model's default; mm are suspected")
+                raise InputProblem(table.file, columns[c.name], f"{farthest:g}", expected)
     steps = time + _STEP_S * np.arange(-2, 3)[:, None]
     values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
     if table.in_degrees:
-        angles = turning(read_joints(model))
         values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
-    values = checks.with_prescribed(model, values, steps)
+    for c in coordinates_of(read_joints(model)):
+        if c.prescribed is not None and c.name not in values:
+            values[c.name] = np.broadcast_to(evaluate(c.prescribed, [steps]), steps.shape)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for c in coordinates_of(bones.joints)} & {*values} - {flexion}:
         values[name] = np.broadcast_to(values[name][2], values[name].shape)
@@ -223,7 +245,7 @@ def acting_on(
     """What acts besides muscles, by name, in the knee's tibia; the leg's mass; force of the ground
     on this foot."""
     model = movement.model
-    gravity = np.array(model.point(model.root, "gravity", "0 -9.80665 0"), float)
+    gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     masses = [_mass(model, around, name) for name in sorted(below)]
     if given.ground is not None:
         ground = on_bodies(given.ground, movement, below, time)
@@ -247,21 +269,24 @@ def acting_on(
 
 def _mass(model: Model, around: Movement, name: str) -> MovingMass:
     element = model.bodies[name]
-    center = np.array(model.point(element, "mass_center"), float)
+    center = np.array(element.point("mass_center"), float)
     if element.child("inertia") is not None:
-        xx, yy, zz, xy, xz, yz = map(float, model.numbers(element, "inertia", 6))
+        xx, yy, zz, xy, xz, yz = map(float, element.numbers("inertia", 6))
     else:
         tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
-        xx, yy, zz, xy, xz, yz = (model.number(element, tag, "0") for tag in tags)
+        xx, yy, zz, xy, xz, yz = (element.number(tag, "0") for tag in tags)
     inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    there, mass = around.placed[name], model.number(element, "mass", "0")
+    there, mass = around.placed[name], element.number("mass", "0")
     return MovingMass(mass, inertia, there.turn, there.point(center), _STEP_S)
 
 
 def _reaction(
     table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
 ) -> np.ndarray:
-    """The opposite of a joint's reaction: the knee's own parts take the joint's place."""
+    """The opposite of a joint's reaction: the knee's own parts take the joint's place.
+
+    Numbers in other units than N, N m and m are refused.
+    """
     ends = {}
     for axis in _AXES:
         ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"
@@ -271,50 +296,56 @@ def _reaction(
             raise InputProblem(table.file, "columns", f"no JOINT{ending}", expected)
         ends[axis] = found[-1]
     parts = table.at(time, [*ends.values()]).reshape(3, 3, -1).swapaxes(1, 2)
-    checks.check_reaction(table, parts, ends)
+    for kind, (most, expected), values in zip("fmp", _REACTION, parts, strict=True):
+        row, axis = np.unravel_index(np.abs(values).argmax(), values.shape)
+        if abs(values[row, axis]) > most:
+            found = f"{values[row, axis]:g}"
+            raise InputProblem(table.file, ends[kind + "xyz"[axis]], found, expected)
     mirror = np.diag(MIRROR[bones.side])
     force, moment, point = parts * np.stack([mirror, mirror * mirror.prod(), mirror])[:, None]
     about = 1e3 * moment + np.cross(1e3 * point + shifts.tibia, force)
     return -np.concatenate([force, about], axis=1)
 
 
-def _muscles(
-    given: RecordedFiles, movement: Movement, bones: OsimKneeJoint, found: Crossing, frames_of,
-    shifts: Registration, time: np.ndarray, notes: list[str],
-) -> tuple[Muscles, np.ndarray]:
-    """Muscles with their tensions, and the pull of the quadriceps on the patella."""
-    count, table = len(time), given.muscles
-    if table is None:
-        notes.append("No muscle forces were given: their pull is part of the joint reaction.")
-        empty = muscles_of(movement, bones, [], np.zeros((0, count)), frames_of, dict, [])
-        return empty, np.zeros(count)
-    checks.check_tensions(movement.model, table)
-    by_name = {last_word(name): name for name in table.columns}
-    for name in (*(way.name for way in found.muscles), *found.on_patella):
-        if name not in by_name:
-            table.named(name, "a muscle over the knee")
+def _doubts(
+    bones: OsimKneeJoint, table: Storage, columns: Mapping[str, str],
+    missing: list[tuple[list[str], list[str]]],
+) -> Iterator[str]:  # fmt: skip
+    """What looks wrong in a table of coordinates: times in another unit, and each joint that places
+    the leg below the knee in space and of which no coordinate has a column."""
+    file, steps = Path(table.file).name, np.diff(table.time)
+    name = next((c.name for c in coordinates_of(bones.joints)), "")
+    if name in columns and name in turning(bones.joints):
+        change = np.abs(np.diff(table.columns[columns[name]])) / steps
+        fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
+        if fastest > _FASTEST_DEG_S:
+            yield (
+                f"{file}: {name} turns by {fastest:,.0f} degrees/s: its times or angles are in "
+                "other units than s and those of the header."
+            )
+    if np.median(steps) >= _SLOWEST_S:
+        yield (
+            f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
+            "inertia counts for nothing then."
+        )
+    for free, names in missing:
+        if free and free == names:
+            yield (
+                f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which "
+                "decide how weight, inertia and ground act on the leg."
+            )
 
-    def tensions(names) -> np.ndarray:
-        return np.maximum(table.at(time, [by_name[name] for name in names]), 0.0)
 
-    def entry(document: dict[str, Any]) -> dict[str, Any]:
-        """An obstacle of the model in the frames of the knee."""
-        mirror = MIRROR[bones.side]
-        shift = {FEMUR: shifts.femur, TIBIA: shifts.tibia}[document["bone"]]
-        turn = turn_xyz(np.deg2rad(document.get("rotation_deg", [0.0, 0.0, 0.0])))
-        # Mirrored axes of a symmetric obstacle are axes again where the last is turned back.
-        angles = np.rad2deg(angles_xyz(mirror @ turn @ mirror))
-        center = mirror @ np.array(document["center_mm"]) + shift
-        return document | {"center_mm": center.tolist(), "rotation_deg": angles.tolist()}
-
-    ways = [*found.muscles, *found.ligaments]
-    passive = [tension_of_ligament(movement, way) for way in found.ligaments]
-    own = np.concatenate([tensions([w.name for w in found.muscles]), *[x[None] for x in passive]])
-    muscles = muscles_of(movement, bones, ways, own, frames_of, entry, notes)
-    notes.append(
-        f"Over the knee: {counted(len(found.muscles), 'muscle')}"
-        + (f", {', '.join(w.name for w in found.ligaments)} by its length" if passive else "")
-        + (f"; on the patella: {', '.join(found.on_patella)}" if found.on_patella else "")
-        + "."
-    )
-    return muscles, tensions(found.on_patella).sum(axis=0) + np.zeros(count)
+def _missing(
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
+) -> Iterator[tuple[list[str], list[str]]]:
+    """Of each joint but the knee's between the ground and the bodies below the knee, coordinates
+    that are free, and those of them which neither the table nor the model states."""
+    joints = read_joints(model)
+    known = {*coordinate_columns(model, table), *(name for _, name, _ in couplers(model)),
+             *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
+    on_way = {joint.name: joint for body in sorted(below) for joint in chain(joints, body)}
+    for joint in on_way.values():
+        free = [c.name for c in joint.coordinates if not c.locked]
+        if joint not in bones.joints:
+            yield free, [c for c in free if c not in known]

@@ -1,16 +1,197 @@
-"""What an import read, left out and could not read, for people."""
+"""What of a model became a knee, what did not, of whatever class, and how that is said."""
 
 from __future__ import annotations
 
 import collections
+import dataclasses
+import re
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING
 
 from kneejax.files.opensim._contact import FORCE
-from kneejax.files.opensim._import import OsimImport
-from kneejax.files.opensim._knee import SIDES
+from kneejax.files.opensim._joints import read_joints
+from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, beyond, is_between
 from kneejax.files.opensim._ligaments import KIND, TRANSITION_WIDTH
-from kneejax.files.opensim._untaken import ELSEWHERE, listed
-from kneejax.geometry import COLUMNS
+from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim._xml import Element
+from kneejax.geometry import COLUMNS, PATELLA
 from kneejax.mechanics import ligament_law
+
+if TYPE_CHECKING:
+    from kneejax.files.opensim._import import OsimImport
+
+ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
+    "acts on the knee", "acts on the knee in motion only", "acts on the knee when it is driven",
+    "would act on the knee, switched off in the model", "does not act on this knee",
+    "as asked by --without", "as asked by --without-patella",
+)
+#: What a class of OpenSim is called by, the first that fits, in the singular and the plural.
+_KINDS = (
+    (re.compile("Contact|HuntCrossley|ElasticFoundation|SmoothSphere"), "contact", "contacts"),
+    (re.compile("Muscle"), "muscle", "muscles"),
+    (re.compile("Ligament"), "fibre", "fibres"),
+    (re.compile("Coupler"), "coupler", "couplers"),
+    (re.compile("Constraint"), "constraint", "constraints"),
+    (re.compile("Bushing"), "bushing", "bushings"),
+    (re.compile("Spring|LimitForce|StopForce"), "spring", "springs"),
+    (re.compile("Actuator"), "actuator", "actuators"),
+    (re.compile(""), "other force", "other forces"),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class Untaken:
+    """A force or a constraint of a model that is no part of the imported knee."""
+
+    element: Element
+    how: str  # one of the sentences above
+    on: tuple[str, ...]  # the bodies and coordinates of the knee that it is attached to
+    muscle_or_patella: bool  # whether it goes with these
+
+    @property
+    def name(self) -> str:
+        """Its name, its class where it has none, and which coordinate a coupler drives."""
+        drives = self.element.word("dependent_coordinate_name")
+        return (self.element.name or self.element.tag) + (f" drives {drives}" if drives else "")
+
+
+def untaken(
+    model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
+    patella: bool,
+) -> tuple[list[Untaken], list[str]]:
+    """Forces and constraints but those that were read or about which everything has been said, and
+    bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
+
+    `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`.
+
+    One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
+    the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
+    does not matter: every word of it that is the name of a body, of a frame or contact geometry on
+    one, or of a coordinate counts.
+    """
+    joints, known = read_joints(model), {*taken}
+    own = {joint.element for joint in knee.joints}
+    between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
+    cut = [*between, *(joint for joint in joints if joint.element in own)]
+    inner = dict.fromkeys(body for joint in between for body in beyond(joints, cut, joint.child))
+    near = {*knee.rigid, *inner}
+    parts: dict[str, int] = {}
+    for body in [knee.femur, knee.tibia, *model.bodies]:
+        if body not in parts:
+            part = len(parts)
+            parts |= {other: part for other in beyond(joints, cut, body) if other not in parts}
+    on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.other(GROUND)]
+    parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
+    bodies = _bodies(model)
+    coordinates = {
+        c.name for joint in cut for c in joint.coordinates
+        if {joint.parent, joint.child} & near
+    }
+    answer = []
+    for element in model.forces():
+        if element in known:
+            continue
+        on, asked = _attached(model, element, bodies, coordinates)
+        sides = {parts[body] for body in on}
+        alone = not any(child.tag.endswith("Path") for child in element.children) and len(on) == 1
+        across = len(sides) > 1 or (alone and sides != {joined})
+        how = _how(element) if asked or (across and on & near) else ELSEWHERE
+        goes = any(knee.bone_of(body) == PATELLA for body in on) or element.tag.endswith("Muscle")
+        if element.name in unwanted:
+            how = ASKED
+        elif goes and not patella and how != ELSEWHERE:
+            how = WITHOUT_PATELLA
+        said = tuple(sorted(on & near if across else set()) + sorted(asked))
+        answer.append(Untaken(element, how, said, goes))
+    return answer, [body for body in inner if body not in knee.rigid]
+
+
+def listed(found: Iterable[Untaken]) -> list[str]:
+    """Things counted by class, with their names and what they are attached to.
+
+    Example:
+        >>> listed([])
+        []
+    """
+    by_class = collections.defaultdict(list)
+    for one in found:
+        by_class[one.element.tag].append(one)
+    lines = []
+    for tag, many in sorted(by_class.items()):
+        on = sorted({word for one in many for word in one.on})
+        where = f", on {', '.join(on)}" if {*on} - {one.name for one in many} else ""
+        lines.append(f"{tag} ({len(many)}): {', '.join(one.name for one in many)}{where}")
+    return lines
+
+
+def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
+    """How many of which kind, from the classes of elements and the names of bodies.
+
+    Example:
+        >>> numbers_of_kinds(["PathSpring", "HuntCrossleyForce", "PathSpring"], ["meniscus_r"])
+        '1 contact, 2 springs, 1 meniscus'
+    """
+    names = [next(kind[1:] for kind in _KINDS if kind[0].search(tag)) for tag in tags]
+    names += [("meniscus", "menisci") if "menisc" in body.lower() else ("body", "bodies")
+              for body in bodies]
+    counts = collections.Counter(names)
+    order = [*(kind[1:] for kind in _KINDS), ("meniscus", "menisci"), ("body", "bodies")]
+    return ", ".join(f"{counts[name]} {name[counts[name] > 1]}" for name in order if counts[name])
+
+
+def _bodies(model: Model) -> dict[str, str]:
+    """Name of a body, or of a frame or a geometry on one -> the body."""
+    found = {body: body for body in model.bodies}
+    by_name = collections.defaultdict(set)
+    for frame in model.frames.values():
+        by_name[frame.name].add(model.place(frame)[0])
+    for element in model.elements:
+        outer = element.getparent()
+        if outer is None or outer.tag not in ("objects", "ContactGeometrySet"):
+            continue
+        if any(outer.tag == "ContactGeometrySet" for outer in element.iterancestors()):
+            word = element.word("body_name", "socket_frame", "socket_frame_connectee_name")
+            frame = model.frame(word, element)
+            if frame is not None:
+                by_name[element.name].add(model.place(frame)[0])
+    for name, places in by_name.items():
+        if len(places) == 1:
+            found.setdefault(name, *places)
+    return found
+
+
+def _attached(
+    model: Model, element: Element, bodies: dict[str, str], coordinates: set[str]
+) -> tuple[set[str], set[str]]:
+    """Bodies and coordinates that anything within an element names."""
+    on, asked = set(), set()
+    for leaf in element.iter("*"):
+        if leaf.children or leaf.tag == "wrap_object":
+            continue
+        for word in leaf.content.split():
+            last = word.rstrip("/").rsplit("/", 1)[-1]
+            socket = leaf.tag.startswith("socket_")
+            frame = model.frame(word, leaf.getparent()) if socket else None
+            if last in coordinates:
+                asked.add(last)
+            elif frame is not None:
+                on.add(model.place(frame)[0])
+            elif last in bodies:
+                on.add(bodies[last])
+    return on, asked
+
+
+def _how(element: Element) -> str:
+    if not element.applied:
+        return OFF
+    if element.tag.endswith("Actuator"):
+        return DRIVEN
+    leaves = [e for e in element.iter("*") if not e.children]
+    stiff = [e.content for e in leaves if "stiffness" in e.tag]
+    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in leaves)
+    # Zeros of any form are no stiffness.
+    some = any(word.strip("0.+-") for text in stiff for word in text.lower().split("e")[0].split())
+    return IN_MOTION if stiff and not expressed and not some else ACTS
 
 
 def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:
@@ -38,7 +219,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
     for title, items in import_sections(read, geometry).items():
         lines += ["", f"## {title}", "", *([f"- {item}" for item in items] or ["None."])]
         if title == "Joint":
-            lines += _ligaments(read)
+            lines += _table(read)
     return "\n".join(lines) + "\n"
 
 
@@ -69,22 +250,51 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
             f"The model has no {FORCE} between femur and tibia; `kneejax import stl --knee "
             "knee.yaml ...` adds contacts to this knee."
         )
+    fibres, wraps = read.document["ligaments"], []
+    for name in read.wraps:
+        entry = read.document["wraps"][name]
+        sizes = ", ".join(f"{field} {entry[field]}" for field in (
+            "radius_mm", "length_mm", "semi_axes_mm") if field in entry)
+        users = ", ".join(fibre for fibre, x in fibres.items() if x.get("wrap") == name)
+        wraps.append(f"{name}: {entry['kind']} on the {entry['bone']}, {sizes}, for {users}")
+    left_out = [f"In all, {read.numbers_left_out}."] if read.numbers_left_out else []
+    if read.bodies:
+        left_out.append(f"Bodies, part of neither bone: {', '.join(read.bodies)}.")
+    by_reason = collections.defaultdict(list)
+    for name, reason in read.found.outside.items():
+        by_reason[reason].append(name)
+    left_out += [f"Ligaments, {reason}: {', '.join(many)}." for reason, many in by_reason.items()]
+    left_out += [f"{text}." for text in read.left_out]
+    elsewhere = (x for x in read.untaken if x.how == ELSEWHERE and x.element.tag != KIND)
+    left_out += [f"{line}: {ELSEWHERE}." for line in listed(elsewhere)]
+    laws = {(x["stiffness_N"], x["transition_strain"]) for x in fibres.values()}
+    error = max(float(ligament_law.largest_tension_error(*law, TRANSITION_WIDTH)) for law in laws)
+    notes = [
+        f"The corners of OpenSim's force law are rounded (transition_width {TRANSITION_WIDTH:g}): "
+        f"forces differ by at most {error:.2g} N.",
+        "damping_N_s was read: it counts in motion, not at rest.",
+    ]
+    if wraps:
+        notes.append(
+            "Fibres take the shortest path around an obstacle; OpenSim's methods for ellipsoids "
+            "(hybrid, midpoint, axial) approximate it."
+        )
     section = read.document.get("patella", {})
     patella = [f"{name.capitalize()}: {', '.join(section[name])}."
                for name in ("ligaments", "muscles") if section]
     return {
         "What was taken as what": [*knee.findings, *knee.unusual, *model.notes],
         "Joint": [f"Reference pose, from the coordinates' defaults: {', '.join(pose)}", *joints],
-        "Patella and muscles read": [*patella, *read.patella_notes],
-        "Wrap objects read": [_wrap(read, wrap) for wrap in read.wraps],
+        "Patella and muscles read": [*patella, *read.patella.notes],
+        "Wrap objects read": wraps,
         "Contact": contacts,
         "Not supported": list(read.doubts),
-        "Left out": _left_out(read),
-        "Notes": [*dict.fromkeys(read.found.notes), *_notes(read)],
+        "Left out": left_out,
+        "Notes": [*dict.fromkeys(read.found.notes), *notes],
     }
 
 
-def _ligaments(read: OsimImport) -> list[str]:
+def _table(read: OsimImport) -> list[str]:
     lines = ["", f"## Ligaments read: {len(read.ligaments)} fibres of class {KIND}", ""]
     lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
     lines.append("|---|---|---|---|---|---|")
@@ -103,41 +313,3 @@ def _ligaments(read: OsimImport) -> list[str]:
         names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
         lines += ["", f"Groups made from their names: {names}."]
     return lines
-
-
-def _wrap(read: OsimImport, name: str) -> str:
-    entry = read.document["wraps"][name]
-    sizes = ", ".join(f"{field} {entry[field]}" for field in (
-        "radius_mm", "length_mm", "semi_axes_mm") if field in entry)
-    users = [n for n, x in read.document["ligaments"].items() if x.get("wrap") == name]
-    return f"{name}: {entry['kind']} on the {entry['bone']}, {sizes}, for {', '.join(users)}"
-
-
-def _left_out(read: OsimImport) -> list[str]:
-    lines = [f"In all, {read.numbers_left_out}."] if read.numbers_left_out else []
-    if read.bodies:
-        lines.append(f"Bodies, part of neither bone: {', '.join(read.bodies)}.")
-    by_reason = collections.defaultdict(list)
-    for name, reason in read.found.outside.items():
-        by_reason[reason].append(name)
-    lines += [f"Ligaments, {reason}: {', '.join(names)}." for reason, names in by_reason.items()]
-    lines += [f"{text}." for text in read.left_out]
-    elsewhere = [x for x in read.untaken if x.how == ELSEWHERE and x.element.tag != KIND]
-    return [*lines, *(f"{line}: {ELSEWHERE}." for line in listed(elsewhere))]
-
-
-def _notes(read: OsimImport) -> list[str]:
-    laws = {(x["stiffness_N"], x["transition_strain"])
-            for x in read.document["ligaments"].values()}
-    error = max(float(ligament_law.largest_tension_error(*law, TRANSITION_WIDTH)) for law in laws)
-    notes = [
-        f"The corners of OpenSim's force law are rounded (transition_width {TRANSITION_WIDTH:g}): "
-        f"forces differ by at most {error:.2g} N.",
-        "damping_N_s was read: it counts in motion, not at rest.",
-    ]
-    if read.wraps:
-        notes.append(
-            "Fibres take the shortest path around an obstacle; OpenSim's methods for ellipsoids "
-            "(hybrid, midpoint, axial) approximate it."
-        )
-    return notes

@@ -18,7 +18,7 @@ from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
 from kneejax.files.opensim._frames import flexion_coordinate
 from kneejax.files.opensim._ground import read_external_loads
 from kneejax.files.opensim._joints import coordinate_columns, read_joints
-from kneejax.files.opensim._knee import SIDES, find_knee
+from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
@@ -33,6 +33,8 @@ _UNEVEN_S = 1e-6
 #: What reserves give before a muscle would be spared for them: N m, and N at the ground.
 _RESERVE = 1.0
 _NAME = "reserves.xml"
+#: What stands before a sentence of OpenSim.
+_BEFORE = re.compile(r"^(\[\w+\]|RuntimeError:)\s*(std::exception in '.*?': )?")
 _ACTUATORS = "reserves and residuals of OpenSim: a ForceSet (.xml)"
 
 
@@ -118,8 +120,6 @@ def whole_body(
             than the header says, or the model has no such knee.
     """
     check_installed("opensim", "opensim")
-    if side not in SIDES:
-        raise InputProblem("--side", "side", side, "r or l")
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
     table = read_storage(motion)
@@ -129,7 +129,7 @@ def whole_body(
     if actuators is not None:
         file = parse_xml(actuators, _ACTUATORS)
         if all(element.tag != "ForceSet" for element in file.root.iter("*")):
-            raise file.problem(file.root, "", file.root.tag, _ACTUATORS)
+            raise file.root.problem("", file.root.tag, _ACTUATORS)
     common_times(tables)
     begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
     if time_s is not None:
@@ -137,7 +137,16 @@ def whole_body(
             expected = f"two times from {begin:g} to {end:g} s, which the tables cover"
             raise InputProblem("--time-s", "time", f"{time_s[0]:g}:{time_s[1]:g}", expected)
         begin, end = time_s
-    coordinates = _coordinates(model, flexion_coordinate(model, bones), table)
+    columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
+    if flexion not in columns:
+        expected = f"a column of the coordinate {flexion} of {model.name}"
+        raise InputProblem(table.file, "columns", f"no {flexion}", expected, table.columns)
+    angles_rad(table, columns[flexion])
+    even = table.time  # analyses take rows at even distances
+    if np.ptp(np.diff(even)) > _UNEVEN_S:
+        even = np.linspace(even[0], even[-1], len(even))
+    values = dict(zip(columns, table.at(even, list(columns.values())), strict=True))
+    coordinates = dataclasses.replace(table, time=even, columns=values)
     rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
     lower = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
@@ -148,20 +157,6 @@ def whole_body(
         (float(begin), float(end)), every,
         None if actuators is None else Path(actuators),
     )  # fmt: skip
-
-
-def _coordinates(model: Model, flexion: str, table: Storage) -> Storage:
-    """The coordinates of a table of these or of states; at even times, as analyses take rows."""
-    columns = coordinate_columns(model, table)
-    if flexion not in columns:
-        expected = f"a column of the coordinate {flexion} of {model.name}"
-        raise InputProblem(table.file, "columns", f"no {flexion}", expected, table.columns)
-    angles_rad(table, columns[flexion])
-    time = table.time
-    if np.ptp(np.diff(time)) > _UNEVEN_S:
-        time = np.linspace(time[0], time[-1], len(time))
-    values = table.at(time, list(columns.values()))
-    return dataclasses.replace(table, time=time, columns=dict(zip(columns, values, strict=True)))
 
 
 def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
@@ -185,44 +180,34 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
         actuators = folder / _NAME
         write_text(actuators, _reserves(read_model(asked)))
     motion = folder / "coordinates.sto"
-    write_text(motion, _written(body.coordinates))
-    settings = {
-        "model": asked, "motion": motion, "loads": body.loads, "actuators": actuators,
-        "folder": folder,
-    }  # fmt: skip
-    absolute = {name: str(Path(x).absolute()) if x else "" for name, x in settings.items()}
-    said = absolute | {
-        "joint": body.joint, "tibia": "child" if body.tibia_is_child else "parent",
-        "begin_s": body.time_s[0], "end_s": body.time_s[1], "every": body.every,
-    }  # fmt: skip
-    with tempfile.TemporaryDirectory() as place:
-        file = Path(place) / "settings.json"
-        file.write_text(json.dumps(said), encoding="utf-8")
-        words = [sys.executable, "-m", "kneejax.files.opensim._engine", str(file)]
-        done = subprocess.run(words, capture_output=True, text=True, cwd=place, check=False)
-    found = WholeBodyForces(*(folder / name for name in (MOMENTS, FORCES, REACTIONS)))
-    if done.returncode or not found.reactions.is_file():
-        expected = f"a movement that it can compute; it said: {_last(done)}"
-        raise InputProblem(os.fspath(asked), "OpenSim", "stopped", expected)
-    return found
-
-
-def _last(done: subprocess.CompletedProcess[str]) -> str:
-    lines = [line.strip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
-    told = [line for line in lines if "rror" in line or "xception" in line] or lines
-    if not told:
-        return f"nothing (status {done.returncode})"
-    return re.sub(r"^(\[\w+\]|RuntimeError:)\s*(std::exception in '.*?': )?", "", told[-1])
-
-
-def _written(table: Storage) -> str:
-    """A table as OpenSim reads it."""
+    table = body.coordinates
     rows = np.column_stack([table.time, *table.columns.values()])
     text = "\n".join("\t".join(f"{x:.17g}" for x in row) for row in rows.tolist())
     degrees = "yes" if table.in_degrees else "no"
     size = f"nRows={len(rows)}\nnColumns={rows.shape[1]}"
     names = "\t".join(["time", *table.columns])
-    return f"coordinates\nversion=1\n{size}\ninDegrees={degrees}\nendheader\n{names}\n{text}\n"
+    write_text(motion, f"coordinates\nversion=1\n{size}\ninDegrees={degrees}\nendheader\n"
+                       f"{names}\n{text}\n")
+    paths = {"model": asked, "motion": motion, "loads": body.loads, "actuators": actuators,
+             "folder": folder}
+    settings = {name: str(Path(x).absolute()) if x else "" for name, x in paths.items()} | {
+        "joint": body.joint, "tibia": "child" if body.tibia_is_child else "parent",
+        "begin_s": body.time_s[0], "end_s": body.time_s[1], "every": body.every,
+    }  # fmt: skip
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place) / "settings.json"
+        file.write_text(json.dumps(settings), encoding="utf-8")
+        words = [sys.executable, "-m", "kneejax.files.opensim._engine", str(file)]
+        done = subprocess.run(words, capture_output=True, text=True, cwd=place, check=False)
+    found = WholeBodyForces(*(folder / name for name in (MOMENTS, FORCES, REACTIONS)))
+    if done.returncode or not found.reactions.is_file():
+        lines = [line.strip() for line in (done.stdout + done.stderr).splitlines()]
+        lines = [line for line in lines if line]
+        last = [x for x in lines if "rror" in x or "xception" in x] or lines
+        said = _BEFORE.sub("", last[-1]) if last else f"nothing (status {done.returncode})"
+        expected = f"a movement that it can compute; it said: {said}"
+        raise InputProblem(os.fspath(asked), "OpenSim", "stopped", expected)
+    return found
 
 
 def _reserves(model: Model) -> str:

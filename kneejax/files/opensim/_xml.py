@@ -8,10 +8,13 @@ import itertools
 import os
 import re
 from collections.abc import Collection, Sequence
+from decimal import Decimal
 from pathlib import Path
 
 import lxml.etree as etree
+import numpy as np
 
+from kneejax.files.opensim._exact import Point, read_decimal
 from kneejax.files.reading import InputProblem, read_bytes
 
 _DECLARED = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
@@ -31,7 +34,7 @@ _AS_IT_WAS = str.maketrans({_AMPERSAND: "&", _HYPHEN: "-", _NOTHING: None})
 
 
 class Element(etree.ElementBase):
-    """An element of lxml, with the words that OpenSim's properties are."""
+    """An element of lxml that reads its properties, and says where it stands where one is wrong."""
 
     @property
     def name(self) -> str:
@@ -49,6 +52,19 @@ class Element(etree.ElementBase):
         """Elements within it, without comments."""
         return [*self.iterchildren("*")]
 
+    @property
+    def applied(self) -> bool:
+        """Whether a force acts or a constraint holds; some are switched off."""
+        on = self.truth("appliesForce", True) and self.truth("isEnforced", True)
+        return on and not self.truth("isDisabled", False)
+
+    def problem(self, field: str, value, expected: str, nearest=None) -> InputProblem:
+        """The error of a field of it: with file, kind, name and line."""
+        name = f" {self.name}" if self.name else ""
+        place = f"{self.tag}{name} (line {self.sourceline})"
+        file = self.getroottree().docinfo.URL or ""
+        return InputProblem(file, f"{place}: {field}" if field else place, value, expected, nearest)
+
     def child(self, *tags: str) -> Element | None:
         """The first child with the first of these tags that any child has."""
         return next((x for x in map(self.find, tags) if x is not None), None)
@@ -61,13 +77,44 @@ class Element(etree.ElementBase):
         return [] if here is None else here.children
 
     def word(self, *tags: str, default: str = "") -> str:
-        """Text of a child; `default` if it is absent or empty."""
+        """Text of a child, or of that of its class in the model's `<defaults>`, or `default`."""
         child = self.child(*tags)
+        if child is None or not child.content:
+            usual = self.getroottree().getroot().find("Model/defaults")
+            same = [] if usual is None else [one for one in usual.children if one.tag == self.tag]
+            child = same[-1].child(*tags) if same and same[-1] is not self else None
         return (child.content if child is not None else "") or default
 
     def last_word(self, *tags: str) -> str:
         """The last name of a path that is the text of a child."""
         return self.word(*tags).rstrip("/").rsplit("/", 1)[-1]
+
+    def numbers(self, tag: str, count: int, default: str = "") -> list[Decimal]:
+        """As many finite numbers of a child, or InputProblem; of `default` if it is absent."""
+        word = self.word(tag, default=default)
+        try:
+            values = [read_decimal(part) for part in word.split()]
+        except (ValueError, ArithmeticError):
+            values = []
+        if len(values) != count:
+            what = "a number" if count == 1 else f"{count} numbers"
+            raise self.problem(tag, word or "missing", what)
+        return values
+
+    def number(self, tag: str, default: str = "") -> float:
+        """One of them."""
+        return float(self.numbers(tag, 1, default)[0])
+
+    def point(self, tag: str, default: str = "0 0 0") -> Point:
+        """Three of them."""
+        return np.array(self.numbers(tag, 3, default), object)
+
+    def truth(self, tag: str, default: bool) -> bool:
+        """A yes or no of a child."""
+        word = self.word(tag).lower()
+        if word in ("", "true", "1", "false", "0"):
+            return word in ("true", "1") if word else default
+        raise self.problem(tag, self.word(tag), "true or false")
 
     def set_words(self, words: Sequence[str], changed: Collection[int]) -> None:
         """Put those words that changed in the place of its own, or all where it has not as many.
@@ -128,14 +175,6 @@ class XmlFile:
     encoding: str
     root: Element
 
-    def problem(self, element: Element, field: str, value, expected: str, nearest=None):
-        """The error at an element: its kind, name, line, and a field of it."""
-        name = f" {element.name}" if element.name else ""
-        place = f"{element.tag}{name} (line {element.sourceline})"
-        return InputProblem(
-            self.path, f"{place}: {field}" if field else place, value, expected, nearest
-        )
-
     def written(self) -> bytes:
         """The file with the elements as they are now, in its own encoding.
 
@@ -167,10 +206,10 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
     if "<!ENTITY" in text:
         place = f"line {text[: text.index('<!ENTITY')].count(chr(10)) + 1}"
         raise InputProblem(path, place, "<!ENTITY", f"{kind} without entities of its own")
-    root, error = _parsed(text)
+    root, error = _parsed(text, path)
     if error is not None and "<!DOCTYPE" not in text:
         root, error = _parsed(_BARE.sub(_AMPERSAND, _COMMENT.sub(
-            lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)))
+            lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)), path)
     if error is not None or root is None:
         line, column, found = 1, 1, "no element"
         if error is not None:
@@ -188,7 +227,7 @@ def element_of(text: str) -> Element:
     return root
 
 
-def _parsed(text: str):
+def _parsed(text: str, path: str | os.PathLike[str] = ""):
     """The root of a text, and the first error in it. No file but it is read, no entity expanded.
 
     Names with `::`, which OpenSim has, are no error.
@@ -198,7 +237,7 @@ def _parsed(text: str):
     parser.set_element_class_lookup(etree.ElementDefaultClassLookup(element=Element))
     try:
         text = _EMPTY.sub(lambda found: found[0].replace("><", f">{_NOTHING}<"), text)
-        root = etree.fromstring(text.encode(), parser)
+        root = etree.fromstring(text.encode(), parser, base_url=os.fspath(path))
     except etree.XMLSyntaxError:
         root = None
     fatal = (one for one in parser.error_log if one.level == etree.ErrorLevels.FATAL)

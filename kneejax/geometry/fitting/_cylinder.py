@@ -32,6 +32,13 @@ class CylinderFit:
         center_error: standard error of the centre where it is worst known, mm, from what is
             left over; independent errors of the points are assumed.
         direction_error_deg: likewise of the direction.
+
+    Example:
+        >>> from kneejax.geometry import fit_cylinder
+        >>> turns, z = np.meshgrid(np.linspace(0.0, 2.0, 20), np.linspace(-10.0, 10.0, 9))
+        >>> points = np.stack([20.0 * np.cos(turns), 20.0 * np.sin(turns), z], -1).reshape(-1, 3)
+        >>> round(fit_cylinder(points).radius, 6)
+        20.0
     """
 
     center: np.ndarray

@@ -32,6 +32,11 @@ class SurfaceFit(Generic[S]):
         points: the points that were used, shape `(n, 3)`, mm, bone frame.
         residual: signed distance of each point from the fit, shape `(n,)`, mm.
         weights: weight of each point.
+
+    Example:
+        >>> found = fit_plane([[0, 0, 0], [10, 0, 0], [0, 0, 10], [10, 0.4, 10]])
+        >>> found.points.shape, bool(abs(found.residual).max() < 0.11)
+        ((4, 3), True)
     """
 
     surface: S
@@ -63,6 +68,12 @@ def fit_plane(points: ArrayLike, weights: ArrayLike | None = None, up: ArrayLike
 
     Raises:
         ValueError: fewer than 3 points.
+
+    Example:
+        >>> points = [[0, 1, 0], [10, 1, 0], [0, 1, 10], [10, 1, 10]]
+        >>> found = fit_plane(points)
+        >>> [round(float(x), 6) for x in found.surface.frame.origin]
+        [5.0, 1.0, 5.0]
     """
     p, w = points_and_weights(points, weights, 3, "plane")
     center = np.average(p, axis=0, weights=w)
@@ -86,6 +97,11 @@ def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
 
     Raises:
         ValueError: fewer than 4 points.
+
+    Example:
+        >>> points = 20.0 * np.vstack([np.eye(3), -np.eye(3)]) + [0.0, 5.0, 0.0]
+        >>> round(float(fit_sphere(points).surface.radius), 6)
+        20.0
     """
     p, w = points_and_weights(points, weights, 4, "sphere")
 
@@ -108,6 +124,13 @@ def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: b
 
     Raises:
         ValueError: fewer than 9 points.
+
+    Example:
+        >>> ball = np.random.default_rng(0).normal(size=(60, 3))
+        >>> points = ball / np.linalg.norm(ball, axis=1, keepdims=True) * [30.0, 18.0, 12.0]
+        >>> found = fit_ellipsoid(points, turned=False)
+        >>> sorted(round(float(x), 3) for x in found.surface.semi_axes)
+        [12.0, 18.0, 30.0]
     """
     p, w = points_and_weights(points, weights, 9, "ellipsoid")
     sphere = fit_sphere(p, w).surface
@@ -132,6 +155,12 @@ def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> 
 
     Raises:
         ValueError: fewer than 6 points.
+
+    Example:
+        >>> turns, z = np.meshgrid(np.linspace(0.5, 3.0, 20), np.linspace(-30.0, 30.0, 9))
+        >>> points = np.stack([20.0 * np.cos(turns), 5.0 - 20.0 * np.sin(turns), z], -1)
+        >>> [round(abs(float(x)), 3) for x in fit_transverse_axis(points.reshape(-1, 3)).origin]
+        [0.0, 5.0, 0.0]
     """
     p, w = points_and_weights(points, weights, 6, "cylinder")
     circle = _center_and_radius(p[:, :2], w)
@@ -226,6 +255,13 @@ def fit_condyle(
 
     Raises:
         ValueError: too few points in the region for the number of coefficients.
+
+    Example:
+        >>> turns, z = np.meshgrid(np.linspace(0.3, 2.9, 30), np.linspace(-10.0, 10.0, 9))
+        >>> points = np.stack([20.0 * np.cos(turns), -20.0 * np.sin(turns), z], -1).reshape(-1, 3)
+        >>> found = fit_condyle(points, (20.0, 160.0), (-10.0, 10.0), degree=(2, 1))
+        >>> round(float(found.surface.coefficients[0, 0]), 6)
+        20.0
     """
     frame = Frame() if frame is None else frame
     p, w = points_and_weights(points, weights, 1, "condyle")
@@ -265,6 +301,13 @@ def fit_plateau(
 
     Raises:
         ValueError: too few points in the region for the number of coefficients.
+
+    Example:
+        >>> x, z = np.meshgrid(np.linspace(-15.0, 15.0, 15), np.linspace(-10.0, 10.0, 15))
+        >>> points = np.stack([x, 0.01 * x**2, z], -1).reshape(-1, 3)
+        >>> found = fit_plateau(points, (-15.0, 15.0), (-10.0, 10.0), degree=(2, 2))
+        >>> bool(abs(found.residual).max() < 1e-9)
+        True
     """
     frame = Frame() if frame is None else frame
     p, w = points_and_weights(points, weights, 1, "plateau")

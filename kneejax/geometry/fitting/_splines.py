@@ -41,6 +41,13 @@ class SplineFit(SurfaceFit[S]):
         smoothing_mm: bends much shorter than this are smoothed away.
         held_out_rms: root of the weighted mean square distance of points that were held out, mm.
         tried: `(cell size mm, smoothing mm, held-out rms mm)` of everything that was tried.
+
+    Example:
+        >>> x, z = np.meshgrid(np.linspace(-12.0, 12.0, 20), np.linspace(-12.0, 12.0, 20))
+        >>> points, half = np.stack([x, 0.01 * x**2, z], -1).reshape(-1, 3), (-12.0, 12.0)
+        >>> found = fit_plateau_spline(points, half, half, cell_mm=8.0, smoothing_mm=0.1)
+        >>> found.cells, bool(abs(found.residual).max() < 0.01)
+        ((3, 3), True)
     """
 
     cells: tuple[int, int] = (1, 1)
@@ -76,6 +83,15 @@ def fit_condyle_spline(
 
     Raises:
         ValueError: fewer than 16 points in the region.
+
+    Example:
+        >>> turns, z = np.meshgrid(np.linspace(0.3, 2.9, 40), np.linspace(-12.0, 12.0, 20))
+        >>> points = np.stack([20.0 * np.cos(turns), -20.0 * np.sin(turns), z], -1).reshape(-1, 3)
+        >>> found = fit_condyle_spline(
+        ...     points, (20.0, 160.0), (-12.0, 12.0), cell_mm=8.0, smoothing_mm=0.1
+        ... )
+        >>> bool(abs(found.residual).max() < 0.01)
+        True
     """
     frame = Frame() if frame is None else frame
     p, w = points_and_weights(points, weights, 1, "condyle")
@@ -121,6 +137,12 @@ def fit_plateau_spline(
 
     Raises:
         ValueError: fewer than 16 points in the region.
+
+    Example:
+        >>> x, z = np.meshgrid(np.linspace(-12.0, 12.0, 20), np.linspace(-12.0, 12.0, 20))
+        >>> points, half = np.stack([x, 0.01 * x**2, z], -1).reshape(-1, 3), (-12.0, 12.0)
+        >>> fit_plateau_spline(points, half, half, cell_mm=8.0, smoothing_mm=0.1).cells
+        (3, 3)
     """
     frame = Frame() if frame is None else frame
     p, w = points_and_weights(points, weights, 1, "plateau")

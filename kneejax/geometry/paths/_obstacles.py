@@ -71,6 +71,11 @@ class WrapSphere(Obstacle):
     Attributes:
         radius: mm, a number or shape `(...)`.
         frame: its frame in the bone's; only the origin matters.
+
+    Example:
+        >>> ball = WrapSphere(20.0)
+        >>> float(ball.radius), float(ball.frame.origin[0])
+        (20.0, 0.0)
     """
 
     radius: Array
@@ -99,6 +104,11 @@ class WrapCylinder(Obstacle):
         frame: its frame in the bone's.
         side: on which paths pass, of `SIDES`, however far that leads around; empty where they take
             the shorter way.
+
+    Example:
+        >>> rod = WrapCylinder(10.0, 60.0, side="+x")
+        >>> float(rod.radius), rod.side
+        (10.0, '+x')
     """
 
     radius: Array
@@ -146,6 +156,10 @@ class WrapEllipsoid(Obstacle):
     Attributes:
         semi_axes: shape `(3, ...)`, mm, along its frame's X, Y, Z.
         frame: its frame in the bone's.
+
+    Example:
+        >>> [float(x) for x in WrapEllipsoid((30.0, 18.0, 12.0)).semi_axes]
+        [30.0, 18.0, 12.0]
     """
 
     semi_axes: Array

@@ -45,6 +45,12 @@ class Condyle(Surface):
         basis: `power` or `cubic_spline`.
 
     Source: paper 3, section 2 (fourth-order polynomials in cylindrical coordinates).
+
+    Example:
+        >>> from kneejax.geometry import area_element
+        >>> round_one = Condyle([[20.0]], angle=(0.0, 3.0), width=(-10.0, 10.0))
+        >>> round(float(area_element(round_one, 1.5, 0.0)), 6)
+        20.0
     """
 
     coefficients: Array

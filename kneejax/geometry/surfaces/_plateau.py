@@ -76,6 +76,12 @@ class Plateau(Surface):
         outline: border of the cartilage, corners `(x, z)` in order, shape `(k, 2, ...)`, mm; None
             where the whole region is covered.
         basis: `power` or `cubic_spline`.
+
+    Example:
+        >>> from kneejax.geometry import normal
+        >>> flat = Plateau([[2.0]], x=(-20.0, 20.0), z=(-15.0, 15.0))
+        >>> [float(x) for x in normal(flat, 5.0, 5.0)]
+        [-0.0, 1.0, -0.0]
     """
 
     coefficients: Array

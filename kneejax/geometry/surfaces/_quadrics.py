@@ -18,6 +18,11 @@ class Plane(Surface):
     Attributes:
         frame: placement in the bone; its Y axis is the outward normal.
         half_extent: half the size of the known region along X and Z, mm, shape `(2, ...)`.
+
+    Example:
+        >>> from kneejax.geometry import normal
+        >>> [float(x) for x in normal(Plane(), 3.0, 4.0)]
+        [-0.0, 1.0, -0.0]
     """
 
     frame: Frame
@@ -60,6 +65,11 @@ class Sphere(Surface):
     Attributes:
         radius: mm.
         frame: placement in the bone.
+
+    Example:
+        >>> from kneejax.geometry import normal
+        >>> [round(float(x), 6) for x in normal(Sphere(20.0), 0.0, 0.0)]
+        [1.0, -0.0, 0.0]
     """
 
     radius: Array
@@ -89,6 +99,11 @@ class Ellipsoid(Surface):
     Attributes:
         semi_axes: shape `(3, ...)`, mm, along the frame's axes.
         frame: placement in the bone.
+
+    Example:
+        >>> from kneejax.geometry import area_element
+        >>> round(float(area_element(Ellipsoid((30.0, 20.0, 10.0)), 0.0, 0.0)), 3)
+        200.0
     """
 
     semi_axes: Array

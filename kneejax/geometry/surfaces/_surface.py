@@ -158,12 +158,24 @@ def jet(surface: Surface, a: ArrayLike, b: ArrayLike) -> Jet:
 
     Returns:
         The jet, each vector with components of that shape.
+
+    Example:
+        >>> from kneejax.geometry import Plane
+        >>> found = jet(Plane(), 3.0, 4.0)
+        >>> [float(x) for x in found.point]
+        [3.0, 0.0, 4.0]
     """
     return surface.jet(*jnp.broadcast_arrays(jnp.asarray(a, float), jnp.asarray(b, float)))
 
 
 def normal(surface: Surface, a: ArrayLike, b: ArrayLike) -> Vector:
-    """Outward unit normal at the parameters `(a, b)`, in the surface's frame."""
+    """Outward unit normal at the parameters `(a, b)`, in the surface's frame.
+
+    Example:
+        >>> from kneejax.geometry import Plane
+        >>> [float(x) for x in normal(Plane(), 3.0, 4.0)]
+        [-0.0, 1.0, -0.0]
+    """
     return _normal(surface, jet(surface, a, b))
 
 
@@ -176,7 +188,13 @@ def _normal(surface: Surface, local: Jet) -> Vector:
 
 
 def area_element(surface: Surface, a: ArrayLike, b: ArrayLike) -> Array:
-    """Area covered by a unit square of the parameters, mm^2 per unit."""
+    """Area covered by a unit square of the parameters, mm^2 per unit.
+
+    Example:
+        >>> from kneejax.geometry import Plane
+        >>> float(area_element(Plane(), 3.0, 4.0))
+        1.0
+    """
     local = jet(surface, a, b)
     return local.vector(local.a).cross(local.vector(local.b)).norm()
 
@@ -218,6 +236,12 @@ def inside(surface: Surface, a: Array, b: Array, margin: float = 0.0) -> Array:
         a: first parameter.
         b: second parameter.
         margin: fraction of the region's size by which the limits are drawn in.
+
+    Example:
+        >>> from kneejax.geometry import Plane
+        >>> flat = Plane(half_extent=(10.0, 10.0))
+        >>> [bool(inside(flat, jnp.array(x), jnp.array(0.0))) for x in (9.0, 11.0)]
+        [True, False]
     """
     answer = jnp.asarray(True)
     for value, (lower, upper) in zip((a, b), surface.bounds(), strict=True):
@@ -232,13 +256,25 @@ def from_anterior(x: Array, y: Array) -> Array:
 
 
 def scaled(value: Array, limits: Array) -> tuple[Array, Array]:
-    """A coordinate scaled to -1..1 over its limits, and the derivative of that scaling."""
+    """A coordinate scaled to -1..1 over its limits, and the derivative of that scaling.
+
+    Example:
+        >>> value, slope = scaled(jnp.array(5.0), jnp.array([0.0, 20.0]))
+        >>> float(value), float(slope)
+        (-0.5, 0.1)
+    """
     factor = 2.0 / (limits[1] - limits[0])
     return (value - limits[0]) * factor - 1.0, factor
 
 
 def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
-    """By how much a coordinate lies beyond its limits, either way."""
+    """By how much a coordinate lies beyond its limits, either way.
+
+    Example:
+        >>> limits = jnp.array([0.0, 20.0])
+        >>> float(excess(jnp.array(23.0), limits)), float(excess(jnp.array(5.0), limits))
+        (3.0, 0.0)
+    """
     return jnp.maximum(jnp.maximum(limits[0] - value, value - limits[1]), 0.0)
 
 

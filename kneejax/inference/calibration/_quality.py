@@ -22,7 +22,12 @@ _LARGE = {"mm": 3.0, "deg": 5.0}
 
 
 class Fault(enum.Enum):
-    """Why a coordinate is poorly fitted."""
+    """Why a coordinate is poorly fitted.
+
+    Example:
+        >>> [one.name for one in Fault][:2]
+        ['WORSE_THAN_START', 'BEYOND_NOISE']
+    """
 
     WORSE_THAN_START = "worse than at the start"
     BEYOND_NOISE = "more than the stated noise"
@@ -39,6 +44,10 @@ class Misfit:
         rmse: root mean square error of the fit, mm or degrees.
         against: what that is compared with: the start's error, the noise, or what is large.
         test: whose curves they are; empty for the poses.
+
+    Example:
+        >>> Misfit("anterior", list(Fault)[0], rmse=0.9, against=0.3).coordinate
+        'anterior'
     """
 
     coordinate: str

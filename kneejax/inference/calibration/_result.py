@@ -20,7 +20,12 @@ _PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "num
 
 
 def versions() -> dict[str, str]:
-    """Versions of everything that a number in a result depends on."""
+    """Versions of everything that a number in a result depends on.
+
+    Example:
+        >>> "jax" in versions()
+        True
+    """
     found = {"python": platform.python_version(), "platform": platform.platform()}
     for package in _PACKAGES:
         try:
@@ -92,7 +97,12 @@ class Motion:
 
 @dataclasses.dataclass(frozen=True)
 class Iteration:
-    """One accepted step of the search: stage (e.g. `I.1`), evaluations so far, objective."""
+    """One accepted step of the search: stage (e.g. `I.1`), evaluations so far, objective.
+
+    Example:
+        >>> Iteration("III", 5, 26.5).objective
+        26.5
+    """
 
     stage: str
     evaluations: int
@@ -100,7 +110,12 @@ class Iteration:
 
 
 class Ending(enum.Enum):
-    """Why a search ended."""
+    """Why a search ended.
+
+    Example:
+        >>> len(Ending) > 1
+        True
+    """
 
     CONVERGED = "converged"
     FLAT = "converged to within the noise"

@@ -205,6 +205,12 @@ def usual_candidates(
 
 
 def load_cases_of(candidates: Sequence[Candidate]) -> LoadCases:
-    """The load cases at which a knee must be balanced to predict each candidate."""
+    """The load cases at which a knee must be balanced to predict each candidate.
+
+    Example:
+        >>> from kneejax.inference import Candidate
+        >>> load_cases_of([Candidate("drawer", 30.0, anterior_N=100.0)]).flexion.shape
+        (1,)
+    """
     sizes = {name: np.array([test.loads[name] for test in candidates]) for name in NAMED_LOADS}
     return LoadCases.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])

@@ -205,6 +205,11 @@ def choose(
 
     Returns:
         Rows of `told`.
+
+    Example:
+        >>> base, told = np.eye(2), np.array([np.diag([9.0, 0.0]), np.diag([1.0, 1.0])])
+        >>> choose(base, told, 1)
+        (0,)
     """
     usable = np.ones(len(told), bool) if usable is None else np.asarray(usable, bool)
     rows: list[int] = _greedy(base, told, count, criterion, usable, repeat)
@@ -233,6 +238,10 @@ def criterion_of(information: np.ndarray, criterion: str) -> np.ndarray:
     Args:
         information: `(..., p, p)`, regular.
         criterion: `D` or `A`.
+
+    Example:
+        >>> criterion_of(np.diag([4.0, 4.0]), "A").tolist()
+        0.5
     """
     if criterion == "D":
         return -np.linalg.slogdet(information)[1]
@@ -240,7 +249,12 @@ def criterion_of(information: np.ndarray, criterion: str) -> np.ndarray:
 
 
 def standard_errors(information: np.ndarray) -> np.ndarray:
-    """Standard errors that regular information promises, `(..., p)`."""
+    """Standard errors that regular information promises, `(..., p)`.
+
+    Example:
+        >>> standard_errors(np.diag([4.0, 100.0])).tolist()
+        [0.5, 0.1]
+    """
     return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1))
 
 

@@ -199,6 +199,10 @@ def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:
 
     Raises:
         UnsuitableData: one is not a positive number.
+
+    Example:
+        >>> noise_of(0.3, 0.2).tolist()
+        [0.2, 0.2, 0.3, 0.3, 0.3]
     """
     for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
         if not (np.isfinite(value) and value > 0):

@@ -44,7 +44,12 @@ LOWER_MINIMA = "the search for them kept finding better fits"
 
 
 class IntervalKind(enum.Enum):
-    """What is known of a parameter, in the word that tables print."""
+    """What is known of a parameter, in the word that tables print.
+
+    Example:
+        >>> IntervalKind("one-sided").name
+        'ONE_SIDED'
+    """
 
     STANDARD_ERROR = "standard error"
     PROFILE = "profile"
@@ -75,6 +80,11 @@ class Interval:
         high: upper limit; NaN if there is none.
         standard_error: NaN unless it tells the limits as well.
         reason: why a limit could not be computed; empty otherwise.
+
+    Example:
+        >>> one = Interval(IntervalKind("profile"), 4127.0, 6081.0)
+        >>> one.low, one.high
+        (4127.0, 6081.0)
     """
 
     kind: IntervalKind
@@ -154,7 +164,12 @@ def _within_prior(
 
 
 def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
-    """Whether two intervals tell the same story."""
+    """Whether two intervals tell the same story.
+
+    Example:
+        >>> same_ends((1.0, 2.0), (1.1, 2.1)), same_ends((1.0, 2.0), (1.0, 3.0))
+        (True, False)
+    """
     both = np.array([ends, others])
     if not np.isfinite(both).all():
         return False

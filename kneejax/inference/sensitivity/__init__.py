@@ -1,10 +1,8 @@
-"""What a parameter moves: sweeps, slopes, indices, maps, by hand."""
+"""What a parameter moves: sweeps, slopes, indices, maps."""
 
 from kneejax.inference.sensitivity._global_indices import USUAL_SAMPLES as USUAL_SAMPLES
 from kneejax.inference.sensitivity._global_indices import GlobalIndices as GlobalIndices
 from kneejax.inference.sensitivity._global_indices import global_indices as global_indices
-from kneejax.inference.sensitivity._live_motion import LiveMotion as LiveMotion
-from kneejax.inference.sensitivity._live_motion import Moved as Moved
 from kneejax.inference.sensitivity._map import map_ranges as map_ranges
 from kneejax.inference.sensitivity._map import sensitivity_map as sensitivity_map
 from kneejax.inference.sensitivity._map import sensitivity_maps as sensitivity_maps
@@ -16,6 +14,7 @@ from kneejax.inference.sensitivity._motion_indices import motion_indices as moti
 from kneejax.inference.sensitivity._parameter_map import BlockStore as BlockStore
 from kneejax.inference.sensitivity._parameter_map import Condition as Condition
 from kneejax.inference.sensitivity._parameter_map import ParameterMap as ParameterMap
+from kneejax.inference.sensitivity._parameter_map import worst_condition as worst_condition
 from kneejax.inference.sensitivity._sweeps import SWEEP_RANGES as SWEEP_RANGES
 from kneejax.inference.sensitivity._sweeps import USUAL_COUNT as USUAL_COUNT
 from kneejax.inference.sensitivity._sweeps import LocalSensitivity as LocalSensitivity

@@ -132,6 +132,13 @@ def global_indices(
 
     Source: Saltelli et al., Computer Physics Communications 181, 2010; Campolongo et al.,
         Environmental Modelling & Software 22, 2007; computed by SALib.
+
+    Example:
+        >>> def model(x):
+        ...     return x[:, 0] + 0.0 * x[:, 1]
+        >>> found = global_indices(model, ["strong", "idle"], [0, 0], [1, 1], samples=64)
+        >>> found.measures["total_order"].round(1).ravel().tolist()
+        [1.0, 0.0]
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     check_request(method, names, lower, upper, samples)

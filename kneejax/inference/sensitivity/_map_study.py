@@ -333,6 +333,11 @@ def in_convention(table: np.ndarray, flexion_deg: np.ndarray, convention: str) -
 
     Returns:
         Degrees and mm, `(..., poses, 5)`.
+
+    Example:
+        >>> table = np.array([[30.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+        >>> in_convention(table[:, 1:], table[:, 0], "femoral")[0, 2].tolist()
+        1.0
     """
     if convention == "femoral":
         return table

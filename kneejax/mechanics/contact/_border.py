@@ -34,6 +34,12 @@ class Border(eqx.Module):
     Attributes:
         beyond_mm: how far the contact reaches beyond the border at most; 0 inside.
         share: of the force that is carried there, 0 to 1.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> edge = Border(jnp.array([0.0, 1.4]), jnp.array([0.0, 0.02]))
+        >>> edge.beyond_mm.tolist()
+        [0.0, 1.4]
     """
 
     beyond_mm: Array

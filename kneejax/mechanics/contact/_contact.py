@@ -63,6 +63,12 @@ class Contact(eqx.Module):
         damper: what resists compression during a step through time; None at rest.
         ring: what holds a meniscus from horn to horn; None where the surface stands still. Read by
             `QUADRATURE` only.
+
+    Example:
+        >>> from kneejax.geometry import Plane, Sphere
+        >>> touch = Contact(Sphere(20.0), Plane(), youngs_modulus=5.0, layer_thickness=4.0)
+        >>> touch.form, touch.law, float(touch.layer_thickness)
+        ('elliptical_patch', 'log', 4.0)
     """
 
     femoral: Surface

@@ -29,7 +29,6 @@ from kneejax.mechanics.contact._points import (
     Points,
     Sampled,
     asked_at,
-    midpoints,
     over_rays,
 )
 from kneejax.mechanics.contact._points_force import (
@@ -228,3 +227,37 @@ def _points_of(
         section=section,
     )
     return points, None if placed is None else (placed[0], placed[1])
+
+
+def midpoints(
+    surface: Surface, count: tuple[int, int], trailing: int
+) -> tuple[Vector, Vector, Array, tuple[Array, Array]]:
+    """Middles of equal rectangles over a surface's region; they weigh nothing off its cartilage.
+
+    What touches lies inside the region, and there the midpoint rule is the better one: Gauss
+    points, dense at the edges, are half as dense in the middle (an error of area of 9.6 instead of
+    5.3 per cent with 28 x 20 points on a measured knee).
+
+    Args:
+        surface: the tibial surface.
+        count: number along each parameter.
+        trailing: number of axes that the poses take.
+
+    Returns:
+        Points and unit normals in the surface's frame, areas, and both parameters, scaled to -1..1.
+    """
+    (lower_a, upper_a), (lower_b, upper_b) = surface.bounds()
+    along_a, along_b = (upper_a - lower_a) / count[0], (upper_b - lower_b) / count[1]
+    s, t = (x.reshape(-1, *(1,) * trailing) for x in _middles(count))
+    a, b = lower_a + s * (upper_a - lower_a), lower_b + t * (upper_b - lower_b)
+    a, b = jnp.broadcast_arrays(a, b)
+    weight = along_a * along_b * surface.covered(a, b, (along_a, along_b))
+    point, normal, area = surface.oriented(a, b)
+    return point, normal, weight * area, (2.0 * s - 1.0, 2.0 * t - 1.0)
+
+
+def _middles(count: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Middles of the rectangles of a unit square, one row of rectangles after the other."""
+    first, second = ((np.arange(n) + 0.5) / n for n in count)
+    a, b = np.meshgrid(first, second, indexing="ij")
+    return a.ravel(), b.ravel()

@@ -154,8 +154,8 @@ class Hoops(eqx.Module):
 
     def given_way(self, points: Points, outward: Array) -> Array:
         """Depth that each point has lost, mm, `(points, ...)`."""
-        chosen = jnp.tensordot(self._members(points).T, outward, 1)
-        return points.outwards * chosen
+        assert points.outwards is not None
+        return points.outwards * jnp.tensordot(self._members(points).T, outward, 1)
 
     def pushed(self, points: Points, x: Array) -> Array:
         """Sum over the points of each section of what moves it outwards, `(sections, ...)`.
@@ -164,6 +164,7 @@ class Hoops(eqx.Module):
             points: of the rings and others.
             x: force of each point, N, or its change.
         """
+        assert points.outwards is not None
         return jnp.tensordot(self._members(points), points.outwards * x, 1)
 
     def solved(self, firm: Array, right: Array) -> Array:
@@ -188,6 +189,7 @@ class Hoops(eqx.Module):
             depth: that presses, mm.
         """
         _, firm = jax.jvp(points.force, (depth,), (jnp.ones_like(depth),))
+        assert points.outwards is not None
         return self.pushed(points, points.outwards * firm)
 
     def _firm(self, points: Points, depth: Array, outward: Array) -> Array:
@@ -201,6 +203,7 @@ class Hoops(eqx.Module):
 
     def _members(self, points: Points) -> Array:
         """Which points are of which section, `(sections, points)`."""
+        assert points.section is not None
         place = points.section.reshape(len(points.section), -1)[:, 0]
         return (place == jnp.arange(sum(self.counts))[:, None]).astype(float)
 

@@ -63,6 +63,11 @@ class Course(eqx.Module):
         via_bones: bone of each via point.
         obstacle_bone: bone that carries the obstacle.
         bodies: the two bones.
+
+    Example:
+        >>> straight = Course((0, 1), via=[[[0.0, -20.0, 0.0]] * 2], via_bones=("tibia",))
+        >>> straight.rows, straight.via.shape
+        ((0, 1), (1, 2, 3))
     """
 
     via: Array

@@ -199,7 +199,7 @@ def fibre_field(
         (4000.0, 24)
     """
     disc, weights = disc_quadrature(fibres)
-    low, high = (prestretch,) * 2 if np.ndim(prestretch) == 0 else np.asarray(prestretch, float)
+    low, high = np.broadcast_to(np.asarray(prestretch, float), 2)
     stretch = 0.5 * (low + high) + 0.5 * (high - low) * disc[:, 0]
     areas = float(area) * weights
     return FibreField(femoral.at(disc), tibial.at(disc), areas, youngs_modulus * areas, stretch)

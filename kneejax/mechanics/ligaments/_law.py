@@ -292,6 +292,11 @@ def damping_force(rate_mm_s: Array, lengthening: Array, both_ways: Array) -> Arr
         rate_mm_s: at which fibres become longer.
         lengthening: N s/mm while they do.
         both_ways: N s/mm.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> damping_force(jnp.array([2.0, -2.0]), jnp.array(1.5), jnp.array(0.1)).round(3).tolist()
+        [3.2, -0.2]
     """
     return lengthening * jnp.maximum(rate_mm_s, 0.0) + both_ways * rate_mm_s
 
@@ -315,6 +320,12 @@ class FibreFaults(eqx.Module):
         overstretched: strained beyond its failure strain.
         past_wrap: touches its cylinder beyond the cylinder's length.
         wrap_inside: has an end inside its obstacle.
+
+    Example:
+        >>> import jax.numpy as jnp
+        >>> no = jnp.array([False])
+        >>> FibreFaults(overstretched=~no, past_wrap=no, wrap_inside=no).overstretched.tolist()
+        [True]
     """
 
     overstretched: Array

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import isotonic_regression
 
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim, without_frame
@@ -249,14 +250,8 @@ def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[flo
     """
     order = np.argsort(wanted, kind="stable")
     free = np.asarray(wanted, float)[order] - gap * np.arange(len(wanted))
-    # Isotonic regression: the least change that keeps them in order and apart.
-    blocks: list[list[float]] = []
-    for value in free:
-        blocks.append([value])
-        while len(blocks) > 1 and np.mean(blocks[-2]) > np.mean(blocks[-1]):
-            last = blocks.pop()
-            blocks[-1] += last
-    found = np.array([np.mean(block) for block in blocks for _ in block])
+    # The least change that keeps them in order and apart.
+    found = isotonic_regression(free).x if len(free) else free
     top = high - gap * max(len(wanted) - 1, 0)
     found = np.clip(found, low, max(top, low)) + gap * np.arange(len(wanted))
     answer = np.empty(len(wanted))
@@ -264,16 +259,9 @@ def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[flo
     return answer.tolist()
 
 
-def _middle(line: np.ndarray) -> np.ndarray:
-    """Point halfway along a polyline."""
-    steps = np.linalg.norm(np.diff(line, axis=0), axis=1)
-    way = np.concatenate([[0.0], np.cumsum(steps)])
-    return np.array([np.interp(0.5 * way[-1], way, line[:, k]) for k in range(3)])
-
-
 def _central(fibres: Sequence[Fibre]) -> np.ndarray:
     """Middle of the fibre that is nearest to the middle of all."""
-    middles = np.array([_middle(fibre.points_mm) for fibre in fibres])
+    middles = np.array([fibre.at(0.5) for fibre in fibres])
     away = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
     return middles[np.argmin(np.round(away, 6))]
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, State
 from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis
-from kneejax.mechanics.ligaments import Fibres
+from kneejax.mechanics.ligaments import Fibres, Ligaments
 from kneejax.report.scene.pressure import lots
 from kneejax.report.scene.surfaces import obstacle_grid
 
@@ -68,9 +68,8 @@ def ligament_lines(knee: Knee, state: State) -> list[Line]:
     fibres = knee.ligaments
     if not fibres.names:
         return []
-    lines, length = _courses(fibres, state)
+    lines, length, tension = _courses(fibres, state)
     strain = length / np.asarray(fibres.slack_length)[:, None] - 1.0
-    tension = np.asarray(add_lane_axis(fibres).tension_at(jnp.asarray(length)))
     groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
     return [Line(name, groups.get(name, name), pair[0], lines[i], strain[i], tension[i])
             for i, (name, pair) in enumerate(zip(fibres.names, fibres.bodies, strict=True))]
@@ -81,7 +80,7 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
     muscles = knee.muscles
     if muscles is None or not muscles.quadriceps:
         return []
-    lines, _ = _courses(muscles, state)
+    lines, *_ = _courses(muscles, state)
     nothing = np.zeros(state.shape)
     return [
         Line(muscles.names[row], QUADRICEPS, muscles.bodies[row][0], lines[row], nothing + np.nan,
@@ -90,11 +89,11 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
     ]  # fmt: skip
 
 
-def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray]:
-    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, `(fibres, poses)`."""
-    lanes = add_lane_axis(fibres)
-    kinds = [course.rows for course in lanes.kinds]
-    parts = [_drawn(lanes, some) for some in lots(state)]
+def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, and tensions of ligaments,
+    `(fibres, poses)`."""
+    kinds = [course.rows for course in fibres.kinds]
+    parts = [_drawn(fibres, some) for some in lots(state)]
     count = state.shape[0]
 
     def joined(arrays) -> np.ndarray:
@@ -104,15 +103,17 @@ def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray
     for rows, *drawn in zip(kinds, *(part[0] for part in parts), strict=True):
         points = joined(drawn)
         lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
-    return [lines[row] for row in range(len(lines))], joined(part[1] for part in parts)
+    of_all = (joined(part[i] for part in parts) for i in (1, 2))
+    return [lines[row] for row in range(len(lines))], *of_all
 
 
 @eqx.filter_jit
 def _drawn(fibres: Fibres, state: State):
-    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths.
+    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths and tensions.
 
     One array a kind: each point as a result of its own would take minutes to compile.
     """
+    fibres = add_lane_axis(fibres)
     drawn = []
     for course in fibres.kinds:
         rows = np.array(course.rows)
@@ -124,7 +125,8 @@ def _drawn(fibres: Fibres, state: State):
         stacked = [jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
                    for point in points]  # fmt: skip
         drawn.append(jnp.stack(stacked))
-    return drawn, fibres.length(state)
+    length = fibres.length(state)
+    return drawn, length, fibres.tension_at(length) if isinstance(fibres, Ligaments) else length
 
 
 def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:

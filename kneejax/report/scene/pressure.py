@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from scipy import ndimage
 
 from kneejax.geometry import TIBIA, Pose, State, Surface, Vector
 from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
@@ -82,12 +83,11 @@ def plateau_pressures(
     state = state_of(poses)
     count, fields = state.shape[0], []
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
-        lanes = add_lane_axis(_over_points(contact, points))
-        parts = [[np.asarray(x) for x in _field(lanes, some)] for some in lots(state)]
+        parts = [[np.asarray(x) for x in _field(contact, points, some)] for some in lots(state)]
         place, pressure, area = (np.concatenate(part, axis=-1)[..., :count]
                                  for part in zip(*parts, strict=True))  # fmt: skip
         if contact.has_patch:
-            contact_point = [np.asarray(_contact_point(lanes, some)) for some in lots(state)]
+            contact_point = [np.asarray(_contact_point(contact, some)) for some in lots(state)]
             contact_point = np.concatenate(contact_point, axis=-1)[..., :count]
             pressure = _around(pressure, place, contact_point, points)
         rim = rim_of(contact.tibial, points)
@@ -122,11 +122,12 @@ def lots(state: State) -> list[State]:
         >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
         [(8,), (8,)]
     """
-    count = state.shape[0]
-    lot = _LOT if count > 1 else 1
-    rows = np.minimum(np.arange(-(-count // lot) * lot), count - 1)
-    return [jax.tree.map(lambda x, own=rows[i : i + lot]: x[own], state)
-            for i in range(0, len(rows), lot)]  # fmt: skip
+    count, state = state.shape[0], jax.tree.map(np.asarray, state)
+    if count == 1:
+        return [state]
+    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
+    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
+            for i in range(0, len(rows), _LOT)]  # fmt: skip
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
@@ -136,16 +137,20 @@ def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
 
 
 @eqx.filter_jit
-def _field(contact: Contact, state: State) -> tuple[Array, Array, Array]:
+def _field(
+    contact: Contact, points: tuple[int, int], state: State
+) -> tuple[Array, Array, Array]:
+    contact = add_lane_axis(_over_points(contact, points))
     sampled = contact.foundation.sample(state.between(contact.bodies))
-    points, depth = sampled.points, sampled.depth
-    pressure = jnp.where(depth > 0, points.pressure(depth), 0.0)
-    place = jnp.stack([jnp.broadcast_to(x, depth.shape) for x in points.point], axis=1)
-    return place, pressure, jnp.broadcast_to(points.area, depth.shape)
+    own, depth = sampled.points, sampled.depth
+    pressure = jnp.where(depth > 0, own.pressure(depth), 0.0)
+    place = jnp.stack([jnp.broadcast_to(x, depth.shape) for x in own.point], axis=1)
+    return place, pressure, jnp.broadcast_to(own.area, depth.shape)
 
 
 @eqx.filter_jit
 def _contact_point(contact: Contact, state: State) -> Array:
+    contact = add_lane_axis(contact)
     tibia = state.between(contact.bodies)
     gap = contact.gap(tibia, contact.contact_point(tibia))
     point = contact.tibial.frame.placement.apply(gap.point)
@@ -177,17 +182,9 @@ def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
         array([[1, 1, 0],
                [0, 0, 0]])
     """
-    found = np.zeros_like(pressed)
-    found.flat[seed] = pressed.flat[seed]
-    count = -1
-    while count != found.sum():
-        count = found.sum()
-        for axis in (0, 1):
-            after, before = (np.moveaxis(x, axis, 0) for x in (found, found.copy()))
-            after[1:] |= before[:-1]
-            after[:-1] |= before[1:]
-            found &= pressed
-    return found
+    parts = np.empty(pressed.shape, int)
+    ndimage.label(pressed, output=parts)
+    return pressed & (parts == parts.flat[seed])
 
 
 @remembered
@@ -202,6 +199,7 @@ def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(x), len(corners)) for x in place], axis=-1)
 
 
+@remembered
 def _inside(surface: Surface, rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
     """Which points lie within a border, seen from where the surface faces."""
     from matplotlib.path import Path

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-import importlib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS
-from kneejax.report.scene.scene import BoneMesh, Fibre, Plateau, Scene
-from kneejax.report.scene.surfaces import grid_triangles
+from kneejax.report.scene.scene import Fibre, Plateau, Scene
+from kneejax.report.scene.surfaces import grid_triangles, tube
 
 #: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
 SLACK = "#A9ADB2"
@@ -106,18 +106,6 @@ _BONE_MM = 16.0
 _END = "#555555"
 
 
-class MissingPackage(ImportError):
-    """A package that the 3-D view needs is not installed.
-
-    Attributes:
-        package: its name.
-    """
-
-    def __init__(self, package: str, why: str):
-        self.package = package
-        super().__init__(f"the 3-D view needs {package} ({why}): pip install 'kneejax[view]'")
-
-
 class CannotRender(RuntimeError):
     """The machine offers nothing to draw with off-screen; the message says what would do."""
 
@@ -205,64 +193,20 @@ _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt i
 
 
 def pyvista() -> Any:
-    """The module, imported where it is used: it takes half a second and is optional.
-
-    Raises:
-        MissingPackage: it is not installed.
-    """
-    return _imported("pyvista", "PyVista")
-
-
-def plotly() -> Any:
-    """The module of Plotly's graph objects; as `pyvista`."""
-    return _imported("plotly.graph_objects", "Plotly")
-
-
-def need_view_packages() -> None:
-    """Import what pictures and pages in space need, before anything is computed.
-
-    Raises:
-        MissingPackage: PyVista or Plotly is not installed.
-    """
-    pyvista()
-    plotly()
-
-
-def _imported(module: str, name: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise MissingPackage(name, str(error)) from None
+    """The module, imported where it is used: it takes half a second and is optional."""
+    return imported("pyvista", "PyVista", "view")
 
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
     """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
-    vtkLogger = _imported("vtkmodules.vtkCommonCore", "VTK").vtkLogger
+    vtkLogger = imported("vtkmodules.vtkCommonCore", "VTK", "view").vtkLogger
     before = vtkLogger.GetCurrentVerbosityCutoff()
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
     try:
         yield
     finally:
         vtkLogger.SetStderrVerbosity(before)
-
-
-def simplified(bone: BoneMesh, most: int = 16_000) -> BoneMesh:
-    """A bone with fewer triangles, for pages and pictures.
-
-    Args:
-        bone: any mesh.
-        most: triangles, about; a mesh of fewer stays as it is.
-
-    Raises:
-        MissingPackage: PyVista is not installed.
-    """
-    if len(bone.faces) <= most:
-        return bone
-    mesh = pyvista().PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-    mesh = mesh.decimate(1.0 - most / len(bone.faces))
-    return dataclasses.replace(bone, points_mm=np.asarray(mesh.points, float),
-                               faces=mesh.regular_faces)  # fmt: skip
 
 
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
@@ -294,9 +238,8 @@ def _fibres(pv, scene: Scene, limit: float):
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
     parts = []
     for fibre in scene.fibres:
-        thick = 0.4 * radius if fibre.slack else radius
-        tube = pv.lines_from_points(fibre.points_mm).tube(radius=thick, n_sides=12)
-        shapes = [(tube, fibre_colour(fibre, limit))]
+        points, faces = tube(fibre.points_mm, 2.0 * (0.4 if fibre.slack else 1.0) * radius, 12)
+        shapes = [(pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit))]
         if not fibre.slack:
             balls = (fibre.points_mm[0], fibre.points_mm[-1])
             fine = {"theta_resolution": 12, "phi_resolution": 12}

@@ -11,7 +11,7 @@ from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.report.scene.lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
 from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures, state_of
-from kneejax.report.scene.surfaces import grid_triangles, surface_grid
+from kneejax.report.scene.surfaces import grid_triangles, remembered, surface_grid
 
 #: Bones whose meshes may be shown.
 BONES = (FEMUR, TIBIA, PATELLA)
@@ -40,9 +40,10 @@ class BoneMesh:
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """A grid of points on a surface: `(m, n, 3)`, mm, in the tibia's frame."""
+    """A grid of points on a bone's surface: `(m, n, 3)`, mm, in the tibia's frame."""
 
     name: str
+    bone: str
     points_mm: np.ndarray
 
 
@@ -81,6 +82,16 @@ class Fibre:
     tension_N: float
 
     @property
+    def way_mm(self) -> np.ndarray:
+        """Way along it to each of its points, `(k,)`."""
+        return np.append(0.0, np.linalg.norm(np.diff(self.points_mm, axis=0), axis=1).cumsum())
+
+    def at(self, share: float | np.ndarray) -> np.ndarray:
+        """Point at a share of its way, `(..., 3)`."""
+        way = self.way_mm
+        return np.stack([np.interp(share * way[-1], way, x) for x in self.points_mm.T], axis=-1)
+
+    @property
     def slack(self) -> bool:
         """Whether the fibre is not pulled."""
         return self.strain <= 0
@@ -104,6 +115,8 @@ class Scene:
         fibres: all ligament fibres, then bands and heads of the quadriceps near the knee.
         obstacles: what ligaments wrap around.
         bones: meshes, placed.
+        places: bone -> rotation from its axes to the tibia's, `(3, 3)`, and translation, `(3,)`,
+            of the knee's own side.
     """
 
     title: str
@@ -114,6 +127,7 @@ class Scene:
     fibres: tuple[Fibre, ...]
     obstacles: tuple[Sheet, ...]
     bones: tuple[BoneMesh, ...]
+    places: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @property
     def groups(self) -> dict[str, list[Fibre]]:
@@ -174,10 +188,10 @@ def scenes(
     state = state_of(poses)
     places, sign = Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
-    condyles = [Sheet(name, surface_grid(contact.femoral, points))
+    condyles = [Sheet(name, FEMUR, surface_grid(contact.femoral, points))
                 for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
     pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
-    drawn = [_to_the_rim(field) for field in pressures]
+    drawn = [_to_the_rim(x.covered, x.points_mm, x.rim_mm) for x in pressures]
     courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)
     grids = obstacles(knee, courses, places)
 
@@ -185,6 +199,11 @@ def scenes(
         def seen(points_mm: np.ndarray, bone: str) -> np.ndarray:
             """From a bone of the stored twin to the tibia as it is drawn."""
             return places.moved(points_mm, bone, TIBIA, i) * mirror
+
+        def placed(bone: str) -> tuple[np.ndarray, np.ndarray]:
+            """Rotation and translation of a bone's axes, both of the knee's own side."""
+            origin, *ends = (seen(x, bone) for x in np.vstack([np.zeros(3), np.diag(mirror)]))
+            return np.stack(ends, axis=-1) - origin[:, None], origin
 
         def pressed(field: PlateauPressure, shown) -> Plateau:
             plateau = _at_pose(field, i, shown)
@@ -201,32 +220,27 @@ def scenes(
             return Fibre(course.name, course.group, points_mm, *numbers)
 
         fibres = [line(course) for course in courses]
-        far = [x for x in fibres if _along(x)[-1] > _LONGEST_MM]
+        far = [x for x in fibres if x.way_mm[-1] > _LONGEST_MM]
         scene = Scene(
             title=f"{knee.name}, {knee.side} knee",
             flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
             lateral=sign,
-            condyles=tuple(Sheet(sheet.name, seen(sheet.points_mm, FEMUR)) for sheet in condyles),
+            condyles=tuple(Sheet(x.name, FEMUR, seen(x.points_mm, FEMUR)) for x in condyles),
             plateaus=tuple(map(pressed, pressures, drawn)),
             fibres=tuple(x for x in fibres if all(x is not y for y in far)),
-            obstacles=tuple(Sheet("", seen(grid, bone)) for grid, bone in grids),
+            obstacles=tuple(Sheet("", bone, seen(grid, bone)) for grid, bone in grids),
             bones=tuple(
                 dataclasses.replace(
                     mesh, points_mm=seen(np.asarray(mesh.points_mm, float) * mirror, mesh.bone)
                 )
                 for mesh in bones
             ),
+            places={bone: placed(bone) for bone in (FEMUR, *state.poses)},
         )
         near = _near([*far, *map(line, muscles)], scene.points_mm) if far or muscles else ()
         return dataclasses.replace(scene, fibres=(*scene.fibres, *near))
 
     return tuple(at(i) for i in range(state.shape[0]))
-
-
-def _along(fibre: Fibre) -> np.ndarray:
-    """Way along a fibre to each of its points, mm."""
-    steps = np.linalg.norm(np.diff(fibre.points_mm, axis=0), axis=1)
-    return np.append(0.0, steps.cumsum())
 
 
 def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
@@ -235,39 +249,38 @@ def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
     reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
     answer = []
     for muscle in muscles:
-        line = muscle.points_mm
-        way = _along(muscle)
-        places = np.linspace(0.0, way[-1], _ALONG)
-        fine = np.stack([np.interp(places, way, x) for x in line.T], axis=1)
+        fine = muscle.at(np.linspace(0.0, 1.0, _ALONG))
         kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]
         if len(kept) > 1:
             answer.append(dataclasses.replace(muscle, points_mm=kept))
     return tuple(answer)
 
 
-def _to_the_rim(field: PlateauPressure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+@remembered
+def _to_the_rim(
+    covered: np.ndarray, points_mm: np.ndarray, rim_mm: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points and triangles up to the cartilage's border, and each point's pressed neighbour.
 
     Points of the grid just outside are moved to the border, which would else have teeth.
     """
-    covered = field.covered.ravel()
-    faces = grid_triangles(*field.covered.shape)
+    shape, covered = points_mm.shape, covered.ravel()
+    faces = grid_triangles(*shape[:2])
     faces = faces[covered[faces].any(axis=1)]
-    points, own = field.points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
+    points, own = points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
     outside = np.unique(faces[~covered[faces]])
     if len(outside):
-        start = field.rim_mm
-        along = np.roll(start, -1, axis=0) - start
-        away = points[outside, None] - start
+        along = np.roll(rim_mm, -1, axis=0) - rim_mm
+        away = points[outside, None] - rim_mm
         square = np.maximum(np.sum(along**2, axis=1), 1e-12)
         share = np.clip(np.sum(away * along, axis=2) / square, 0.0, 1.0)
-        nearest = start + share[..., None] * along
+        nearest = rim_mm + share[..., None] * along
         best = np.argmin(np.sum((points[outside, None] - nearest) ** 2, axis=2), axis=1)
         points[outside] = nearest[np.arange(len(outside)), best]
         inside = np.flatnonzero(covered)
         apart = points[outside, None] - points[inside]
         own[outside] = inside[np.argmin(np.sum(apart**2, axis=2), axis=1)]
-    return points.reshape(field.points_mm.shape), faces, own
+    return points.reshape(shape), faces, own
 
 
 def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:

@@ -1,6 +1,5 @@
 """OpenSim models of both schemas become knees, digit by digit; bad ones are refused in a line."""
 
-from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,8 @@ from kneejax.files import (
 from kneejax.files.opensim._contact import OsimMesh
 from kneejax.files.opensim._exact import (
     METRES_TO_MM,
-    Offset,
+    Rigid,
+    decimals,
     degrees,
     radians,
     read_decimal,
@@ -381,9 +381,9 @@ def test_other_encodings_give_the_same_knee(encoding, tmp_path):
 
 
 def test_motions_undo_each_other():
-    turned = Offset.of((Decimal("0.1"), Decimal(0), Decimal(2)), (Decimal("0.3"),) * 3)
-    point = (Decimal("0.5"), Decimal("-1"), Decimal("0.25"))
-    for motion in (turned, Offset.of((Decimal(1),) * 3, (Decimal(0),) * 3)):
+    turned = Rigid.of(*(decimals(np.array(x)) for x in ((0.1, 0, 2), (0.3, 0.3, 0.3))))
+    point = decimals(np.array([0.5, -1, 0.25]))
+    for motion in (turned, Rigid(None, decimals(np.ones(3)))):
         for back in (motion.point_back(motion.point(point)),
                      motion.inverse().point(motion.point(point)),
                      motion.inverse().after(motion).point(point)):  # fmt: skip

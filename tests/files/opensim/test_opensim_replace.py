@@ -118,6 +118,13 @@ def test_without_being_asked_no_fibre_is_added(tmp_path):
         export_osim(KneeFile(None, {}, "", Path("knee.yaml"), document), RIGHT)
 
 
+def test_a_law_that_opensim_has_not_is_refused():
+    document = reconstruction(RIGHT, "r")
+    document["ligaments"]["graft"]["law"] = "neo_hookean"
+    with pytest.raises(InputProblem, match="ligaments.graft.law: neo_hookean: expected blanke"):
+        export_osim(KneeFile(None, {}, "", Path("knee.yaml"), document), RIGHT, replace=True)
+
+
 def test_bundles_of_another_source_take_the_place_of_all_fibres(tmp_path, capsys):
     if not LENHART.exists():
         pytest.skip("the shared data are not here")

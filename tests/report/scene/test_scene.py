@@ -1,8 +1,10 @@
 """A scene is the knee that the mechanics computes with; pictures need what can draw them."""
 
+import base64
 import functools
 import io
 import os
+import re
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -17,6 +19,7 @@ import kneejax as kj
 from kneejax import report
 from kneejax.files import mirror_document, read_knee, write_knee
 from kneejax.geometry import Frame, Pose, WrapCylinder, WrapEllipsoid, WrapSphere
+from kneejax.numerics import MissingPackage
 from kneejax.report.scene.figures import _apart, _head
 from kneejax.report.scene.rendering import (
     VIEWS,
@@ -212,19 +215,42 @@ def test_labels_keep_apart_and_inside(wanted):
     assert np.argsort(places, kind="stable").tolist() == np.argsort(wanted, kind="stable").tolist()
 
 
+def messages(page):
+    """What a page has packed for its drawing library: (time, message) in order."""
+    msgspec, zstandard = pytest.importorskip("msgspec"), pytest.importorskip("zstandard")
+    packed = base64.b64decode(re.search(r'__VISER_EMBED_DATA__="([^"]*)"', page)[1])
+    inner = zstandard.ZstdDecompressor().decompress(packed[8:])
+    size = int.from_bytes(inner[:8], "little")
+    return msgspec.msgpack.decode(inner[8 : 8 + size], strict=False)["messages"]
+
+
 def test_page_stands_alone_and_moves(scenes):
-    pytest.importorskip("plotly")
+    pytest.importorskip("viser")
     page = report.scene_page(scenes)
-    assert "Strain, %" in page and "pressure, MPa" in page
-    assert "<script src" not in page and 'src="http' not in page and "<link" not in page
-    assert page.count('"method":"animate"') == len(scenes)
-    assert "collateral" in page and "tension" in page
-    still = report.scene_page(scenes[:1])
-    assert '"method":"animate"' not in still
+    assert "Strain, %" in page and "Pressure, MPa" in page and len(page) < 2e6
+    assert "<script src" not in page and 'src="http' not in page
+    every = str(messages(page))
+    assert "15\u00b0 flexion" in every and "60\u00b0 flexion" in every
+    assert "ligaments/collateral/MCL" in every and "ACL" in every
+    assert max(time for time, _ in messages(page)) > 0.0
+    still = messages(report.scene_page(scenes[:1]))
+    assert max(time for time, _ in still) == 0.0
+
+
+def test_a_bone_is_sent_once_and_then_moved(right):
+    """Points of what is rigid are the same in each pose: its frame moves."""
+    pytest.importorskip("viser")
+    ball = np.random.default_rng(0).normal(size=(40, 3))
+    femur = report.BoneMesh("femur", 20.0 * ball, np.arange(39).reshape(-1, 3))
+    page = report.scene_page(report.scenes(right, Pose.from_table(TABLE), [femur]))
+    later = [message for time, message in messages(page) if time > 0.0]
+    assert any("position" in str(message) and "/femur" in str(message) for message in later)
+    sent = [m for m in later if m.get("name", "").startswith(("/femur/bone", "/femur/cartilage"))]
+    assert not any("vertices" in str(message) for message in sent)
 
 
 def test_odd_names_do_no_harm_to_the_page(right):
-    pytest.importorskip("plotly")
+    pytest.importorskip("viser")
     odd = jax.tree.map(lambda x: x, right)
     object.__setattr__(odd, "name", "</script><script>alert(1)</script>$x$")
     page = report.scene_page(report.scenes(odd, Pose.from_table(TABLE[:1])))
@@ -282,16 +308,16 @@ def test_pictures_and_film(scenes, drawing):
 
 def test_a_missing_package_is_said_with_its_cure(scenes, monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(report.MissingPackage, match=r"pip install 'kneejax\[view\]'"):
+    with pytest.raises(MissingPackage, match=r"pip install 'kneejax\[view\]'"):
         report.scene_figure(scenes[0])
-    monkeypatch.setitem(sys.modules, "plotly.graph_objects", None)
-    with pytest.raises(report.MissingPackage, match="Plotly"):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(MissingPackage, match="viser"):
         report.scene_page(scenes)
 
 
 def test_report_imports_without_the_extra():
     program = (
-        "import sys; sys.modules['pyvista'] = sys.modules['plotly'] = None; import kneejax.report"
+        "import sys; sys.modules['pyvista'] = sys.modules['viser'] = None; import kneejax.report"
     )
     environment = dict(os.environ, JAX_PLATFORMS="cpu")
     done = subprocess.run(
@@ -336,7 +362,6 @@ def test_the_number_of_poses_does_not_change_a_pose(right, scenes):
 
 def test_plateaus_end_at_the_cartilages_border():
     """The drawn triangles cover the outline's area, with no teeth of the grid."""
-    from kneejax.report.scene.pressure import PlateauPressure
     from kneejax.report.scene.scene import _to_the_rim
 
     turn = np.linspace(0.0, 2.0 * np.pi, 91)[:-1]
@@ -344,9 +369,7 @@ def test_plateaus_end_at_the_cartilages_border():
     x, z = np.meshgrid(np.linspace(-10, 10, 40), np.linspace(-7, 7, 40), indexing="ij")
     points = np.stack([x, 0.0 * x, z], axis=-1)
     covered = (x / 10.0) ** 2 + (z / 7.0) ** 2 < 1.0
-    pressure = np.where(covered, 1.0, 0.0)[None]
-    field = PlateauPressure("round", "tibia", points, pressure, np.zeros((1, 3)), covered, rim)
-    placed, faces, own = _to_the_rim(field)
+    placed, faces, own = _to_the_rim(covered, points, rim)
     a, b, c = np.moveaxis(placed.reshape(-1, 3)[faces], 1, 0)
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     assert area == pytest.approx(np.pi * 70.0, rel=0.01)
@@ -355,36 +378,15 @@ def test_plateaus_end_at_the_cartilages_border():
     assert covered.ravel()[own[np.unique(faces)]].all()
 
 
-def test_page_cuts_long_bones_at_a_height(right):
-    """A tube along Y, of rings: what is kept ends at the cut, and moves as the whole does."""
-    pytest.importorskip("plotly")
-    from kneejax.report.scene.html import _SHAFT_MM, _with_short_shafts
-
-    turn = np.linspace(0.0, 2.0 * np.pi, 13)[:-1]
-    heights = np.arange(-300.0, 301.0, 7.0)
-    ring = np.stack([20.0 * np.cos(turn), 0.0 * turn, 20.0 * np.sin(turn)], axis=1)
-    points = (ring[None] + heights[:, None, None] * [0.0, 1.0, 0.0]).reshape(-1, 3)
-    faces = grid_triangles(len(heights), len(turn))
-    bones = [report.BoneMesh(bone, points, faces) for bone in ("femur", "tibia")]
-    whole = report.scenes(right, Pose.from_table(TABLE), bones)
-    short = _with_short_shafts(whole)
-    low, high = (f(whole[0].points_mm[:, 1]) for f in (np.min, np.max))
-    for bone in short[0].bones:
-        assert bone.points_mm[:, 1].min() == pytest.approx(low - _SHAFT_MM)
-        assert bone.points_mm[:, 1].max() == pytest.approx(high + _SHAFT_MM)
-    shapes = [scene.bones[0].points_mm for scene in short]
-    sizes = [np.linalg.norm(shape - shape[0], axis=1) for shape in shapes]
-    np.testing.assert_allclose(sizes[0], sizes[1], atol=1e-9)  # the femur stays rigid
-
-
-def test_a_bone_of_many_triangles_is_simplified_where_it_was():
-    pv = pytest.importorskip("pyvista")
-    ball = pv.Sphere(radius=30.0, theta_resolution=120, phi_resolution=120)
-    bone = report.BoneMesh("femur", np.asarray(ball.points, float), ball.regular_faces)
-    fewer = report.simplified(bone, 4000)
-    assert 2000 < len(fewer.faces) <= 4400
-    np.testing.assert_allclose(np.linalg.norm(fewer.points_mm, axis=1), 30.0, atol=0.1)
-    assert report.simplified(fewer, 8000) is fewer
+def test_long_bones_do_not_make_the_knee_small(right):
+    """A page looks from where it looks without bones."""
+    pytest.importorskip("viser")
+    long = np.array([[0.0, -400.0, 0.0], [9.0, 400.0, 0.0], [0.0, 400.0, 9.0]])
+    bones = [report.BoneMesh(bone, long, np.array([[0, 1, 2]])) for bone in ("femur", "tibia")]
+    pages = [report.scene_page(report.scenes(right, Pose.from_table(TABLE), some))
+             for some in ((), bones)]  # fmt: skip
+    cameras = [[str(m) for _, m in messages(page) if "Camera" in m["type"]] for page in pages]
+    assert cameras[0] and cameras[0] == cameras[1]
 
 
 def test_colours_that_no_scale_explains_are_named():

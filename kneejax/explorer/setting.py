@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from urllib.parse import parse_qsl, urlencode
 
 import numpy as np
@@ -105,8 +105,14 @@ class Subject:
     limits: dict[str, tuple[float, float, float]]
 
     @classmethod
-    def of(cls, knee: Knee) -> Subject:
-        """What can be set of a knee."""
+    def of(cls, knee: Knee, parameters: Sequence[str] = ()) -> Subject:
+        """What can be set of a knee.
+
+        Args:
+            knee: any knee.
+            parameters: names, with `*` for every ligament; by default stiffness, attachments and
+                reference strain of each.
+        """
         taken: set[int] = set()
         ligaments = []
         for name in (*(group for group, _ in knee.groups), *knee.ligaments.names):
@@ -121,6 +127,10 @@ class Subject:
                 if all(bone in pair for pair in joined):
                     names += [f"{one}.{end}.{axis}" for axis in AXES]
         strains = [f"{one}.reference_strain" for one in ligaments]
+        if parameters:
+            every = select(knee, parameters).names
+            strains = [x for x in every if x.endswith(".reference_strain")]
+            names = [x for x in every if x not in strains]
         both = select(knee, names), select(knee, strains)
         selection = select(knee, [*names, *strains])
         own = np.asarray(selection.read(knee))
@@ -161,7 +171,8 @@ class Subject:
         left: 1, or 0 where it is cut."""
         knee, gone = self.set_in(setting), self.cut_in(setting)
         left = [float(one not in gone) for one in self.ligaments]
-        return knee, np.r_[np.asarray(self.plain.read(knee)), np.zeros(len(self.strains)), left]
+        plain = np.asarray(self.plain.read(knee)) if len(self.plain) else []
+        return knee, np.r_[plain, np.zeros(len(self.strains)), left]
 
     def loads(self, setting: Setting) -> dict[str, float]:
         """Name -> size of what acts on the tibia."""

@@ -8,7 +8,7 @@ by bending and then loading the knee, as `passive_flexion` does.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import jax
@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import Mechanics, evaluate
-from kneejax.explore.setting import Setting, Subject
+from kneejax.explorer.setting import Setting, Subject
 from kneejax.geometry import FREE_COORDINATES, State, scales, table_units
-from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis, load_of, pull_of
+from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, load_of, pull_of
 from kneejax.numerics import compiled
 from kneejax.parameters import Selection, fibre_rows, prior_scales
 from kneejax.statics import (
@@ -39,6 +39,8 @@ MOVED = {"anterior_N": "anterior", "varus_Nm": "adduction", "internal_Nm": "inte
 #: A pose that is farther than this from the curve through its flexion is on another branch, mm, a
 #: rotation at 30 mm.
 _BRANCH_MM = 1.0
+#: A curve is torn where the second difference over flexion of its move is larger, degrees, mm.
+_KINK = 5.0
 #: Flexion from the last pose within which it is a beginning, degrees.
 _NEAR_DEG = 12.0
 
@@ -55,7 +57,8 @@ class _Varied:
     def __call__(self, knee: Knee, numbers) -> Knee:
         first, second = len(self.plain), len(self.plain) + len(self.strains)
         knee = self.plain.apply(knee, numbers[:first])
-        knee = self.strains.apply(knee, self.strains.read(knee) + numbers[first:second])
+        if len(self.strains):
+            knee = self.strains.apply(knee, self.strains.read(knee) + numbers[first:second])
         left = jnp.asarray(numbers)[second:][jnp.array(self.owners)]
         fibres = knee.ligaments
         torn = jnp.where(left > 0.0, fibres.failure_strain, jnp.inf)
@@ -81,24 +84,28 @@ def _tension(knee: Knee, state: State):
 
 @compiled(static_argnums=(0, 1), optimised=False)
 def _slopes(vary: _Varied, free: tuple[str, ...], knee: Knee, numbers, prescribed, q, tangent):
-    """Derivatives of the free coordinates and of each ligament's force by the numbers.
+    """Derivatives of the free coordinates and of each ligament's force by the numbers, at poses.
 
     The numbers act through the ligaments alone: by the implicit function theorem the coordinates
     move by the forces that a number changes, over the tangent stiffness.
     """
     owners, count = jnp.array(vary.owners), max(vary.owners) + 1
 
-    def forces(q, numbers):
-        state = State.of(prescribed, q[:, None], knee.bodies)
+    def forces(prescribed, q, numbers):
+        held = {name: jnp.atleast_1d(x) for name, x in prescribed.items()}
+        state = State.of(held, q[:, None], knee.bodies)
         ligaments = add_lane_axis(vary(knee, numbers).ligaments)
         wrenches, _, _ = ligaments.pull(state)
         work = jnp.stack([jnp.broadcast_to(x, (1,)) for x in wrenches.work(state, free)])[:, 0]
         return work, jax.ops.segment_sum(ligaments.tension(state)[:, 0], owners, count)
 
-    work, tension = jax.jacrev(forces, 1)(q, numbers)
-    by_pose = jax.jacfwd(lambda q: forces(q, numbers)[1])(q)
-    coordinates = jnp.linalg.solve(tangent, work)
-    return coordinates, tension + by_pose @ coordinates
+    def of_pose(prescribed, q, tangent):
+        work, tension = jax.jacrev(forces, 2)(prescribed, q, numbers)
+        by_pose = jax.jacfwd(lambda q: forces(prescribed, q, numbers)[1])(q)
+        coordinates = jnp.linalg.solve(tangent, work)
+        return coordinates, tension + by_pose @ coordinates
+
+    return jax.vmap(of_pose)(prescribed, q, tangent)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,27 +158,43 @@ class Curves:
 
     Attributes:
         setting: that was asked for.
-        coordinates: free coordinate -> degrees or mm at `FLEXIONS`, `(n,)`; NaN where
-            nothing balances.
+        flexion_deg: of the poses, `(n,)`.
+        status: `Status` values, `(n,)`.
+        coordinates: free coordinate -> degrees or mm, `(n,)`; NaN where nothing balances.
         force_N: ligament -> force, `(n,)`.
         laxity: test -> degrees or mm between its two loads, `(n,)`, where one was asked for.
         own: free coordinates as they are solved, `(n, free)`; of a test those under both loads
             follow, `(3 n, free)`.
         contact_points: likewise, `(n, points, 2)`.
+        derive: computes `slopes`.
     """
 
     setting: Setting
+    flexion_deg: np.ndarray
+    status: np.ndarray
     coordinates: dict[str, np.ndarray]
     force_N: dict[str, np.ndarray]
     laxity: dict[str, np.ndarray]
     own: np.ndarray
     contact_points: np.ndarray
+    derive: Callable[[], dict[str, np.ndarray]]
+
+    @cached_property
+    def slopes(self) -> dict[str, np.ndarray]:
+        """Coordinate or ligament -> exact derivative of its degrees, mm or N by the parameters,
+        `(n, p)`; NaN where nothing balances."""
+        return self.derive()
+
+    @property
+    def table(self) -> np.ndarray:
+        """Poses in the order of `kneejax.geometry.COLUMNS`, `(n, 6)`, degrees and mm."""
+        return np.column_stack([self.flexion_deg, *self.coordinates.values()])
 
     def at(self, flexion_deg: float) -> tuple[np.ndarray, np.ndarray]:
         """Free coordinates, `(free,)`, and contact points near a flexion."""
-        count = len(FLEXIONS)
-        q = np.array([np.interp(flexion_deg, FLEXIONS, x) for x in self.own[:count].T])
-        return q, self.contact_points[int(np.argmin(np.abs(FLEXIONS - flexion_deg)))]
+        flexion = self.flexion_deg
+        q = np.array([np.interp(flexion_deg, flexion, x) for x in self.own[: len(flexion)].T])
+        return q, self.contact_points[int(np.argmin(np.abs(flexion - flexion_deg)))]
 
 
 class Solver:
@@ -180,6 +203,7 @@ class Solver:
     Attributes:
         subject: the knee and what can be set of it.
         names: parameters by which there are derivatives.
+        owner: fibre -> the ligament that it is set with.
 
     Example:
         >>> import kneejax as kj
@@ -189,12 +213,23 @@ class Solver:
         ('balanced', ['ACL', 'LCL', 'MCL', 'PCL'])
     """
 
-    def __init__(self, subject: Subject):
-        """Begin without a pose."""
+    def __init__(
+        self, subject: Subject, flexion_deg: np.ndarray = FLEXIONS, constant: Sequence[Load] = ()
+    ):
+        """Begin without a pose.
+
+        Args:
+            subject: the knee and what can be set of it.
+            flexion_deg: of the curves, `(n,)`.
+            constant: loads that act beside those of a setting.
+        """
         self.subject, knee = subject, subject.knee
+        self.flexion_deg, self._constant = np.asarray(flexion_deg, float), tuple(constant)
         rows = [fibre_rows(knee, one) for one in subject.ligaments]
         owner = {row: i for i, some in enumerate(rows) for row in some}
         self._owners = tuple(owner[row] for row in range(len(knee.ligaments.names)))
+        owners = (subject.ligaments[i] for i in self._owners)
+        self.owner = dict(zip(knee.ligaments.names, owners, strict=True))
         self._vary = _Varied(subject.plain, subject.strains, self._owners)
         self.names = subject.selection.names
         self._last: tuple[float, np.ndarray, np.ndarray, State] | None = None
@@ -257,7 +292,7 @@ class Solver:
         """Load cases of one structure, whatever acts."""
         sizes = {k: x + np.asarray((extra or {}).get(k, 0.0))
                  for k, x in self.subject.loads(setting).items()}  # fmt: skip
-        loads = [load_of(**sizes)]
+        loads = [load_of(**sizes), *self._constant]
         if "quadriceps_N" in self.subject.limits:
             loads.append(pull_of(QUADRICEPS, self.subject.value(setting, "quadriceps_N")))
         return LoadCases.at(np.asarray(flexion_deg, float), loads).of(self.subject.knee)
@@ -282,21 +317,27 @@ class Solver:
             {one: float(tension[owners == i].sum()) for i, one in enumerate(names)},
             {one: float(strain[owners == i].max()) for i, one in enumerate(names)},
             dict(zip(knee.contact_names, held.max_pressure[0].tolist(), strict=True)),
-            lambda: self._derived(own, found, numbers, cases),
+            lambda: {name: x[0] for name, x in self._derived(own, found, numbers, cases).items()
+                     if converged(found.status).all()},
         )  # fmt: skip
 
     def _derived(
-        self, knee: Knee, found: Equilibria, numbers: np.ndarray, cases: LoadCases
+        self, knee: Knee, found: Equilibria, numbers: np.ndarray, cases: LoadCases, count: int = 1
     ) -> dict[str, np.ndarray]:
-        if not converged(found.status).all():
-            return {}
-        tangent, held_at = found.holding["tangent"][0, 0], dict(cases.prescribed)
-        names, size = self.subject.ligaments, len(self.names)
+        """Derivatives at the first poses, `(poses, parameters)`; NaN by what is no ligament's."""
+        good = converged(found.status)[0, :count]
+        held_at = {name: x[:count] for name, x in dict(cases.prescribed).items()}
+        q, tangent = found.q[0, :count], found.holding["tangent"][0, :count]
+        tangent = np.where(good[:, None, None], tangent, np.eye(tangent.shape[-1]))
         moved, pulled = map(np.asarray, _slopes(
-            self._vary, self._free, knee, numbers, held_at, found.q[0, 0], tangent))  # fmt: skip
+            self._vary, self._free, knee, numbers, held_at, q, tangent))  # fmt: skip
+        names, size = self.subject.ligaments, len(self.names)
         moved = moved * table_units(self._free)[:, None]
-        every = dict(zip((*self._free, *names), [*moved, *pulled], strict=True))
-        return {name: every[name][:size] for name in (*FREE_COORDINATES, *names)}
+        each = np.moveaxis(np.concatenate([moved, pulled], axis=1), 1, 0)[..., :size]
+        by_force = [self.subject.selection.leaf(i) is None for i in range(size)]
+        each = np.where(good[:, None] & by_force, each, np.nan)
+        every = dict(zip((*self._free, *names), each, strict=True))
+        return {name: every[name] for name in (*FREE_COORDINATES, *names)}
 
     def curves(self, setting: Setting, test: str = "", near: Curves | None = None) -> Curves:
         """What a setting does over flexion.
@@ -307,11 +348,11 @@ class Solver:
             near: curves of a setting like this one, from which poses are sought; where one is not
                 found, and by default, each is followed from the reference pose.
         """
-        count, extra, loads = len(FLEXIONS), {}, 1
+        count, extra, loads = len(self.flexion_deg), {}, 1
         if test:
             size, loads = TESTS[test], 3
             extra = {test: np.repeat([0.0, size, -size], count)}
-        cases = self._cases(np.tile(FLEXIONS, loads), setting, extra)
+        cases = self._cases(np.tile(self.flexion_deg, loads), setting, extra)
         own, numbers = self.subject.numbers(setting)
         found = self._along(own, numbers[None], cases, near)
         q = np.where(converged(found.status)[0][:, None], found.q[0], np.nan)
@@ -325,18 +366,28 @@ class Solver:
             one, other = (table[MOVED[test]][i * count : (i + 1) * count] for i in (1, 2))
             laxity[test] = one - other
         return Curves(
-            setting, {k: table[k][:count] for k in FREE_COORDINATES},
+            setting, self.flexion_deg, found.status[0, :count],
+            {k: table[k][:count] for k in FREE_COORDINATES},
             {one: tension[owners == i].sum(axis=0) for i, one in enumerate(self.subject.ligaments)},
             laxity, q, found.contact_points[0],
+            lambda: self._derived(own, found, numbers, cases, count),
         )  # fmt: skip
 
     def _along(
         self, knee: Knee, numbers: np.ndarray, cases: LoadCases, near: Curves | None
     ) -> Equilibria:
-        """Balances of curves: near other ones if every pose of those is found again."""
+        """Balances of curves: near other ones if every pose of those is found again and none has
+        left its neighbours."""
         if near is not None and len(near.own) == len(cases) and np.isfinite(near.own).all():
             found = balance_near(knee, self._vary, numbers, cases, near.own[None],
                                  near.contact_points[None])  # fmt: skip
-            if converged(found.status).all():
+            if converged(found.status).all() and not self._torn(found.q[0], near):
                 return found
-        return balance_many(knee, self._vary, numbers, cases)
+        return balance_many(knee, self._vary, numbers, cases, holding=True)
+
+    def _torn(self, q: np.ndarray, near: Curves) -> bool:
+        """Whether a curve has a kink over flexion that the one before had not: another branch."""
+        order = np.argsort(self.flexion_deg, kind="stable")
+        parts = (q - near.own).reshape(-1, len(order), q.shape[-1])[:, order]
+        kinks = np.abs(np.diff(parts, 2, axis=1)) * table_units(self._free)
+        return bool((kinks > _KINK).any())

@@ -5,29 +5,34 @@ from __future__ import annotations
 import threading
 import time
 import traceback
+from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from kneejax.explore import panels
-from kneejax.explore.drawing import Drawing
-from kneejax.explore.ends import Ends
-from kneejax.explore.setting import Setting, Subject
-from kneejax.explore.solving import TESTS, Answer, Curves, Solver
-from kneejax.files import restated, write_knee
+from kneejax.explorer import panels
+from kneejax.explorer.ends import Ends
+from kneejax.explorer.saving import Folder
+from kneejax.explorer.setting import Setting, Subject
+from kneejax.explorer.solving import TESTS, Answer, Curves, Solver
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
+from kneejax.report.scene import Drawing, look_at
 
 #: Points on each articular surface.
 _POINTS = (28, 28)
 #: A change of the same number within this time of the last is one step of undo, s.
 _ONE_STEP_S = 1.5
+_MOST_PAST = 1000
 #: A setting that stays for so long is computed as the command line does, s.
 _REST_S = 0.6
 _NOTHING = "none"
+#: Width over height of a screen below which the panel lies at its foot; how much farther the knee
+#: then is, and how much lower the middle, of that way.
+_NARROW, _FARTHER, _LOWER = 0.8, 1.3, 0.14
 
 
 class Page:
@@ -49,23 +54,26 @@ class Page:
         out: Path | None = None,
         measured: np.ndarray | None = None,
         bones: Sequence[BoneMesh] = (),
+        first: str = "as read",
     ):
         """Show a knee as it is.
 
         Args:
-            server: from `kneejax.explore.serve`.
+            server: from `kneejax.explorer.serve`.
             subject: the knee and what can be set of it.
             document: of its knee file, for one that is saved.
             link: to the page.
             out: folder into which files are saved; None where none may be.
             measured: poses behind the curves, `(n, 6)`, degrees and mm.
             bones: meshes to show.
+            first: what the knee as it is, is called in the curves: "stored fit" of a result.
         """
-        self.subject, self.document, self.out = subject, document, out
+        self.subject, self.first, self._picked = subject, first, ""
         self.measured = np.empty((0, 6)) if measured is None else measured
+        self.folder = None if out is None else Folder(out, subject, document, self.measured)
         self.setting, self.bones, self.link = Setting(), bones, link
         self._server, self._solver = server, Solver(subject)
-        self._past: list[Setting] = []
+        self._past: deque[Setting] = deque(maxlen=_MOST_PAST)
         self._changed = ("", 0.0)
         self._kept: tuple[Answer, Curves | None, Any] | None = None
         self._wanted, self._done, self._ended = threading.Condition(), -1, False
@@ -79,7 +87,8 @@ class Page:
         self._own = self._solver.curves(self.setting)
         self._sliders: dict[str, Any] = {}
         self._build()
-        self._camera()
+        look_at(server, self._scene)
+        server.on_client_connect(self._make_room)
         self._thread = threading.Thread(target=self._solve, daemon=True)
         self._thread.start()
 
@@ -122,10 +131,6 @@ class Page:
             self._to(self._past.pop())
         self._show_numbers()
 
-    def opened(self, query: str) -> None:
-        """A link with a setting was opened."""
-        self.go(Setting.of_link(query))
-
     def _to(self, setting: Setting) -> None:
         self.setting, self._number = setting, self._number + 1
         self.solved.clear()
@@ -136,10 +141,14 @@ class Page:
         with self._wanted:
             self._to(self.setting)
 
-    def _clicked(self, ligament: str) -> None:
-        self._ligament.value = ligament
-        self._cut(ligament)
+    def _clicked(self, fibre: str) -> None:
+        """A first click tells a fibre's force, and another one cuts or restores its ligament."""
+        ligament = self._solver.owner[fibre]
+        if fibre == self._picked and self._ligament.value == ligament:
+            self._cut(ligament)
+        self._picked, self._ligament.value = fibre, ligament
         self._show_numbers()
+        self._show_answer()
 
     def _cut(self, ligament: str) -> None:
         is_cut = ligament in self.subject.cut_in(self.setting)
@@ -153,7 +162,7 @@ class Page:
                 self._wanted.wait_for(lambda: self._ended or self._done != self._number)
                 if self._ended:
                     return
-                number, setting, test = self._number, self.setting, self._test_name()
+                number, setting, test = self._number, self.setting, self._tests[self._test.value]
             try:
                 self._pose(self._solver.answer(setting, self.curves))
                 if number == self._number:
@@ -194,22 +203,24 @@ class Page:
         return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
 
     def _draw(self) -> None:
-        loads = self.subject.loads(self.answer.setting)
-        kept = None if self._kept is None else self._kept[2]
-        self._drawing.show(self._scene, self.answer, loads, kept, not self.answer.status.converged)
+        setting, kept = self.answer.setting, None if self._kept is None else self._kept[2]
+        gone = self.subject.cut_in(setting)
+        self._drawing.show(
+            self._scene, self.subject.loads(setting), kept, not self.answer.status.converged,
+            [fibre for fibre, owner in self._solver.owner.items() if owner in gone],
+        )  # fmt: skip
 
     # What the page shows.
 
     def _build(self) -> None:
         gui = self._server.gui
-        gui.configure_theme(show_logo=False, show_share_button=False, control_width="large",
-                            brand_color=(0, 114, 178))  # fmt: skip
+        self._theme(False)
         gui.set_panel_label(f"{self.subject.knee.name}, {self.subject.knee.side} knee")
         gui.main_panel.dock_right()
         gui.main_panel.set_width(380)
+        self._slider("flexion_deg", "Flexion, °", 1.0)
         self._status = gui.add_html("")
-        with gui.add_folder("Pose and loads"):
-            self._slider("flexion_deg", "Flexion, °", 1.0)
+        with gui.add_folder("Loads"):
             for name, load in NAMED_LOADS.items():
                 unit = load.unit.replace(" ", "")
                 label = f"{load.positive.capitalize()}, {unit}"
@@ -220,12 +231,18 @@ class Page:
             self._build_ligament(gui)
         with gui.add_folder("Compare and save"):
             self._build_saving(gui)
+        with gui.add_folder("Look", expand_by_default=False):
+            self._build_look(gui)
         self._build_curves(gui)
         self._show_numbers()
         self._draw()
         self._show_answer()
         self.solved.set()
         self._again()
+
+    def _theme(self, dark: bool) -> None:
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark,
+                                         control_width="large", brand_color=(0, 114, 178))
 
     def _build_ligament(self, gui: Any) -> None:
         self._ligament = gui.add_dropdown("Ligament", self.subject.ligaments)
@@ -253,21 +270,30 @@ class Page:
                    "Swap with A": self.swap}  # fmt: skip
         buttons = gui.add_button_group("Setting", tuple(actions))
         buttons.on_click(lambda event: actions[event.target.value]())
-        labels = gui.add_checkbox("Labels", True)
+        self._address = gui.add_text("Link", "", disabled=True)
+        folder = self.folder
+        if folder is None:
+            gui.add_markdown("To save files, start with `--out FOLDER`.")
+        else:
+            save = {"Knee": lambda _: folder.knee(self.setting),
+                    "Study": lambda _: folder.study(self.setting),
+                    "Picture": folder.picture}  # fmt: skip
+            files = gui.add_button_group("Save", tuple(save))
+            files.on_click(lambda event: self._saved(save[event.target.value], event.client))
 
-        @labels.on_update
-        def _(_: Any) -> None:
-            self._drawing.words = labels.value
+    def _build_look(self, gui: Any) -> None:
+        labels, dark = gui.add_checkbox("Labels", True), gui.add_checkbox("Dark", False)
+        strain = gui.add_slider("Strain colours to, %", 1.0, 20.0, 1.0, 100 * self._drawing.strain)
+        pressure = gui.add_slider("Pressure to, MPa", 1.0, 20.0, 1.0, self._drawing.pressure)
+        dark.on_update(lambda _: self._theme(dark.value))
+
+        def changed(_: Any) -> None:
+            own = self._drawing
+            own.words, own.strain, own.pressure = labels.value, strain.value / 100, pressure.value
             self._again()
 
-        self._address = gui.add_text("Link", "", disabled=True)
-        if self.out is None:
-            gui.add_markdown("To save files, start with `--out FOLDER`.")
-            return
-        gui.add_button("Save knee file").on_click(lambda _: self._saved(self.save_knee))
-        gui.add_button("Save picture").on_click(
-            lambda event: self._saved(lambda: self.save_picture(event.client))
-        )
+        for one in (labels, strain, pressure):
+            one.on_update(changed)
 
     def _build_curves(self, gui: Any) -> None:
         panel = gui.add_panel()
@@ -292,9 +318,6 @@ class Page:
         self._shown.on_update(lambda _: self._show_curves())
         self._of.on_update(lambda _: self._show_bars())
         self._test.on_update(lambda _: self._again())
-
-    def _test_name(self) -> str:
-        return self._tests[self._test.value]
 
     def _slider(self, name: str, label: str, step: float) -> None:
         own, low, high = self.subject.limits[name]
@@ -323,7 +346,9 @@ class Page:
         self._ends.show(name, self.setting, self.answer)
 
     def _show_answer(self) -> None:
-        self._status.content = panels.numbers(self.answer)
+        own = self._drawing
+        picked = [x for x in self._scene.fibres if x.name == self._picked]
+        self._status.content = panels.numbers(self.answer, own.strain, own.pressure, picked)
         query = self.answer.setting.link
         self._address.value = f"{self.link}&{query}" if query else self.link
 
@@ -334,7 +359,8 @@ class Page:
     def _plots(self) -> list[dict[str, Any]]:
         now, kept = self.curves or self._own, self._kept[1] if self._kept else None
         name = self._numbers[self._shown.value]
-        shown = panels.coordinate_plot(name, now, self._own, kept, self.measured)
+        before = {self.first: self._own, "A": kept}
+        shown = panels.coordinate_plot(name, now, before, self.measured)
         return [shown, panels.force_plot(now), panels.laxity_plot(now, kept)]
 
     def _show_curves(self) -> None:
@@ -343,15 +369,14 @@ class Page:
             for key in ("title", "series", "scales", "data"):
                 setattr(chart, key, wanted[key])
 
-    def _camera(self) -> None:
-        points = self._scene.points_mm
-        middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
-        way = np.array([1.0, 0.35, 0.55 * self._scene.lateral])
-        self._server.initial_camera.look_at = tuple(map(float, middle))
-        self._server.initial_camera.position = tuple(
-            map(float, middle + 2.4 * size * way / np.linalg.norm(way))
-        )
-        self._server.initial_camera.fov = 0.6
+    def _make_room(self, client: Any) -> None:
+        """On a narrow screen the panel lies upon the lower part: look from farther, and lower."""
+        if client.camera.aspect < _NARROW:
+            own = self._server.initial_camera
+            away = np.array(own.position) - own.look_at
+            low = np.array(own.look_at) - [0.0, _LOWER * np.linalg.norm(away), 0.0]
+            client.camera.position = low + _FARTHER * away
+            client.camera.look_at = low
 
     # Settings side by side, and files.
 
@@ -367,32 +392,9 @@ class Page:
             self._kept = self.answer, self.curves, self._scene
             self.go(setting)
 
-    def save_knee(self) -> Path:
-        """Write the setting as a new knee file, without the flexion and the loads."""
-        path = self._free("knee", "yaml")
-        knee = self.subject.knee_at(self.setting)
-        link = f"kneejax explore: {self.setting.link or 'as read'}"
-        write_knee(restated(self.document, knee, link), path, link)
-        return path
-
-    def save_picture(self, client: Any) -> Path:
-        """Write what a page shows of the knee."""
-        from PIL import Image
-
-        path = self._free("picture", "png")
-        Image.fromarray(client.get_render(1080, 1440, transport_format="png")).save(path)
-        return path
-
-    def _free(self, kind: str, ending: str) -> Path:
-        assert self.out is not None
-        self.out.mkdir(parents=True, exist_ok=True)
-        names = (self.out / f"explore-{kind}-{i}.{ending}" for i in range(1, 10_000))
-        return next(path for path in names if not path.exists())
-
-    def _saved(self, save: Callable[[], Path]) -> None:
+    def _saved(self, save: Callable[[Any], Path], client: Any) -> None:
         try:
-            words = f"Written: {save()}"
+            words = f"Written: {save(client)}"
         except (OSError, ValueError) as problem:
             words = f"Not written: {problem}"
-        for client in self._server.get_clients().values():
-            client.add_notification("Save", words, auto_close_seconds=8.0)
+        client.add_notification("Save", words, auto_close_seconds=8.0)

@@ -3,26 +3,31 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kneejax.explore.drawing import MOST_MPA, MOST_STRAIN
-from kneejax.explore.solving import FLEXIONS, MOVED, Answer, Curves
+from kneejax.explorer.solving import FLEXIONS, MOVED, Answer, Curves
 from kneejax.geometry import FREE_COORDINATES, coordinate
 from kneejax.report.look.colours import (
-    BLACK,
     BLUE,
     GREY,
     LIGHT,
     VERMILLION,
     part_styles,
 )
-from kneejax.report.scene import PRESSURE_COLOURS, strain_colours
+from kneejax.report.scene import scales
+from kneejax.report.scene.scene import Fibre
 
 _BARS = 12
+#: Seen on white and on black.
+NOW = VERMILLION
 _ROW = "display:flex;justify-content:space-between"
 _SMALL = "padding:0 1em;font-size:0.8em;line-height:1.35"
+#: On a phone the panel takes the lower two fifths, and the knee has the rest.
+_NARROW = ("<style>@media (max-width:36em){.mantine-Paper-root[style*='bottom: 0px']"
+           "{max-height:38%!important}}</style>")  # fmt: skip
 
 
 def unit_of(name: str) -> str:
@@ -39,38 +44,29 @@ def title_of(name: str) -> str:
     return f"{coordinate(name).label}, {unit_of(name)}"
 
 
-def numbers(answer: Answer) -> str:
-    """Coordinates and pressures of a pose as HTML, with what is wrong with it."""
+def numbers(answer: Answer, strain: float, pressure: float, picked: Sequence[Fibre]) -> str:
+    """Coordinates and pressures of a pose as HTML, with what is wrong with it.
+
+    Args:
+        answer: of a pose.
+        strain: at the end of the scale of colours.
+        pressure: likewise, MPa.
+        picked: fibres that were clicked.
+    """
     rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}") for n, x in answer.coordinates.items()]
     rows += [(f"Peak pressure, {n.replace('_', ' ')}", f"{x:.2f} MPa")
              for n, x in answer.peak_MPa.items()]  # fmt: skip
+    rows += [(f"Fibre {x.name}", f"{x.tension_N:.1f} N, {100 * x.strain:.2f} %") for x in picked]
     body = "".join(f"<div style='{_ROW}'><span>{html.escape(what)}</span>{number}</div>"
                    for what, number in rows)  # fmt: skip
     bad = sentence(answer.sentence, not answer.status.sound) if answer.sentence else ""
-    return f"<div style='{_SMALL}'>{bad}{body}{_scales()}</div>"
+    return f"{_NARROW}<div style='{_SMALL}'>{bad}{body}{scales(strain, pressure)}</div>"
 
 
 def sentence(words: str, is_bad: bool) -> str:
     """A doubt or a failure as HTML."""
     colour = "#B03A2E" if is_bad else "#7A6000"
     return f"<p style='margin:0.2em 0;color:{colour}'>{html.escape(words)}</p>"
-
-
-def _scales() -> str:
-    """The scales of strain and pressure."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
-    parts = []
-    for title, shades, low, high in (
-        ("Strain, %", strain_colours(), "0 (grey: slack)", 100 * MOST_STRAIN),
-        ("Pressure, MPa", colormaps[PRESSURE_COLOURS], "0", MOST_MPA),
-    ):
-        colours = ",".join(to_hex(shades(x)) for x in np.linspace(0.0, 1.0, 9))
-        strip = f"height:7px;background:linear-gradient(to right,{colours})"
-        ends = f"<div style='{_ROW}'><span>{low}</span><span>{high:g}</span></div>"
-        parts.append(f"<div style='flex:1'>{title}<div style='{strip}'></div>{ends}</div>")
-    return f"<div style='display:flex;gap:1.5em;margin-top:0.4em'>{''.join(parts)}</div>"
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
@@ -99,17 +95,18 @@ def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -
 
 
 def coordinate_plot(
-    name: str, now: Curves, own: Curves, kept: Curves | None, measured: np.ndarray
+    name: str, now: Curves, before: Mapping[str, Curves | None], measured: np.ndarray
 ) -> dict[str, Any]:
-    """A coordinate over flexion: of the knee as read, of A, now, and as measured, `(n, 6)`."""
+    """A coordinate over flexion: of two other settings, now, and as measured, `(n, 6)`."""
     at = np.union1d(FLEXIONS, measured[:, 0])
     seen = np.full(len(at), np.nan)
     seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
-    lines = {"as read": _line(GREY, [4, 4]), "A": _line(BLUE, [9, 4]), "now": _line(BLACK)}
+    how = (_line(GREY, [4, 4]), _line(BLUE, [9, 4]), _line(NOW))
+    every = {**before, "now": now}
+    lines = dict(zip(every, how, strict=True))
     curves = [x and np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan)
-              for x in (own, kept, now)]  # fmt: skip
-    dots = {"stroke": VERMILLION, "width": 0,
-            "points": {"show": True, "size": 6, "fill": VERMILLION}}  # fmt: skip
+              for x in every.values()]  # fmt: skip
+    dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
     return _plot(title_of(name), at, lines | {"measured": dots}, [*curves, seen])
 
 
@@ -125,7 +122,7 @@ def laxity_plot(now: Curves, kept: Curves | None) -> dict[str, Any]:
     """Laxity over flexion in the test that was asked for."""
     test, values = next(iter(now.laxity.items()), ("anterior_N", None))
     before = None if kept is None else kept.laxity.get(test)
-    lines = {"A": _line(BLUE, [9, 4]), "now": _line(BLACK)}
+    lines = {"A": _line(BLUE, [9, 4]), "now": _line(NOW)}
     return _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, lines, [before, values])
 
 

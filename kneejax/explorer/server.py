@@ -33,7 +33,7 @@ _KNOWN = {
 }  # fmt: skip
 
 
-def serve(port: int, opened: Callable[[str], None]) -> tuple[Any, str]:
+def serve(port: int, opened: Callable[[str], Any]) -> tuple[Any, str]:
     """Start a server on this machine.
 
     Args:
@@ -74,7 +74,7 @@ def serve(port: int, opened: Callable[[str], None]) -> tuple[Any, str]:
 
 
 def _answered(
-    usual: Any, token: str, opened: Callable[[str], None], connection: Any, request: Any
+    usual: Any, token: str, opened: Callable[[str], Any], connection: Any, request: Any
 ) -> Any:
     """The answer to a request; None where a socket may open."""
     port = connection.local_address[1]

@@ -1,0 +1,77 @@
+"""Files of a setting: a knee, a study that searches for it, a picture; in one folder alone."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from kneejax.explorer.setting import Setting, Subject
+from kneejax.explorer.solving import FLEXIONS
+from kneejax.files import restated, write_knee, write_poses
+
+
+@dataclasses.dataclass(frozen=True)
+class Folder:
+    """Where files go; a file that is there stays as it is, and the next number is taken.
+
+    Attributes:
+        path: of the folder, made where the first file is written.
+        subject: the knee and what can be set of it.
+        document: of its knee file.
+        measured: poses of a study, `(n, 6)`, degrees and mm; without a row there is none.
+    """
+
+    path: Path
+    subject: Subject
+    document: dict[str, Any]
+    measured: np.ndarray
+
+    def knee(self, setting: Setting) -> Path:
+        """Write a setting as a knee file, without the flexion and the loads."""
+        path, link = self._free("knee", "yaml"), _link(setting)
+        write_knee(restated(self.document, self.subject.knee_at(setting), link), path, link)
+        return path
+
+    def study(self, setting: Setting) -> Path:
+        """Write a study for `kneejax calibrate`.
+
+        With measured poses its search begins at the setting. Without, its poses are those of the
+        setting, to see whether a search from the knee as it was read finds its numbers.
+        """
+        link, names = _link(setting), self.subject.selection.names
+        changed = {name: x for name, x in setting.numbers if name in names}
+        knee = self.knee(Setting())
+        study: dict[str, Any] = {
+            "title": f"{self.subject.knee.name}, set by hand", "knee": knee.name,
+            "parameters": [*changed] or ["*.stiffness", "*.reference_strain"],
+        }  # fmt: skip
+        if len(self.measured):
+            poses = self._free("poses", "csv")
+            write_poses(poses, self.measured)
+            study |= {"measured": {"file": poses.name, "source": link}, "start": changed}
+        else:
+            study["synthetic"] = {"parameters": changed, "flexion_deg": FLEXIONS.tolist()}
+        path = self._free("study", "yaml")
+        path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+        return path
+
+    def picture(self, client: Any) -> Path:
+        """Write what a page shows of the knee."""
+        from PIL import Image
+
+        path = self._free("picture", "png")
+        Image.fromarray(client.get_render(1080, 1440, transport_format="png")).save(path)
+        return path
+
+    def _free(self, kind: str, ending: str) -> Path:
+        self.path.mkdir(parents=True, exist_ok=True)
+        names = (self.path / f"explore-{kind}-{i}.{ending}" for i in range(1, 10_000))
+        return next(path for path in names if not path.exists())
+
+
+def _link(setting: Setting) -> str:
+    return f"kneejax explore: {setting.link or 'as read'}"

@@ -1,0 +1,237 @@
+"""A scene in viser (three.js): nodes are made once, then only moved, bent and coloured."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from kneejax.geometry import TIBIA
+from kneejax.mechanics import NAMED_LOADS
+from kneejax.report.scene.rendering import (
+    BONE,
+    BONE_OPACITY,
+    FEW_FIBRES,
+    GROUND,
+    MUSCLE,
+    OBSTACLE,
+    SLACK,
+    fibre_colour,
+    pressure_bands,
+)
+from kneejax.report.scene.scene import Scene
+from kneejax.report.scene.surfaces import grid_triangles, tube
+
+BANDS = 8
+_GHOST, _LOAD, _WORDS = "#4C78A8", "#B03A2E", 0.95
+#: Cartilage, darker than in figures: the browser's light is strong.
+_CONDYLE, _GROUND = "#CDB98F", "#BFB39B"
+#: Points of a bone's node that are as near as this to where they were are not sent again, mm.
+_SAME_MM = 1e-3
+#: Thickness of pulled, slack and remembered fibres, mm.
+_PULLED, _SLACK, _THIN = 1.8, 0.6, 0.5
+#: Part of it where a knee has many fibres; then those that are slack have no words either.
+_OF_MANY = 0.6
+#: Share of its way at which a ligament has its words, in turn: some cross in their middles.
+_SHARES = (0.62, 0.38)
+#: What 100 N, or 10 N m, are drawn as, and the longest arrow, mm.
+_PER_100_MM, _LONGEST_MM = 25.0, 60.0
+#: Axis of the scene along which each load acts, its sign, and whether it is a moment.
+_LOADS = {"anterior_N": (0, 1.0), "compression_N": (1, 1.0), "lateral_N": (2, 1.0),
+          "varus_Nm": (0, 1.0), "internal_Nm": (1, 1.0)}  # fmt: skip
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """`#rrggbb` as three numbers."""
+    return tuple(int(colour[i : i + 2], 16) for i in (1, 3, 5))  # pyright: ignore[reportReturnType]
+
+
+class Drawing:
+    """A scene on the screen: one for all pages of a server.
+
+    Attributes:
+        words: whether ligaments are labelled.
+        strain: strain at the end of the colours.
+        pressure: likewise, MPa.
+    """
+
+    def __init__(
+        self,
+        viser_scene: Any,
+        clicked: Callable[[str], None] | None = None,
+        strain: float = 0.08,
+        pressure: float = 8.0,
+    ):
+        """An empty view with lights.
+
+        Args:
+            viser_scene: of a `viser.ViserServer`.
+            clicked: called with the name of a ligament's fibre that is clicked.
+            strain: at the end of the colours.
+            pressure: likewise, MPa.
+        """
+        self.words, self.strain, self.pressure = True, strain, pressure
+        self._scene, self._clicked = viser_scene, clicked
+        self._made: dict[str, tuple[Any, dict[str, Any]]] = {}
+        self._shown: set[str] = set()
+        self._grey = False
+        viser_scene.set_up_direction("+y")
+        viser_scene.configure_default_lights(cast_shadow=False)
+
+    def show(
+        self,
+        scene: Scene,
+        loads: Mapping[str, float] | None = None,
+        ghost: Scene | None = None,
+        stale: bool = False,
+        gone: Collection[str] = (),
+    ) -> None:
+        """Draw a pose.
+
+        Args:
+            scene: of the pose.
+            loads: what acts, by name.
+            ghost: another pose, in thin blue lines.
+            stale: whether this is a pose that another setting had: everything is grey.
+            gone: fibres that are cut.
+        """
+        self._shown, self._grey = set(), stale
+        for bone, (turn, shift) in scene.places.items():
+            w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
+            self._keep(f"/{bone}", self._frame, wxyz=w, position=tuple(shift))
+        for i, bone in enumerate(scene.bones):
+            self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces, BONE,
+                          BONE_OPACITY[bone.bone])  # fmt: skip
+        for kind, sheets, colour, opacity in (
+            ("cartilage", scene.condyles, _CONDYLE, 0.6), ("wrap", scene.obstacles, OBSTACLE, 0.13),
+        ):  # fmt: skip
+            for i, sheet in enumerate(sheets):
+                faces = grid_triangles(*sheet.points_mm.shape[:2])
+                self._surface(scene, sheet.bone, f"{kind} {sheet.name or i + 1}", sheet.points_mm,
+                              faces, colour, opacity)  # fmt: skip
+        for plateau in scene.plateaus:
+            for i, (colour, faces) in enumerate(pressure_bands(plateau, self.pressure, BANDS)):
+                own = _GROUND if colour == GROUND else colour
+                self._surface(scene, plateau.bone, f"pressure {plateau.name}/{i}",
+                              plateau.points_mm, faces, own)  # fmt: skip
+        many = len(scene.fibres) > FEW_FIBRES
+        for i, (name, fibres) in enumerate(scene.groups.items()):
+            self._ligament(name, fibres, gone, many, _SHARES[i % len(_SHARES)])
+        for fibre in () if ghost is None else ghost.fibres:
+            points, faces = tube(fibre.points_mm, _THIN)
+            self._keep(f"/kept/{fibre.name}", self._mesh, vertices=points, faces=faces,
+                       color=rgb(_GHOST))  # fmt: skip
+        self._axes(scene)
+        self._arrows(scene, loads or {})
+        for name, (handle, _) in self._made.items():
+            if name not in self._shown and handle.visible:
+                handle.visible = False
+
+    def tell(self, words: str, position: np.ndarray) -> None:
+        """Put words at a place."""
+        self._keep("/words/told", self._label, text=words, position=tuple(map(float, position)))
+
+    def _keep(self, name: str, make: Callable, **props: Any) -> Any:
+        """Make a node, or change those of its properties that are others."""
+        self._shown.add(name)
+        if name not in self._made:
+            self._made[name] = (make(name, **props), props)
+            return self._made[name][0]
+        handle, before = self._made[name]
+        for key, value in props.items():
+            if before[key] is not value and not np.array_equal(before[key], value):
+                setattr(handle, key, value)
+        if not handle.visible:
+            handle.visible = True
+        self._made[name] = handle, before | props
+        return handle
+
+    def _frame(self, name: str, **props: Any) -> Any:
+        return self._scene.add_frame(name, show_axes=False, **props)
+
+    def _mesh(self, name: str, **props: Any) -> Any:
+        return self._scene.add_mesh_simple(name, side="double", cast_shadow=False, **props)
+
+    def _label(self, name: str, **props: Any) -> Any:
+        more = {"font_screen_scale": _WORDS, "anchor": "center-center"}
+        return self._scene.add_label(name, **more, **props)
+
+    def _arrow(self, name: str, **props: Any) -> Any:
+        return self._scene.add_arrows(name, shaft_radius=0.7, head_radius=1.8, head_length=4.0,
+                                      **props)  # fmt: skip
+
+    def _surface(
+        self, scene: Scene, bone: str, name: str, points_mm: np.ndarray, faces: np.ndarray,
+        colour: str, opacity: float | None = None,
+    ) -> None:  # fmt: skip
+        """A mesh on its bone, which moves it: its own points are sent once."""
+        if not len(faces):
+            return
+        turn, shift = scene.places[bone]
+        name = f"/{bone}/{name}"
+        own = ((points_mm.reshape(-1, 3) - shift) @ turn).astype(np.float32)
+        known = self._made[name][1]["vertices"] if name in self._made else own[:0]
+        if known.shape == own.shape and np.allclose(known, own, rtol=0.0, atol=_SAME_MM):
+            own = known
+        self._keep(name, self._mesh, vertices=own, faces=faces.astype(np.uint32),
+                   color=rgb(SLACK if self._grey else colour), opacity=opacity)  # fmt: skip
+
+    def _ligament(
+        self, name: str, fibres: Sequence[Any], gone: Collection[str], many: bool, share: float
+    ) -> None:
+        is_muscle = fibres[0].is_muscle
+        for fibre in fibres:
+            torn = fibre.name in gone
+            thick = _THIN if torn else _SLACK if fibre.slack else _PULLED
+            points, faces = tube(fibre.points_mm, thick * (_OF_MANY if many else 1.0))
+            colour = SLACK if self._grey or torn else fibre_colour(fibre, self.strain)
+            place = f"/ligaments/{name}/{fibre.name}"
+            known = place in self._made
+            handle = self._keep(place, self._mesh, vertices=points, faces=faces, color=rgb(colour),
+                                opacity=0.35 if torn else None)  # fmt: skip
+            if self._clicked is not None and not known and not is_muscle:
+                handle.on_click(lambda _, own=fibre.name, clicked=self._clicked: clicked(own))
+        force, strain = sum(x.tension_N for x in fibres), max(x.strain for x in fibres)
+        words = f"{name} {force:.0f} N" + ("" if is_muscle else f", {100 * strain:.1f} %")
+        cut = all(x.name in gone for x in fibres)
+        if cut or (not is_muscle and strain <= 0):
+            words = f"{name} {'cut' if cut else 'slack'}"
+        if self.words and (cut or not many or is_muscle or strain > 0):
+            where = fibres[len(fibres) // 2].at(share)
+            self._keep(f"/words/{name}", self._label, text=words, position=tuple(where.tolist()))
+
+    def _axes(self, scene: Scene) -> None:
+        if "/axes/arrows" not in self._made:
+            points = scene.points_mm
+            start = points.min(axis=0)
+            start[2] = scene.lateral * ((scene.lateral * points[:, 2]).min() - 22.0)
+            words = ("anterior", "superior", "lateral")
+            self._ends = {word: start + 16.0 * scene.directions[word] for word in words}
+            self._arrows_at = np.array([[start, end] for end in self._ends.values()], np.float32)
+        self._keep("/axes/arrows", self._arrow, points=self._arrows_at, colors=rgb("#777777"))
+        for word, end in self._ends.items():
+            place = tuple(map(float, end))
+            self._keep(f"/axes/{word}", self._label, text=word, position=place)
+
+    def _arrows(self, scene: Scene, loads: Mapping[str, float]) -> None:
+        """Forces and moments on the tibia, from below its plateaux; a moment along its axis."""
+        tibial = [x.points_mm.reshape(-1, 3) for x in scene.plateaus if x.bone == TIBIA]
+        points = np.concatenate(tibial or [scene.points_mm])
+        middle = points.mean(axis=0)
+        middle[1] = points[:, 1].min() - 6.0
+        for name, size in loads.items():
+            if not size:
+                continue
+            axis, sign = _LOADS[name]
+            unit = 10.0 if name.endswith("Nm") else 100.0
+            way = np.zeros(3)
+            way[axis] = sign * (scene.lateral if axis == 2 or unit == 10.0 else 1.0)
+            long = np.clip(_PER_100_MM * size / unit, -_LONGEST_MM, _LONGEST_MM)
+            start = middle - (way * long if axis == 1 and unit == 100.0 else 0.0)
+            arrow = np.array([[start, start + way * long]], np.float32)
+            colour = MUSCLE if unit == 10.0 else _LOAD
+            self._keep(f"/loads/{name}", self._arrow, points=arrow, colors=rgb(colour))
+            self._keep(f"/loads/{name} words", self._label, text=NAMED_LOADS[name].words(size),
+                       position=tuple(map(float, arrow[0, 1])))  # fmt: skip
