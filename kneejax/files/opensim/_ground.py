@@ -141,7 +141,8 @@ def on_bodies(
             spin = _between(time, inside, torque + np.cross(point, pull))
         else:
             carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
-            here, spin = (np.einsum("nij,nj->ni", np.asarray(carrier.turn), _between(time, inside, x))
+            turn = np.asarray(carrier.turn)
+            here, spin = (np.einsum("nij,nj->ni", turn, _between(time, inside, x))
                           for x in (pull, torque))
             spin = spin + np.cross(frame.point(_between(time, inside, point)), here)
         force, moment = force + here, moment + spin
