@@ -167,7 +167,7 @@ _ALL = (
     _attachment("patella", "patellar"),
     Quantity("youngs_modulus", ("contact", "band"), "MPa", Range(1e-3, 1e5, "MPa",
              too_large="Pa are suspected"), "youngs_modulus_MPa"),
-    Quantity("area", ("band",), "mm2", Range(1e-4, 1e4, "mm2", or_zero=True), "area_mm2",
+    Quantity("area", ("band",), "mm²", Range(1e-4, 1e4, "mm²", or_zero=True), "area_mm2",
              summed=True, relative=0.2),
     Quantity("prestretch", ("band",), "", Range(0.1, 1.5, too_large=_PERCENT), "prestretch",
              bounds=(0.8, 1.2), deviation=0.02),

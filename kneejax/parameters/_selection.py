@@ -59,12 +59,7 @@ class UnknownParameter(_Refused):
 
 
 class UnsuitableData(_Refused):
-    """Data, bounds or options with which no calibration can begin.
-
-    Example:
-        >>> issubclass(UnsuitableData, ValueError)
-        True
-    """
+    """Data, bounds or options with which no calibration can begin."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -131,7 +131,7 @@ class Drawing:
 
     def tell(self, words: str, position: np.ndarray) -> None:
         """Put words at a place."""
-        self._keep("/words/told", self._label, text=words, position=tuple(map(float, position)))
+        self._keep("/words/of_fibre", self._label, text=words, position=tuple(map(float, position)))
 
     def _keep(self, name: str, make: Callable, **props: Any) -> Any:
         """Make a node, or change those of its properties that are others."""

@@ -393,9 +393,8 @@ def test_colours_that_no_scale_explains_are_named():
     """Of obstacles and of the quadriceps, where they are drawn."""
     fibre = SimpleNamespace(is_muscle=True)
     for obstacles, fibres, words in (
-        ((), (), []), ((1,), (), ["wrap obstacles"]), ((), (fibre,), ["quadriceps"]),
-        ((1,), (fibre,), ["wrap obstacles", "quadriceps"]),
-    ):  # fmt: skip
+        ((), (), []), ((1,), (fibre,), ["wrap obstacles", "quadriceps"]),
+        ((1,), (), ["wrap obstacles"]), ((), (fibre,), ["quadriceps"])):  # fmt: skip
         figure = Figure()
         _head(figure, "knee", SimpleNamespace(obstacles=obstacles, fibres=fibres))
         assert [text.get_text()[2:] for text in figure.texts[1:]] == words
