@@ -174,7 +174,7 @@ _ALL = (
     Quantity("poisson_ratio", ("contact",), "", Range(0.0, 0.4999), "poisson_ratio"),
     Quantity("layer_thickness", ("contact",), "mm", Range(0.1, 50.0, "mm", too_small=_METRES),
              "layer_thickness_mm"),
-    Quantity("cross_section", ("contact",), "mm2", Range(0.1, 1e4, "mm2"), "cross_section_mm2",
+    Quantity("cross_section", ("contact",), "mm²", Range(0.1, 1e4, "mm²"), "cross_section_mm2",
              paths={"contact": "ring.cross_section"}),
     Quantity("hoop_modulus", ("contact",), "MPa", Range(1e-3, 1e5, "MPa"), "",
              paths={"contact": "ring.youngs_modulus"}),
