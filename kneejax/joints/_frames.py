@@ -31,39 +31,19 @@ class JointProblem(WrongValue):
 
 
 class UnsuitableMesh(JointProblem):
-    """A mesh in which axes of condyles cannot be found.
-
-    Example:
-        >>> issubclass(UnsuitableMesh, JointProblem)
-        True
-    """
+    """A mesh in which axes of condyles cannot be found."""
 
 
 class UnsuitableLandmarks(JointProblem):
-    """Landmarks that make no anatomical frame.
-
-    Example:
-        >>> issubclass(UnsuitableLandmarks, JointProblem)
-        True
-    """
+    """Landmarks that make no anatomical frame."""
 
 
 class UnsuitableAxis(JointProblem):
-    """Points or calibration angles that make no axis of a knee.
-
-    Example:
-        >>> issubclass(UnsuitableAxis, JointProblem)
-        True
-    """
+    """Points or calibration angles that make no axis of a knee."""
 
 
 class UnsuitablePoses(JointProblem):
-    """Measured poses on which no joint can be calibrated.
-
-    Example:
-        >>> issubclass(UnsuitablePoses, JointProblem)
-        True
-    """
+    """Measured poses on which no joint can be calibrated."""
 
 
 # Medial and lateral landmarks of an adult's knee are about 80 mm apart, of a child's half of that.

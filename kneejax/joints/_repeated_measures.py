@@ -15,12 +15,7 @@ FEWEST_SUBJECTS = 3
 
 
 class UnsuitableMotions(ValueError):
-    """Motions that cannot be compared as asked; one sentence says why and what would do.
-
-    Example:
-        >>> issubclass(UnsuitableMotions, ValueError)
-        True
-    """
+    """Motions that cannot be compared as asked; one sentence says why and what would do."""
 
 
 @dataclasses.dataclass(frozen=True)

@@ -156,21 +156,11 @@ _NARROW = 0.05
 
 
 class DoubtfulValue(UserWarning):
-    """A value that is probably not what was meant.
-
-    Example:
-        >>> issubclass(DoubtfulValue, Warning)
-        True
-    """
+    """A value that is probably not what was meant."""
 
 
 class Assumption(UserWarning):
-    """What was taken to be so of what a file or a study does not say, in a sentence.
-
-    Example:
-        >>> issubclass(Assumption, Warning)
-        True
-    """
+    """What was taken to be so of what a file or a study does not say, in a sentence."""
 
 
 def fibres_summed(knee: Knee, name: str) -> int:

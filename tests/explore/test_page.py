@@ -147,16 +147,20 @@ def test_an_end_is_dragged_on_its_bone(tab, page):
     page._show_gizmos()
     (client,) = page._server.get_clients().values()
     gizmo, before = page._ends._shown["tibial_attachment"][1], page.answer.force_N["ACL"]
-    time.sleep(1.5)
     start, end = (np.array(gizmo.position) + [0.0, mm, 0.0] for mm in (9.0, 13.0))
-    tab.mouse.move(*on_screen(tab, client.camera, start))
-    tab.mouse.down()
-    tab.mouse.move(*on_screen(tab, client.camera, end), steps=6)
-    tab.mouse.up()
-    until(lambda: "ACL.tibial_attachment.superior" in page.setting.given)
+    name = "ACL.tibial_attachment.superior"
+    for _ in range(6):  # a browser that draws by software may take seconds to show the gizmo
+        time.sleep(1.5)
+        tab.mouse.move(*on_screen(tab, client.camera, start))
+        tab.mouse.down()
+        tab.mouse.move(*on_screen(tab, client.camera, end), steps=6)
+        tab.mouse.up()
+        with contextlib.suppress(AssertionError):
+            until(lambda: name in page.setting.given, 6.0)
+            break
+    assert name in page.setting.given
     settled(page)
-    own = page.subject.limits["ACL.tibial_attachment.superior"][0]
-    assert 1.0 < page.setting.given["ACL.tibial_attachment.superior"] - own < 8.0
+    assert 1.0 < page.setting.given[name] - page.subject.limits[name][0] < 8.0
     assert page.answer.force_N["ACL"] < before
     page._moving.value = False
     page._show_gizmos()
@@ -233,7 +237,7 @@ def test_a_page_of_a_scene_draws_from_its_file_without_a_network(browser, tmp_pa
     alone = browser.new_context(offline=True, viewport={"width": 1440, "height": 900}).new_page()
     alone.on("request", lambda request: asked.append(request.url))
     alone.goto((tmp_path / "scene.html").as_uri())
-    alone.get_by_text("flexion").first.wait_for(timeout=WAIT_MS)
+    alone.get_by_text("the tibia held still").wait_for(timeout=WAIT_MS)
     until(lambda: pixels(alone).std() > 5.0)
     assert alone.get_by_text("Strain, %").is_visible()
     assert not [url for url in asked if url.startswith(("http", "ws"))]
@@ -258,13 +262,18 @@ def started(port):
     return process, process.stdout.readline().strip()
 
 
+def stop(process):
+    process.kill()
+    process.wait(30.0)
+    process.stdout.close()
+
+
 def test_a_server_killed_and_started_again_serves_its_new_link_alone(browser):
     process, link = started(8460)
     tab = browser.new_page()
     tab.goto(link)
     tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
-    process.kill()
-    process.wait(30.0)
+    stop(process)
     process, again = started(8460)
     try:
         assert urlsplit(again).netloc == urlsplit(link).netloc and again != link
@@ -272,8 +281,7 @@ def test_a_server_killed_and_started_again_serves_its_new_link_alone(browser):
         tab.goto(again)
         tab.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
     finally:
-        process.kill()
-        process.wait(30.0)
+        stop(process)
         tab.close()
 
 
