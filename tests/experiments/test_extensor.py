@@ -312,8 +312,8 @@ def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
     assert 5.0 * slow.farthest < quick.farthest < 5.0
     pulls = slow.transient.quadriceps["quadriceps_N"]
     np.testing.assert_allclose(pulls[slow.rows], slow.held.quadriceps_N, rtol=5e-3)
-    said = "\n".join(report.raised_leg_answer("a ball", slow).text)
-    assert "farthest from a leg that is held" in said
+    said = " ".join(report.raised_leg_answer("a ball", slow).terminal().split())
+    assert "Farthest from a leg that is held" in said
     data = slow.transient.to_dataset()
     np.testing.assert_allclose(data["quadriceps_force"], pulls)
     assert data["quadriceps_length"].units == "mm" and not np.isnan(data["flexion"]).any()
