@@ -143,7 +143,7 @@ def on_screen(tab, camera, point):
 
 def test_an_end_is_dragged_on_its_bone(tab, page):
     """Upwards along the gizmo's own axis: that coordinate moves, and the knee follows."""
-    page._moving.value = True
+    page._ligament.value, page._moving.value = "ACL", True
     page._show_gizmos()
     (client,) = page._server.get_clients().values()
     gizmo, before = page._ends._shown["tibial_attachment"][1], page.answer.force_N["ACL"]
