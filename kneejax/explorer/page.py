@@ -109,7 +109,9 @@ class Page:
             wanted = self.subject.within(self.setting.to(name, number))
             if wanted == self.setting:
                 return
-            if name != self._changed[0] or now - self._changed[1] > _ONE_STEP_S:
+            # A slider that is dragged is one step; each click on a button is one.
+            dragged = name == self._changed[0] and not name.endswith(".cut")
+            if not dragged or now - self._changed[1] > _ONE_STEP_S:
                 self._past.append(self.setting)
             self._changed = name, now
             self._to(wanted)
