@@ -105,11 +105,10 @@ class Page:
     def set(self, name: str, number: float | None) -> None:
         """Another number of the setting."""
         with self._wanted:
-            now = time.monotonic()
-            wanted = self.subject.within(self.setting.to(name, number))
+            wanted, now = self.subject.within(self.setting.to(name, number)), time.monotonic()
             if wanted == self.setting:
                 return
-            # A slider that is dragged is one step; each click on a button is one.
+            # A slider that is dragged is one step, and so is each click on a button.
             dragged = name == self._changed[0] and not name.endswith(".cut")
             if not dragged or now - self._changed[1] > _ONE_STEP_S:
                 self._past.append(self.setting)
@@ -128,9 +127,8 @@ class Page:
     def undo(self) -> None:
         """The setting before the last change."""
         with self._wanted:
-            if not self._past:
-                return
-            self._to(self._past.pop())
+            if self._past:
+                self._to(self._past.pop())
         self._show_numbers()
 
     def _to(self, setting: Setting) -> None:
