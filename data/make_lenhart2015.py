@@ -119,7 +119,7 @@ def document(source: Path) -> dict[str, Any]:
             f"{_contact_note(made['contacts'])} Fibres take the shortest way around a wrap object; "
             "for MCLp4 and MCLp5 the ways around both sides of Med_LigP_r are nearly as long over "
             "much of the motion. damping_N_s is the model's and plays no part in statics. "
-            f"{' '.join(read.patella_notes)}"
+            f"{' '.join(read.patella.notes)}"
         ),
     }
 
