@@ -173,7 +173,7 @@ def weights(count):
 
 
 def _center_mm(body, in_bone):
-    place = tuple(Decimal(x) for x in body.findtext("mass_center").split())
+    place = np.array([Decimal(x) for x in body.findtext("mass_center").split()])
     return 1e3 * np.array(in_bone.point(place), float)
 
 
