@@ -60,6 +60,8 @@ html_static_path = ["_static"]
 html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
+# Pages without others below them have nothing to list at their side.
+html_sidebars = dict.fromkeys(("index", "getting_started", "gallery"), [])
 html_theme_options = {
     "show_nav_level": 1,
     "navigation_depth": 2,
