@@ -15,6 +15,8 @@ from kneejax import report
 from kneejax.cli.options import Explore
 from kneejax.explorer import Page, Setting, Subject, serve
 from kneejax.files import (
+    InputProblem,
+    bundled_files,
     bundled_studies,
     load_knee_file,
     read_calibrated,
@@ -42,8 +44,13 @@ def explore(asked: Explore) -> int:
 
 def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, str]:
     """The knee, its document, measured poses where there are some, and what the knee itself is."""
-    named = asked.subject
-    if not _is_study(named):
+    named, is_study = asked.subject, _is_study(asked.subject)
+    if asked.patella and is_study:  # a knee may have the name of a study
+        if named not in bundled_files("knees"):
+            expected = "a knee or a result: the poses of a study are those of a tibia alone"
+            raise InputProblem(named, "--patella", "with a study", expected)
+        is_study = False
+    if not is_study:
         read = load_knee_file(named)
         found = _measured(Path(named)) if named.endswith(".json") else None
         first = "stored fit" if named.endswith(".json") else "as read"

@@ -229,6 +229,13 @@ def test_a_result_stands_behind_the_curves_with_its_measurement(result):
     assert _subject(Explore.read({"subject": str(result)}))[2] is None
 
 
+def test_a_patella_is_shown_or_refused_never_left_out():
+    knee, *_ = _subject(Explore.read({"subject": "average_knee", "patella": True}))
+    assert knee.bodies == ("tibia", "patella")
+    with pytest.raises(kj.InputProblem, match="--patella: with a study: expected a knee"):
+        _subject(Explore.read({"subject": "paper1", "patella": True}))
+
+
 def test_a_page_of_a_scene_draws_from_its_file_without_a_network(browser, tmp_path):
     poses = kj.Pose.from_table([[15.0, 0.9, 7.5, 1.1, 1.0, -1.1], [60.0, 3.8, 3.1, 1.7, -1.0, -1]])
     scenes = report.scenes(kj.load_knee("four_ligament"), poses)
