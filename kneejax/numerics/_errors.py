@@ -29,6 +29,8 @@ _WHO_NEEDS = {
     "sensitivity": "global indices need",
     "opensim": "inverse dynamics and static optimisation need",
     "view": "the 3-D view needs",
+    "explore": "the explorer needs",
+    "notebook": "sliders in a notebook need",
 }
 
 

@@ -26,8 +26,6 @@ class MeshBand(NamedTuple):
         direction: unit vector from the first to the second area, in the first bone's frame.
         along_mm: distances from the first area to where cross-sections were measured, `(n,)`.
         areas_mm2: those cross-sections, across the direction, `(n,)`.
-        femoral_triangles: triangles of the mesh that touch the first bone.
-        tibial_triangles: those that touch the second.
     """
 
     femoral: AttachmentArea
@@ -35,8 +33,6 @@ class MeshBand(NamedTuple):
     direction: np.ndarray
     along_mm: np.ndarray
     areas_mm2: np.ndarray
-    femoral_triangles: int
-    tibial_triangles: int
 
     @property
     def area_mm2(self) -> float:
@@ -81,7 +77,7 @@ def band_of_meshes(
     corners = mesh.points_mm[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middles, sizes = corners.mean(axis=1), 0.5 * np.linalg.norm(normals, axis=1)
-    found, counts = [], []
+    found = []
     for bone, to_bone in ((first_bone, None), (second_bone, there.inverse())):
         own = mesh.points_mm if to_bone is None else moved(to_bone, mesh.points_mm)
         near = bone_surface(bone)(own)[2] <= within_mm
@@ -93,7 +89,6 @@ def band_of_meshes(
             )
             raise InputProblem(ligament, "triangles", int(touching.sum()), expected)
         found.append(AttachmentArea.of_points(middles[touching], sizes[touching]))
-        counts.append(int(touching.sum()))
     first, second = found[0], untwisted(*found)
     span = second.centre - first.centre
     length = float(np.linalg.norm(span))
@@ -105,7 +100,7 @@ def band_of_meshes(
     back = there.inverse()
     turned = np.array([[*map(float, back.turn(Vector(*x)))] for x in second.half_axes])
     tibial = AttachmentArea(moved(back, second.centre[None])[0], turned)
-    return MeshBand(first, tibial, span / length, along, areas, counts[0], counts[1])
+    return MeshBand(first, tibial, span / length, along, areas)
 
 
 def _section(corners, normals, origin, direction, at: float) -> float:
