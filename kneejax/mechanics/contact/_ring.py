@@ -27,8 +27,10 @@ from kneejax.geometry import Vector
 from kneejax.mechanics.contact._points import Points
 from kneejax.numerics import jvp_of_moved, ruled
 
-# Newton steps at most; the longest of them, mm; and the length of the last.
-_STEPS, _LONGEST, _ACCURACY = 40, 1.0, 1e-11
+# Newton steps and trials at most, the length of the last, and from which on none was found, mm.
+_STEPS, _ACCURACY, _NOT_FOUND = 100, 1e-11, 1e-6
+# What is left of the slope along a step that is taken.
+_LESS = 0.9
 
 
 class Ring(eqx.Module):
@@ -139,17 +141,31 @@ class Hoops(eqx.Module):
         """
         still, fixed, below = lax.stop_gradient((self, points, depth))
 
-        def nearer(state):
-            count, outward, _ = state
+        def newton(outward):
             left = still._residual(fixed, below, outward)
-            step = -still.solved(still._firm(fixed, below, outward), left)
-            step = jnp.clip(step, -_LONGEST, _LONGEST)
-            return count + 1, outward + step, jnp.max(jnp.abs(step))
+            return left, -still.solved(still._firm(fixed, below, outward), left)
+
+        def nearer(state):
+            count, outward, left, step, part = state
+            tried = outward + part * step
+            own, following = newton(tried)
+            # The energy is convex: its slope along the step grows, and is zero at the least.
+            along, before = (jnp.abs(jnp.sum(x * step, axis=0)) for x in (own, left))
+            nearer = along <= _LESS * before
+            kept = (
+                jnp.where(nearer, new, old)
+                for new, old in ((tried, outward), (own, left), (following, step))
+            )
+            return count + 1, *kept, jnp.where(nearer, 1.0, 0.5 * part)
+
+        def far(state):
+            return jnp.max(jnp.abs(state[3]), axis=0) > _ACCURACY
 
         nothing = jnp.zeros((sum(self.counts), *depth.shape[1:]))
-        state = jnp.asarray(0), nothing, jnp.asarray(jnp.inf)
-        going_on = lambda s: (s[0] < _STEPS) & (s[2] > _ACCURACY)  # noqa: E731
-        _, found, _ = lax.while_loop(going_on, nearer, state)
+        state = jnp.asarray(0), nothing, *newton(nothing), jnp.ones(depth.shape[1:])
+        going_on = lambda s: (s[0] < _STEPS) & jnp.any(far(s))  # noqa: E731
+        last = lax.while_loop(going_on, nearer, state)
+        found = jnp.where(jnp.max(jnp.abs(last[3]), axis=0) > _NOT_FOUND, jnp.nan, last[1])
         return ruled(_settled_rule, found, self, points, depth)
 
     def given_way(self, points: Points, outward: Array) -> Array:

@@ -17,10 +17,9 @@ RING = Ring(100.0, 25.0, 400.0, 8.0, [0.0, 0.0], [-0.5 * SPAN, 0.5 * SPAN], sect
 TURNS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
 
 
-def rim(ring=RING, depth=0.4, points=(24, 24)):
+def rim(ring=RING, depth=0.4, points=(24, 24), rise=0.02):
     """A bowl, higher outside, of which a ring between radii of 8 and 16 mm is covered, under a
     sphere that touches it where it is 12 mm wide."""
-    rise = 0.02
     table = np.zeros((3, 3))
     table[2, 0] = table[0, 2] = rise * 16.0**2
     outer, inner = (np.stack([r * np.cos(TURNS), r * np.sin(TURNS)], axis=1) for r in (16.0, 8.0))
@@ -98,6 +97,16 @@ def test_what_holds_endlessly_stands_still_and_what_holds_nothing_carries_less()
     assert float(energy(rim(firm), pose)) == pytest.approx(stands, rel=1e-6)
     soft = dataclasses.replace(RING, youngs_modulus=jnp.asarray(1.0))
     assert float(energy(rim(soft), pose)) < gives < stands
+
+
+@pytest.mark.parametrize("rise", [0.02, 0.001])
+def test_the_forces_on_every_section_balance_however_far_it_gives_way(rise):
+    """Nearly flat, it hardly holds back what presses it: sections go farther than it is wide."""
+    soft = eqx.tree_at(lambda r: (r.coronary_stiffness, r.youngs_modulus), RING, (0.1, 0.1))
+    outward, tension, pushed = map(np.asarray, outward_and_tension(rim(soft, 2.0, rise=rise)))
+    held = tension[0] * SPAN / 6 + 0.1 / 6 * outward
+    np.testing.assert_allclose(pushed, held, rtol=1e-8)
+    assert (outward.max() > 40.0) == (rise < 0.01)
 
 
 POSES = [np.zeros(6), np.array([0.02, -0.03, 0.05, 0.6, -0.1, 0.4])]
