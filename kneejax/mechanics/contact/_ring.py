@@ -151,12 +151,12 @@ class Hoops(eqx.Module):
             own, following = newton(tried)
             # The energy is convex: its slope along the step grows, and is zero at the least.
             along, before = (jnp.abs(jnp.sum(x * step, axis=0)) for x in (own, left))
-            nearer = along <= _LESS * before
+            taken = along <= _LESS * before
             kept = (
-                jnp.where(nearer, new, old)
+                jnp.where(taken, new, old)
                 for new, old in ((tried, outward), (own, left), (following, step))
             )
-            return count + 1, *kept, jnp.where(nearer, 1.0, 0.5 * part)
+            return count + 1, *kept, jnp.where(taken, 1.0, 0.5 * part)
 
         def far(state):
             return jnp.max(jnp.abs(state[3]), axis=0) > _ACCURACY
