@@ -17,10 +17,10 @@ from kneejax.files import (
     ask_opensim,
     couple_model,
     coupled_motion,
-    knee_with,
     load_knee_file,
     read_activity,
     registered,
+    said_of,
     whole_body,
     write_bytes,
 )
@@ -121,7 +121,8 @@ def run(arguments: options.Activity) -> int:
         read = load_knee_file(arguments.knee or _USUAL)
         document = read.document
         whole = read.with_patella() if arguments.patella else read.knee
-        knee = knee_with(whole, arguments.values, "--set")
+        with said_of("--set"):
+            knee = whole.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
     if document["side"] != {"r": "right", "l": "left"}[arguments.side]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from kneejax.cli.options import Simulate
-from kneejax.files import InputProblem, knee_with, load_knee
+from kneejax.files import InputProblem, load_knee, said_of
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, load_opposite_to
 from kneejax.parameters import cut
@@ -67,7 +67,9 @@ def check_columns(names: Mapping[str, str]) -> None:
 
 def whole_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
     """The knee with the parameters that were set, before anything is cut."""
-    return knee_with(load_knee(arguments.knee, patella=patella), arguments.values, "--set")
+    knee = load_knee(arguments.knee, patella=patella)
+    with said_of("--set"):
+        return knee.replace(arguments.values)
 
 
 def asked_knee(arguments: Simulate, *, patella: bool = False) -> Knee:

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from kneejax.files._flexion import parse_flexion as parse_flexion
     from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._knees import check_new as check_new
-    from kneejax.files._knees import knee_with as knee_with
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
     from kneejax.files._knees import said_of as said_of

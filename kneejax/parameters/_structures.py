@@ -5,8 +5,8 @@ over its fibres, which act side by side; of any other quantity its value is the 
 value keeps how the fibres differ: strains and points shift together, anything else is scaled by one
 factor.
 
-A structure's stiffness is the sum over its fibres (`_fibres.py`). It once was their mean: files of
-that time lack `MEANING`, and a number of that time that a person gives is doubted.
+A structure's stiffness once was the mean over its fibres: files of that time lack `MEANING`, and a
+number of that time that a person gives is doubted.
 """
 
 from __future__ import annotations

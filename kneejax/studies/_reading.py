@@ -87,7 +87,6 @@ def objects_of(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What the study names, for its record, and the objects that stand for it."""
     from kneejax.files import load_knee
-    from kneejax.parameters import with_values
 
     said: dict[str, Any] = {}
     objects: dict[str, Any] = {"set": {}, "flexion_deg": None}
@@ -112,7 +111,7 @@ def objects_of(
         said["patella"] = study.patella
     mistakes.check()
     with mistakes.gathered():
-        objects["knee"] = knee = with_values(knee, study.set)
+        objects["knee"] = knee = knee.replace(study.set)
     if any(isinstance(test, StudyTest) for test in study.tests):
         objects["tests"], said["tests"] = [], []
         for number, test in enumerate(study.tests):

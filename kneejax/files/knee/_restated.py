@@ -60,9 +60,8 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 
     Example:
         >>> from kneejax.files import load_knee_file
-        >>> from kneejax.parameters import with_values
         >>> read = load_knee_file("four_ligament")
-        >>> stiff = with_values(read.knee, {"ACL.stiffness": 5000.0})
+        >>> stiff = read.knee.replace({"ACL.stiffness": 5000.0})
         >>> ligament = restated(read.document, stiff, "our robot")["ligaments"]["ACL"]
         >>> ligament["stiffness_N"], ligament["source"]["stiffness_N"]
         (5000.0, 'our robot')

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.mechanics import Knee, Load
-from kneejax.parameters import UnsuitableData, with_values
+from kneejax.parameters import UnsuitableData
 from kneejax.statics import LoadCases, balance_one
 
 
@@ -39,7 +39,7 @@ def synthetic_motion(
         UnsuitableData: where the knee with these parameters has no balance.
         Implausible: no knee has these parameters.
     """
-    true_knee = with_values(knee, truth)
+    true_knee = knee.replace(truth)
     table = np.zeros((len(flexion_deg), 6))
     table[:, 0] = flexion_deg
     motion = balance_one(true_knee, LoadCases.at(flexion_deg, tuple(loads)))
