@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import _parts as parts
-from kneejax.files.knee._building import detour_counts, slack_length
 from kneejax.files.knee._document import mirror_document, with_own_patella
+from kneejax.files.knee._file import detour_counts, slack_length
 from kneejax.files.knee._surfaces import (
     FACES,
     OBSTACLES,

@@ -8,7 +8,7 @@ its gradient, and `jax.custom_batching.custom_vmap` hands it the chains that `vm
 BlackJAX rather than NumPyro, both of which are maintained, because it is made of parts. Both store
 momenta by index, on which XLA aborts under `use_shared_fusion` (see `_stored`); here that one part
 is replaced. And a kernel that is a plain function compiles in a `jit` of our own, with the options
-that a solve needs (`numerics/_compiled.py`).
+that a solve needs (`numerics/_configure.py`).
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, scales
-from kneejax.inference.calibration._answers import (
+from kneejax.inference.calibration._calibrate import (
+    CalibrationProblem,
     estimates_of,
     fit_of,
     motion_of,
@@ -17,7 +18,6 @@ from kneejax.inference.calibration._answers import (
     rmse_of,
     starts_of,
 )
-from kneejax.inference.calibration._calibrate import CalibrationProblem
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
 from kneejax.inference.calibration._search import Trail, run_side_by_side, together
