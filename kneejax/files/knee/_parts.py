@@ -32,9 +32,7 @@ from kneejax.mechanics import (
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
-    "femoral_attachment_mm": FEMUR,
-    "patellar_attachment_mm": PATELLA,
-    "tibial_attachment_mm": TIBIA,
+    "femoral_attachment_mm": FEMUR, "patellar_attachment_mm": PATELLA, "tibial_attachment_mm": TIBIA
 }
 #: The ways to give a slack length; a ligament has exactly one.
 SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")

@@ -101,11 +101,7 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 
 
 def reconstructed(
-    document: dict[str, Any],
-    knee: Knee,
-    torn: Sequence[str],
-    grafts: Sequence[str],
-    source: str,
+    document: dict[str, Any], knee: Knee, torn: Sequence[str], grafts: Sequence[str], source: str
 ) -> dict[str, Any]:
     """A knee document without its torn fibres, and with grafts.
 

@@ -233,11 +233,7 @@ def with_pelvis_and_foot(
 
 
 def _guess(
-    model: Model,
-    joints: list[Joint],
-    side: str,
-    findings: list[str],
-    may_be_named: bool,
+    model: Model, joints: list[Joint], side: str, findings: list[str], may_be_named: bool
 ) -> list[Joint]:
     def words(joint: Joint) -> str:
         return " ".join((joint.name, joint.child, *(c.name for c in joint.coordinates)))

@@ -157,10 +157,7 @@ class MotionDensity(eqx.Module):
             return jnp.sum(each), (each, balanced)
 
         gradient, (value, balanced) = jax.grad(total, has_aux=True)(position)
-        return (
-            jnp.where(balanced, value, -jnp.inf),
-            jnp.where(balanced[:, None], gradient, 0.0),
-        )
+        return (jnp.where(balanced, value, -jnp.inf), jnp.where(balanced[:, None], gradient, 0.0))
 
     def _likelihood(self, values: Array) -> tuple[Array, Array]:
         """Log likelihood of each chain, and whether all poses that count are balanced."""

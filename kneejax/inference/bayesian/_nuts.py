@@ -232,11 +232,7 @@ def _trajectory(
     )
     criterion, update, is_met = parts["termination"].iterative_uturn_numpyro(metric.check_turning)
     walk = parts["trajectory"].dynamic_progressive_integration(
-        integrator,
-        metric.kinetic_energy,
-        partial(_stored, update),
-        is_met,
-        _LOST_ENERGY,
+        integrator, metric.kinetic_energy, partial(_stored, update), is_met, _LOST_ENERGY
     )
     expand = parts["trajectory"].dynamic_multiplicative_expansion(
         walk, metric.check_turning, _DOUBLINGS

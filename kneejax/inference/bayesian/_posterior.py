@@ -138,9 +138,7 @@ class Posterior:
             constant_data={"noise": self.noise, "flexion_deg": self.measured[:, 0]},
             coords=coords,
             dims={
-                "motion": ["pose", "coordinate"],
-                "noise": ["coordinate"],
-                "flexion_deg": ["pose"],
+                "motion": ["pose", "coordinate"], "noise": ["coordinate"], "flexion_deg": ["pose"]
             },
         )
         # Fewer draws than the posterior has: a group of its own number.

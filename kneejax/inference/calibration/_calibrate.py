@@ -165,11 +165,7 @@ _APART = 3.84
 
 
 def estimates_of(
-    knees: SeveralKnees,
-    trails: Sequence[Trail],
-    noise: Noise,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    knees: SeveralKnees, trails: Sequence[Trail], noise: Noise, lower: np.ndarray, upper: np.ndarray
 ) -> list[MaximumLikelihood]:
     """The best fits near the answers of several knees, and how sure they are; constants between
     frames are values like others.

@@ -157,10 +157,7 @@ def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> l
 
 
 def _answers(
-    knees: SeveralKnees,
-    members: Sequence[CalibrationProblem],
-    first: Slopes,
-    progress: Progress,
+    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Slopes, progress: Progress
 ) -> list[Calibration]:
     """Answers of knees whose load cases that count are the same.
 

@@ -128,10 +128,7 @@ def fit_lanes(
 
 
 def several_starts(
-    problem: Problem,
-    starts: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
+    problem: Problem, starts: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run procedure III from several starts at once.
 

@@ -302,10 +302,7 @@ def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) ->
         row = FREE_COORDINATES.index(name)
         q[..., row] -= found.values[:, [size + k]] * posed / TABLE_UNITS[row]
     return dataclasses.replace(
-        found,
-        values=found.values[:, :size],
-        q=q,
-        jacobian=found.jacobian[..., :size],
+        found, values=found.values[:, :size], q=q, jacobian=found.jacobian[..., :size]
     )
 
 

@@ -13,10 +13,7 @@ from numpy.typing import ArrayLike
 from kneejax.parameters import UnsuitableData
 
 #: Method -> measures in the order of tables; the first ranks the parameters.
-MEASURES = {
-    "sobol": ("total_order", "first_order"),
-    "morris": ("mu_star", "sigma", "mu"),
-}
+MEASURES = {"sobol": ("total_order", "first_order"), "morris": ("mu_star", "sigma", "mu")}
 _SALIB_NAMES = {
     "total_order": ("ST", "ST_conf"),
     "first_order": ("S1", "S1_conf"),

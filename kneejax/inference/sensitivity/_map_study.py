@@ -11,7 +11,7 @@ import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
 from kneejax.inference.fit import Observations, Problem, without
-from kneejax.inference.sensitivity._map import BlockStore, ParameterMap, worst_condition
+from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, unphysiological
 from kneejax.statics import (

@@ -133,10 +133,7 @@ def local_sensitivity(
 
 
 def step_widths(
-    selection: Selection,
-    values: np.ndarray,
-    scale: str,
-    given: Mapping[str, float] | None = None,
+    selection: Selection, values: np.ndarray, scale: str, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """One step of a scale in the parameters' own units, `(p,)`; refuses as `local_sensitivity`.
 
@@ -296,9 +293,7 @@ def sweep(
 
 
 def sweep_values(
-    knee: Knee,
-    parameters: Sequence[str] | Mapping[str, ArrayLike | None],
-    count: int = USUAL_COUNT,
+    knee: Knee, parameters: Sequence[str] | Mapping[str, ArrayLike | None], count: int = USUAL_COUNT
 ) -> tuple[Selection, list[np.ndarray]]:
     """The parameters that a sweep asks for and the values of each; refuses as `sweep` does.
 
