@@ -83,14 +83,8 @@ def _loaded(name_or_path: str | os.PathLike[str], above: tuple[Path, ...]) -> Kn
 
 
 def check_kind(path: Path) -> None:
-    """Say which command takes a file that is not a knee's, as its ending tells.
-
-    Args:
-        path: what was given as a knee file.
-
-    Raises:
-        InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
-    """
+    """Say which command takes a file that is no knee's, as its ending tells: a model, a mesh, a
+    table; refuse a folder, with the knee file in it."""
     # Ending -> what such a file is, and what to do with it.
     other_kinds = {
         ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),

@@ -91,17 +91,8 @@ def parts_of(knee: Knee) -> dict[str, list[tuple[str, int]]]:
 
 
 def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
-    """The numbers that a name means.
-
-    Args:
-        knee: that has them.
-        owner: name of a part.
-        quantity: fields and components, with dots between them.
-
-    Returns:
-        Quantity -> number: one, or each component where the name stands for a whole array; empty
-        where the part has no such number.
-    """
+    """The numbers that a name means: quantity -> number, one, or each component where the name
+    stands for a whole array; none where the part has no such number."""
     for part, row in parts_of(knee).get(owner, []):
         words = quantity.split(".")
         declared = QUANTITIES.get(words[0])

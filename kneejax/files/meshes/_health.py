@@ -88,12 +88,8 @@ def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     """Repair a mesh, which findings call by a name, and take it apart into connected sheets.
 
-    Returns:
-        Sheets, the largest first, without fragments of less than a twentieth of the area; and what
-        was found and repaired, one sentence each.
-
-    Raises:
-        InputProblem: the mesh is beyond repair.
+    Gives sheets, the largest first, without fragments of less than a twentieth of the area, and a
+    sentence for each thing that was found and repaired; raises of a mesh beyond repair.
     """
     findings: list[str] = []
     named = Path(name).name

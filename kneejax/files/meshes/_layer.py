@@ -45,11 +45,8 @@ def find_layer(
     findings: list[str],
 ) -> Layer:
     """Measure the layer of a compartment between the surfaces of the bones, where they are known:
-    `constant`, or a `field` over the plateau's parameters.
-
-    Raises:
-        InputProblem: cartilage lies below its bone.
-    """
+    `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
+    bone."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
     # Points of the condyle's contact region with their normals.
@@ -155,11 +152,8 @@ def distances_along(
 
 
 def thickness(cartilage: Cloud, bone: list[Sheet], what: str) -> np.ndarray:
-    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below.
-
-    Raises:
-        InputProblem: no bone lies below most of it, or it lies below the bone's surface.
-    """
+    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below. Raises where none
+    lies below most of it, or it lies below the bone's surface."""
     found = distances_along(cartilage.points, -cartilage.normals, bone)
     known = np.isfinite(found)
     name = bone[0].name

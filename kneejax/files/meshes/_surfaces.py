@@ -136,11 +136,8 @@ def fit_patella(
 ) -> SplineFit[Plateau]:
     """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
 
-    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral.
-
-    Raises:
-        InputProblem: the mesh has not the size of a patella's cartilage, does not face backwards,
-            or consists of several sheets.
+    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
+    where they are no patella's cartilage that faces backwards, in one sheet.
     """
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))

@@ -93,11 +93,7 @@ class _Unsupported(Exception):
 
 
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres: those of the knee, and the others with the reason.
-
-    Raises:
-        InputProblem: the model has no fibre at all, a fibre names a body or wrap object that does
-            not exist, or has numbers that are none.
+    """Sort a model's fibres: those of the knee, and the others with the reason; raises without any.
     """
     found, keys, wraps = Found(), Counted(), read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]

@@ -153,12 +153,7 @@ class Model:
 
 
 def read_model(path: str | os.PathLike[str], data: bytes | None = None) -> Model:
-    """Read an OpenSim model from a file or its bytes.
-
-    Raises:
-        InputProblem: it cannot be read, is not well-formed XML, not an OpenSim model, of a schema
-            that is not known, or in other units than m and N.
-    """
+    """Read an OpenSim model, in m and N, of a schema that is known, from a file or its bytes."""
     return Model(parse_xml(path, KIND, data))
 
 

@@ -123,17 +123,11 @@ def by_headers(
     table, taken: Mapping[str, tuple[str, float]], ignore: Collection[str] = (), about: str = "",
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
 ) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
-    """Columns that their headers name, beside those that are known already.
+    """Columns that their headers name, beside those that are `taken` (name -> column and factor).
 
-    Args:
-        table: a `Table`; what is doubtful about its columns is added to its mistakes.
-        taken: name -> column and factor of what is known.
-        ignore: columns that do not count.
-        about: what the table is of, in words, for a load without a direction.
-        known: names that count.
-
-    Returns:
-        Name -> column and factor; what was assumed, a phrase each; columns that are not used.
+    `ignore` are columns that do not count, `known` names that do; `about` says what the table is
+    of, for a load without a direction. Doubts are added to the table's mistakes. Gives name ->
+    column and factor; what was assumed, a phrase each; columns that are not used.
     """
     used = {column for column, _ in taken.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]

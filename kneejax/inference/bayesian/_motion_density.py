@@ -76,12 +76,9 @@ class MotionDensity(eqx.Module):
     ) -> MotionDensity:
         """The density of a problem.
 
-        Args:
-            problem: what is fitted.
-            noise: standard deviations of the measurement, `(5,)`, degrees and mm.
-            priors: one for each parameter and offset.
-            near: balances at parameters and offsets, one variant.
-            deviation: about how far parameters and offsets are uncertain, `(p,)`; NaN if unknown.
+        `noise` are standard deviations, `(5,)`, degrees and mm; `near` balances at parameters and
+        offsets, one variant; `deviation` tells about how far these are uncertain, `(p,)`, NaN if
+        unknown.
         """
         values, own = near.values[0], without_offsets(near, problem.offsets, problem.cases.posed)
         in_log = np.array([p.name.endswith(".stiffness") and p.lower > 0.0 for p in priors])

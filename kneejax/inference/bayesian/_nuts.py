@@ -91,22 +91,10 @@ def sample(
 ) -> Chains:
     """Draw from a density by the no-U-turn sampler.
 
-    Positions are scaled so that the density is near a standard normal one: by the given covariance
-    at first, then twice by that of the warm-up's draws. Step size and scaling are those of all
-    chains together.
-
-    Args:
-        target: log densities of all chains and their gradients.
-        start: where the chains begin; densities must not be zero there.
-        origin: near the middle of the density, `(p,)`.
-        covariance: about that of the density, `(p, p)`.
-        draws: of each chain.
-        warmup: draws of each chain before, rounded up to a multiple of 75.
-        seed: of the random numbers.
-        progress: called now and then with draws done and asked for, warm-up included.
-
-    Returns:
-        The chains.
+    Positions are scaled so that the density is near a standard normal one: about an `origin`,
+    `(p,)`, by the given covariance `(p, p)` at first, then twice by that of the warm-up's draws,
+    which are rounded up to a multiple of 75. Step size and scaling are those of all chains
+    together. `progress` is called now and then with draws done and asked for, warm-up included.
 
     Source: Hoffman and Gelman 2014, J. Machine Learning Research 15, 1593.
     """

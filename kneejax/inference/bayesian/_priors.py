@@ -151,18 +151,10 @@ _MOST_STEPS = 60
 
 
 def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) -> Slopes:
-    """Where likelihood times prior is largest, within the bounds.
+    """Balances, one variant, where likelihood times prior is largest within the bounds.
 
-    Args:
-        problem: what is fitted, weighted by one over the noise's variances.
-        priors: one for each parameter and offset.
-        fit: parameters and offsets to search from, `(p,)`.
-
-    Returns:
-        Balances there, one variant; its values are parameters and offsets.
-
-    Raises:
-        UnsuitableData: a pose that counts has no balance where the search begins.
+    The problem is weighted by one over the noise's variances; the search begins at parameters and
+    offsets `fit`, `(p,)`, and raises where a pose that counts has no balance there.
     """
     lower, upper = (np.array([[getattr(p, end) for p in priors]]) for end in ("lower", "upper"))
     begin = problem.begin(np.clip(fit[None], lower, upper))
@@ -182,16 +174,8 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
 def laplace_covariance(
     problem: Problem, found: Slopes, priors: tuple[Prior, ...]
 ) -> np.ndarray:
-    """Covariance of the normal density at the most probable parameters (Laplace's approximation).
-
-    Args:
-        problem: as in `most_probable`.
-        found: balances at the most probable values.
-        priors: one for each parameter and offset.
-
-    Returns:
-        `(p, p)`; NaN where data and priors do not determine the parameters.
-    """
+    """Covariance of the normal density at the most probable parameters (Laplace's approximation),
+    `(p, p)`; NaN where data and priors do not determine the parameters."""
     _, jacobian = problem.residual(found)
     precision = jacobian.T @ jacobian + np.diag([p.sd**-2.0 for p in priors])
     unit = np.sqrt(np.maximum(np.diag(precision), 1e-300))

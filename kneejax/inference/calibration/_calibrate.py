@@ -168,15 +168,7 @@ def estimates_of(
     knees: SeveralKnees, trails: Sequence[Trail], noise: Noise, lower: np.ndarray, upper: np.ndarray
 ) -> list[MaximumLikelihood]:
     """The best fits near the answers of several knees, and how sure they are; constants between
-    frames are values like others.
-
-    Args:
-        knees: what was fitted.
-        trails: of the searches, one a knee.
-        noise: as stated.
-        lower: bounds, `(p,)`.
-        upper: bounds.
-    """
+    frames are values like others."""
     first = knees.problems[0]
     names = named(first.selection) + offset_units(first.offsets)
     return estimate(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
@@ -191,17 +183,8 @@ def fit_of(
     upper: np.ndarray,
     likely: MaximumLikelihood | None,
 ) -> Fit:
-    """The answer of one procedure.
-
-    Args:
-        problem: what was fitted.
-        procedure: its name.
-        trail: of the search.
-        start: parameters and offsets where it began.
-        lower: bounds.
-        upper: bounds.
-        likely: how sure it is; None for a procedure that is there to compare.
-    """
+    """The answer of one procedure that began at parameters and offsets `start`; `likely` says how
+    sure it is, None for a procedure that is there to compare."""
     found, size = trail.known, len(problem.selection)
     slack = _slack_ligaments(problem, found)
     held = on_bounds(trail.x, lower, upper)
@@ -265,14 +248,8 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, loose) -> Es
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
-    """Where several starts ended, and which of them are not the answer.
-
-    Args:
-        problem: what was fitted.
-        answer: the fit, with its limits.
-        ends: parameters and offsets, `(starts, p)`.
-        objectives: there.
-    """
+    """Where several starts ended, parameters and offsets `(starts, p)` with their objectives, and
+    which of them are not the answer."""
     order = np.argsort(objectives)
     ends, objectives = ends[order], objectives[order]
     estimates = (*answer.estimates, *answer.offsets)

@@ -205,15 +205,8 @@ def _past_what_blocks(
     """Balances where the fit ends that begins at the one without what may block the search: load
     cases near a limit point, or those that are far off.
 
-    Args:
-        problem: of one knee.
-        one: the whole problem.
-        there: balances at its answer.
-        variance: of the residuals, as the fit leaves it.
-
-    Returns:
-        The best of them; None where nothing is far off, or a knee in motion is fitted, which has
-        no limit points.
+    The best of them; None where nothing is far off by the residuals' `variance`, or a knee in
+    motion is fitted, which has no limit points.
     """
     if problem.cases.passages:
         return None

@@ -66,19 +66,8 @@ class Passage:
 
     @classmethod
     def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> Passage:
-        """With steps that leave as little error as was asked for.
-
-        Args:
-            knee: gives all numbers that do not vary.
-            vary: sets values.
-            values: of the variant for which steps are chosen, `(p,)`.
-            frames: as the attribute, and so are the others.
-            rows: likewise.
-            load_cases: likewise.
-
-        Raises:
-            UnsuitableData: the motion has no start, or ends early.
-        """
+        """With steps that leave as little error as was asked for, chosen at `values`, `(p,)`;
+        raises where the motion has no start, or ends early."""
         begin = _started(knee, vary, np.asarray(values, float)[None], frames, load_cases)
         if not begin.converged.all():
             status = Status(int(begin.status[0, 0]))
@@ -104,13 +93,7 @@ class Passage:
         return cls(frames, np.asarray(rows), load_cases, found.grid, restless)
 
     def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
-        """Poses of variants at the frames, and their derivatives.
-
-        Args:
-            knee: gives all numbers that do not vary.
-            vary: sets values.
-            values: `(variants, p)`.
-        """
+        """Poses of variants `(variants, p)` at the frames, and their derivatives."""
         begin = _started(knee, vary, values, self.frames, self.load_cases)
         q, slope = _start(knee, self.frames, begin)
 

@@ -96,20 +96,8 @@ def _cuts(tests: Sequence[MeasuredTest]) -> tuple[tuple[str, ...], ...]:
 def readings_of(
     knee: Knee, selection: Selection, poses: int, tests: Sequence[MeasuredTest]
 ) -> Readings | None:
-    """What tests read of ligaments and contacts, as observations beside poses.
-
-    Args:
-        knee: gives everything that is not free.
-        selection: the free parameters.
-        poses: how many load cases come before those of the tests (`observations`).
-        tests: that were made.
-
-    Returns:
-        All numbers in the order of tests, names and rows; None without any.
-
-    Raises:
-        UnknownParameter: the knee has no such ligament or contact.
-    """
+    """What tests read of ligaments and contacts, in the order of tests, names and rows, as
+    observations after those of so many poses; None without any."""
     names = tuple(dict.fromkeys(name for test in tests for name in test.readings))
     check_readable(knee, names)
     found, groups = [], 0

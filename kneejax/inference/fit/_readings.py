@@ -59,15 +59,8 @@ class Readings:
         return len(self.target)
 
     def model(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """What the knee gives in the place of each number, and its derivative by the values.
-
-        Args:
-            cases: of which these are readings.
-            found: balances there.
-
-        Returns:
-            `(fits, r)` and `(fits, r, p)`.
-        """
+        """What the knee gives in the place of each number in the balances found, `(fits, r)`, and
+        its derivative by the values, `(fits, r, p)`."""
         counts = self.neutral >= 0
         zero = np.where(counts, self.neutral, self.case)
         at, slope = self._at_cases(cases, found, np.unique(np.r_[self.case, zero]))
@@ -119,11 +112,8 @@ class Readings:
 
 
 def _asked(knee: Knee, name: str) -> _Asked:
-    """What is to be computed.
-
-    Raises:
-        UnknownParameter: the knee has no such ligament, contact or bone.
-    """
+    """What is to be computed of a ligament, a contact or a bone; raises of a name that there is
+    not."""
     if name in OTHER_COLUMNS:
         bone = OTHER_COLUMNS[name].body
         if bone not in knee.bodies:

@@ -234,15 +234,10 @@ class Arms:
         slope: np.ndarray,
         close: bool,
     ) -> None:
-        """Walk on from points beyond the limits.
+        """Walk on from points beyond the limits, with the balances, residuals and slopes there.
 
-        Args:
-            narrow: arms and points.
-            there: balances at the points.
-            residual: there.
-            slope: its derivatives.
-            close: whether the arms end there instead, without a limit; so do those that find no
-                balance there.
+        Where `close`, the arms end there instead, without a limit; so do those that find no
+        balance.
         """
         lost = np.atleast_1d(~np.isfinite(there.q).all(axis=(1, 2)))
         models = products(residual, slope * self.width)

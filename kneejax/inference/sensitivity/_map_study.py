@@ -58,17 +58,8 @@ class MapCases:
 
     @classmethod
     def of(cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures) -> MapCases:
-        """Balance the knee itself at all load cases.
-
-        Args:
-            problem: whose selection is what maps vary.
-            offsets: free coordinates of poses whose best constant is taken at each grid point.
-            base: values where searches begin, `(p,)`.
-            failures: statuses of balances that count for nothing.
-
-        Raises:
-            UnsuitableData: the knee balances nowhere.
-        """
+        """Balance the knee itself, from values `base`, `(p,)`, at all load cases; raises where it
+        balances nowhere. Of poses the best constants of `offsets` are taken at each grid point."""
         selection, every = problem.selection, problem.cases.load_cases.of(problem.knee)
         itself, parts, homes = np.asarray(selection.read(problem.knee)), [], []
         for number, names in enumerate(problem.cases.cuts):
@@ -196,15 +187,8 @@ class Maps(abc.ABC):
         """What a map keeps of grid points: `objective`, `partial`, `condition`, `lost`."""
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
-        """One map, block by block.
-
-        Args:
-            pair: names of the parameters along x and y.
-            x: values of the first, `(nx,)`.
-            y: values of the second, `(ny,)`.
-            store: keeps finished blocks.
-            report: called now and then with balances done.
-        """
+        """One map over two parameters, with values `(nx,)` and `(ny,)`, block by block; the store
+        keeps finished blocks."""
         column, row = (self.selection.names.index(name) for name in pair)
         middle = int(np.abs(x - self.base[column]).argmin())
         # One block's rows do not depend on another's: all begin at the same column.
