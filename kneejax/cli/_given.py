@@ -60,7 +60,7 @@ def check_columns(names: Mapping[str, str]) -> None:
     """
     for name, column in names.items():
         if name not in COLUMNS:
-            raise InputProblem("--column", "name", name, f"one of {', '.join(COLUMNS)}", COLUMNS)
+            raise InputProblem("--column", "name", name, COLUMNS)
         if not column:
             raise InputProblem("--column", name, column, f"one {name}=COLUMN of the table")
 

@@ -53,8 +53,7 @@ def run_in_time(arguments: Simulate) -> int:
     times = begin_s + _times(arguments, usual_s, 1.0)
     for column in arguments.offset:
         if column not in COLUMNS:
-            expected = f"one of {', '.join(COLUMNS)}"
-            raise InputProblem("--from", "name", column, expected, COLUMNS)
+            raise InputProblem("--from", "name", column, COLUMNS)
     usual = {"anterior_mm": 3.0} if name == "settle" else {}
     motion = {
         "load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,

@@ -324,8 +324,7 @@ def _muscles(
     known = patella.muscles
     for name, tension in tension_N.items():
         if name not in known:
-            expected = f"one of {', '.join(known)}"
-            raise InputProblem(file, "patella.muscles", name, expected, tuple(known))
+            raise InputProblem(file, "patella.muscles", name, known)
         if not RANGES["tension_N"].holds(tension):
             expected = RANGES["tension_N"].expected(tension)
             raise InputProblem(file, f"tension of {name}", f"{tension:g} N", expected)

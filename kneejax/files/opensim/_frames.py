@@ -281,7 +281,7 @@ def registration(
         expected = "X anterior, Y superior, Z to the right, as this needs them"
         raise bones.joints[0].element.problem("axes", axes.unusual[-1], expected)
     if frames not in FRAMES:
-        raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
+        raise InputProblem("--frames", "frames", frames, FRAMES)
     # A knee says that it was imported from this model, or its patella that it was.
     origin, muscles = document.get("imported_from", {}), document.get("patella", {}).get("muscles")
     if origin:

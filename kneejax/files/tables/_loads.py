@@ -96,8 +96,7 @@ def read_loads_over_time(
     for name in table.header:
         if name not in (TIME, *sizes, *led):
             known = (TIME, *NAMED_LOADS, *may_lead)
-            expected = f"one of {', '.join(known)}"
-            raise InputProblem(table.file, "header", name, expected, known)
+            raise InputProblem(table.file, "header", name, known)
     times, ways = table.column(TIME), {name: table.column(name, pose_range(name)) for name in led}
     table.mistakes.check()
     if (back := np.flatnonzero(np.diff(times) <= 0)).size:

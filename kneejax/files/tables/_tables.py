@@ -58,7 +58,7 @@ def read_poses(
         [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
     """
     file, names = os.fspath(path), dict(columns or {})
-    _check_convention(file, "convention", convention)
+    _check_convention(file, convention)
     for name in names:
         if name not in COLUMNS:
             expected = f"the package's columns {', '.join(COLUMNS)}"
@@ -243,7 +243,7 @@ def write_poses(
         >>> print(path.read_text().splitlines()[1])
         30.0,1.5,4.0,2.0,-28.0,0.5,true
     """
-    _check_convention(os.fspath(path), "convention", convention)
+    _check_convention(os.fspath(path), convention)
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
     header: list[str] = list(COLUMNS)
     values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
@@ -358,10 +358,9 @@ def columns_missing(file: str, header: list[str], sought: Sequence[str]) -> list
     return found
 
 
-def _check_convention(file: str, place: str, convention: str) -> None:
+def _check_convention(file: str, convention: str) -> None:
     if convention not in CONVENTIONS:
-        expected = f"one of {', '.join(CONVENTIONS)}"
-        raise InputProblem(file, place, convention, expected, CONVENTIONS)
+        raise InputProblem(file, "convention", convention, CONVENTIONS)
 
 
 def _is_number(text: str) -> bool:
