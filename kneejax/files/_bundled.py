@@ -122,15 +122,10 @@ def bundled_knee_descriptions() -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Example:
-    """A bundled folder of made-up files to begin with.
+    """A bundled folder of made-up files to begin with."""
 
-    Attributes:
-        path: the folder.
-        title: what it holds: the first line of its README.txt.
-    """
-
-    path: Path
-    title: str
+    path: Path  # the folder
+    title: str  # what it holds: the first line of its README.txt
 
 
 def bundled_examples() -> dict[str, Example]:

@@ -32,19 +32,12 @@ _PARTS = {
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """One number of a knee, or all numbers of one array of it; hashable.
+    """One number of a knee, or all numbers of one array of it; hashable."""
 
-    Attributes:
-        part: `contacts`, `lines`, `muscles`, `loads` or `courses`.
-        row: which of them.
-        fields: from the part to the array.
-        place: of the number in the array; empty for a number by itself.
-    """
-
-    part: str
-    row: int
-    fields: tuple[str, ...]
-    place: tuple[int, ...] = ()
+    part: str  # `contacts`, `lines`, `muscles`, `loads` or `courses`
+    row: int  # which of them
+    fields: tuple[str, ...]  # from the part to the array
+    place: tuple[int, ...] = ()  # of the number in the array; empty for a number by itself
 
     def array(self, knee: Knee) -> Array:
         """The array in which the number stands."""

@@ -28,17 +28,11 @@ from kneejax.statics import (
 
 
 class Poses(NamedTuple):
-    """Balanced poses of variants at load cases.
+    """Balanced poses of variants at load cases."""
 
-    Attributes:
-        q: free coordinates, `(v, s, free)`; NaN where forces do not balance.
-        status: `Status` values, `(v, s)`.
-        near: with derivatives, to predict others from; None where none were asked for.
-    """
-
-    q: np.ndarray
-    status: np.ndarray
-    near: Slopes | None
+    q: np.ndarray  # free coordinates, `(v, s, free)`; NaN where forces do not balance
+    status: np.ndarray  # `Status` values, `(v, s)`
+    near: Slopes | None  # with derivatives, to predict others from; None where none were asked for
 
 
 def balanced(

@@ -47,28 +47,19 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 
 @dataclasses.dataclass(frozen=True)
 class FemurAxes:
-    """Axis points of a femur, in the frame of the poses.
+    """Axis points of a femur, in the frame of the poses."""
 
-    Attributes:
-        points: medial and lateral point of the extension, then of the flexion axis, shape
-            `(2, 2, 3)`, mm.
-        hinge: medial and lateral point of the hinge's axis, shape `(2, 3)`, mm.
-        hinge_source: what that axis goes through, in words.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
-        surface: points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
-        facets: the cylinders that were fitted to them.
-        regions: how the facets were chosen, in words.
-        doubts: sentences on facets that are none of a condyle.
-    """
-
+    # Medial and lateral point of the extension, then of the flexion axis, shape `(2, 2, 3)`, mm.
     points: np.ndarray
-    hinge: np.ndarray
-    hinge_source: str
+    hinge: np.ndarray  # medial and lateral point of the hinge's axis, shape `(2, 3)`, mm
+    hinge_source: str  # what that axis goes through, in words
+    # Medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
     epicondyles: np.ndarray | None
+    # Points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
     surface: np.ndarray | None = None
-    facets: CondyleAxes | None = None
-    regions: str = ""
-    doubts: tuple[str, ...] = ()
+    facets: CondyleAxes | None = None  # the cylinders that were fitted to them
+    regions: str = ""  # how the facets were chosen, in words
+    doubts: tuple[str, ...] = ()  # sentences on facets that are none of a condyle
 
 
 #: Given the calibration poses, finds the axes: where the tibia is may matter.

@@ -49,15 +49,11 @@ _DOUBTFUL = 1e-6
 
 
 class ContactKnee(NamedTuple):
-    """A contact knee that was asked for.
+    """A contact knee that was asked for."""
 
-    Attributes:
-        knee: with the numbers of its calibration.
-        frame_offset: free coordinate -> what is added to its motion to compare it with the
-            measured one, mm or degrees; empty unless a calibration fitted it.
-    """
-
-    knee: Knee
+    knee: Knee  # with the numbers of its calibration
+    # Free coordinate -> what is added to its motion to compare it with the measured one, mm or
+    # degrees; empty unless a calibration fitted it.
     frame_offset: Mapping[str, float]
 
 

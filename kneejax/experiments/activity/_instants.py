@@ -48,22 +48,15 @@ _MISSED_MM = 2.0
 
 @dataclasses.dataclass
 class Instants:
-    """Balances of instants, as far as they are known.
+    """Balances of instants, as far as they are known."""
 
-    Attributes:
-        knee: that balances.
-        load_cases: the instants, in order of time.
-        nodes: fields of the balances, arrays begin with the instant.
-        reached: as in `Motion`.
-        near: balances of a like knee at the same instants, see `activity`; or none.
-        other: coordinates of a second stable balance, `(n, free)`; NaN where none is known.
-    """
-
-    knee: Knee
-    load_cases: LoadCases
-    nodes: dict[str, np.ndarray]
-    reached: np.ndarray
+    knee: Knee  # that balances
+    load_cases: LoadCases  # the instants, in order of time
+    nodes: dict[str, np.ndarray]  # fields of the balances, arrays begin with the instant
+    reached: np.ndarray  # as in `Motion`
+    # Balances of a like knee at the same instants, see `activity`; or none.
     near: Equilibrium | None = None
+    # Coordinates of a second stable balance, `(n, free)`; NaN where none is known.
     other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod

@@ -49,15 +49,10 @@ _STRIDE_MM, _MISSED_MM = 0.25, 2.0
 
 
 class OnCable(NamedTuple):
-    """Balances under a quadriceps of given length.
+    """Balances under a quadriceps of given length."""
 
-    Attributes:
-        equilibrium: poses of all bones; NaN where a search failed.
-        pull: of the cable, `(lanes,)`, N, which comes to what the heads have at rest.
-    """
-
-    equilibrium: Equilibrium
-    pull: Array
+    equilibrium: Equilibrium  # poses of all bones; NaN where a search failed
+    pull: Array  # of the cable, `(lanes,)`, N, which comes to what the heads have at rest
 
 
 def drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> Knee:

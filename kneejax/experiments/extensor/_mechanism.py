@@ -156,19 +156,14 @@ def _pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple
 
 
 class ByPull(NamedTuple):
-    """What a stronger quadriceps does at flexions that are held.
+    """What a stronger quadriceps does at flexions that are held."""
 
-    Attributes:
-        moment: about the flexion axis that holds them, `(poses,)`, N mm: that of extension.
-        arm: how fast it grows with the pull, `(poses,)`, mm. As both are mixed derivatives of one
-            energy, this is also how fast the quadriceps becomes longer with flexion while all that
-            is free stays balanced: the moment arm by virtual work.
-        q: how fast the free coordinates move with the pull, `(free, poses)`.
-    """
-
-    moment: Array
+    moment: Array  # about the flexion axis that holds them, `(poses,)`, N mm: that of extension
+    # How fast it grows with the pull, `(poses,)`, mm. As both are mixed derivatives of one energy,
+    # this is also how fast the quadriceps becomes longer with flexion while all that is free stays
+    # balanced: the moment arm by virtual work.
     arm: Array
-    q: Array
+    q: Array  # how fast the free coordinates move with the pull, `(free, poses)`
 
 
 def by_pull(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> ByPull:

@@ -138,13 +138,9 @@ Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), Mirrored(tur
 
 
 class Sourced(Part):
-    """A part with the source of its numbers: a text, or one for each field.
+    """A part with the source of its numbers: a text, or one for each field."""
 
-    Attributes:
-        makes: the class of what is built of it.
-    """
-
-    makes: ClassVar[Callable[..., Any]]
+    makes: ClassVar[Callable[..., Any]]  # the class of what is built of it
     source: Annotated[Any, reads(_source)]
 
     @classmethod

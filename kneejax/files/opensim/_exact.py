@@ -120,15 +120,11 @@ MIRROR = {"r": np.eye(3), "l": np.diag([1.0, 1.0, -1.0])}
 
 
 class Rigid(NamedTuple):
-    """Motions `x -> turn x + shift`, m, one or one an instant.
+    """Motions `x -> turn x + shift`, m, one or one an instant."""
 
-    Attributes:
-        turn: `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
-        shift: `(..., 3)`: doubles, or decimals.
-    """
-
+    # `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
     turn: np.ndarray | None = None
-    shift: np.ndarray = ORIGIN
+    shift: np.ndarray = ORIGIN  # `(..., 3)`: doubles, or decimals
 
     @classmethod
     def of(cls, translation: Point, angles: Point) -> Rigid:

@@ -68,23 +68,14 @@ _SENSES = _senses()
 
 
 class Header(NamedTuple):
-    """What a header says.
+    """What a header says."""
 
-    Attributes:
-        own: itself.
-        name: of the package; empty for flexion's moment, and for a load without a direction.
-        factor: that leads to the package's unit and sense.
-        unit: `mm`, `deg`, `N` or `Nm`.
-        stated: whether the unit stands there.
-        nameless: whether it is a load without a direction.
-    """
-
-    own: str
-    name: str
-    factor: float
-    unit: str
-    stated: bool
-    nameless: bool = False
+    own: str  # itself
+    name: str  # of the package; empty for flexion's moment, and for a load without a direction
+    factor: float  # that leads to the package's unit and sense
+    unit: str  # `mm`, `deg`, `N` or `Nm`
+    stated: bool  # whether the unit stands there
+    nameless: bool = False  # whether it is a load without a direction
 
 
 def header_meaning(own: str) -> Header | None:

@@ -120,19 +120,12 @@ def _horner(table: Array, x: Array, order: int, axis: int) -> Array | None:
 
 
 class SplineTables(eqx.Module):
-    """Tables of several splines, of which each point asks one.
+    """Tables of several splines, of which each point asks one."""
 
-    Attributes:
-        values: all tables as one, `(rows, columns, ...)`, narrow ones filled up.
-        begins: the row where a point's table begins; as many axes as the variables have.
-        rows: of that table.
-        columns: likewise.
-    """
-
-    values: Array
-    begins: Array
-    rows: Array
-    columns: Array
+    values: Array  # all tables as one, `(rows, columns, ...)`, narrow ones filled up
+    begins: Array  # the row where a point's table begins; as many axes as the variables have
+    rows: Array  # of that table
+    columns: Array  # likewise
 
     @classmethod
     def of(cls, tables: Sequence[Array]) -> SplineTables:

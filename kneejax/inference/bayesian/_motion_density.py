@@ -33,37 +33,24 @@ class MotionDensity(eqx.Module):
     straighter with the logarithm: what a strain has to make up for goes with force over stiffness.
     A sigmoid, the usual way to keep bounds, bends it everywhere: paper 1's twin then took 14
     gradients a draw, and 860 of 4000 draws were effective; like this 6 gradients, and 2500.
-
-    Attributes:
-        selection: the parameters.
-        offsets: free coordinates with an unknown offset to the measurement.
-        knee: gives everything else.
-        load_cases: `(n,)`; the problem's load cases that count, as are the following.
-        target: measured coordinates, degrees and mm, `(5, n)`; NaN where not observed.
-        noise: its standard deviation, `(5,)`.
-        near: parameters `(p,)` and balances there to predict from, fields of `Slopes`; arrays begin
-            with the load case.
-        mean: of the priors, `(p,)`.
-        precision: one over their variances, zero where flat, `(p,)`.
-        in_log: which parameters count by their logarithm, `(p,)`.
-        lower: bounds, of the logarithm where that counts, `(p,)`.
-        upper: likewise.
-        edge: how far from a bound the bending begins, likewise.
     """
 
-    selection: Selection = eqx.field(static=True)
+    selection: Selection = eqx.field(static=True)  # the parameters
+    # Free coordinates with an unknown offset to the measurement.
     offsets: tuple[str, ...] = eqx.field(static=True)
-    knee: Knee
-    load_cases: LoadCases
-    target: Array
-    noise: Array
+    knee: Knee  # gives everything else
+    load_cases: LoadCases  # `(n,)`; the problem's load cases that count, as are the following
+    target: Array  # measured coordinates, degrees and mm, `(5, n)`; NaN where not observed
+    noise: Array  # its standard deviation, `(5,)`
+    # Parameters `(p,)` and balances there to predict from, fields of `Slopes`; arrays begin with
+    # the load case.
     near: dict[str, Array]
-    mean: Array
-    precision: Array
-    in_log: Array
-    lower: Array
-    upper: Array
-    edge: Array
+    mean: Array  # of the priors, `(p,)`
+    precision: Array  # one over their variances, zero where flat, `(p,)`
+    in_log: Array  # which parameters count by their logarithm, `(p,)`
+    lower: Array  # bounds, of the logarithm where that counts, `(p,)`
+    upper: Array  # likewise
+    edge: Array  # how far from a bound the bending begins, likewise
 
     @classmethod
     def of(

@@ -53,28 +53,17 @@ class ChainState(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Chains:
-    """What the chains drew; arrays begin with `(chains, draws)`.
+    """What the chains drew; arrays begin with `(chains, draws)`."""
 
-    Attributes:
-        position: `(chains, draws, p)`.
-        value: log density there.
-        divergent: trajectories that ended because their energy was lost.
-        lost: those of them that ran into a place of zero density.
-        evaluations: gradients taken for each draw.
-        acceptance: mean acceptance along each trajectory.
-        step_size: after the warm-up, where the draws have unit covariance.
-        warmup_evaluations: gradients taken by all chains before.
-        seconds: `compile` (the first few steps, with compiling), `warmup`, `sampling`.
-    """
-
-    position: np.ndarray
-    value: np.ndarray
-    divergent: np.ndarray
-    lost: np.ndarray
-    evaluations: np.ndarray
-    acceptance: np.ndarray
-    step_size: float
-    warmup_evaluations: int
+    position: np.ndarray  # `(chains, draws, p)`
+    value: np.ndarray  # log density there
+    divergent: np.ndarray  # trajectories that ended because their energy was lost
+    lost: np.ndarray  # those of them that ran into a place of zero density
+    evaluations: np.ndarray  # gradients taken for each draw
+    acceptance: np.ndarray  # mean acceptance along each trajectory
+    step_size: float  # after the warm-up, where the draws have unit covariance
+    warmup_evaluations: int  # gradients taken by all chains before
+    # `compile` (the first few steps, with compiling), `warmup`, `sampling`.
     seconds: dict[str, float]
 
 

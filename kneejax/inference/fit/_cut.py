@@ -25,14 +25,10 @@ class CutKnee:
 
     A ligament is cut after its number is set: a group's stiffness is shared out as that of the
     whole knee.
-
-    Attributes:
-        selection: the free parameters.
-        fibres: rows of those that are cut.
     """
 
-    selection: Selection
-    fibres: tuple[int, ...]
+    selection: Selection  # the free parameters
+    fibres: tuple[int, ...]  # rows of those that are cut
 
     def __call__(self, knee: Knee, values: Any) -> Knee:
         """The knee with these values of the free parameters, and without those fibres."""

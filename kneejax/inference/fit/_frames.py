@@ -47,21 +47,14 @@ from kneejax.statics import (
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Passage:
-    """Load cases that a knee in motion passes.
+    """Load cases that a knee in motion passes."""
 
-    Attributes:
-        frames: when, and what moves.
-        rows: of the load cases, `(n,)`.
-        load_cases: these.
-        grid: steps of the motion.
-        restless: how far a motion that repeats itself is from where it was a period before, mm or
-            degrees, at worst in the last half of the rows; 0 of one that does not.
-    """
-
-    frames: Frames
-    rows: np.ndarray
-    load_cases: LoadCases
-    grid: Grid
+    frames: Frames  # when, and what moves
+    rows: np.ndarray  # of the load cases, `(n,)`
+    load_cases: LoadCases  # these
+    grid: Grid  # steps of the motion
+    # How far a motion that repeats itself is from where it was a period before, mm or degrees, at
+    # worst in the last half of the rows; 0 of one that does not.
     restless: float
 
     @classmethod

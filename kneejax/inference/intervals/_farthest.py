@@ -19,20 +19,14 @@ import numpy as np
 
 
 class Farthest(NamedTuple):
-    """What a linear model says.
+    """What a linear model says."""
 
-    Attributes:
-        step: of all values, to where the one is farthest, `(p,)`.
-        price: by how much the sum of squares grows there with the value, however well the others
-            make up for it; zero where the sum is too large everywhere.
-        refit: of the others where the one stays, `(p,)`.
-        spare: by how much that lowers the sum of squares.
-    """
-
-    step: np.ndarray
+    step: np.ndarray  # of all values, to where the one is farthest, `(p,)`
+    # By how much the sum of squares grows there with the value, however well the others make up for
+    # it; zero where the sum is too large everywhere.
     price: float
-    refit: np.ndarray
-    spare: float
+    refit: np.ndarray  # of the others where the one stays, `(p,)`
+    spare: float  # by how much that lowers the sum of squares
 
 
 def products(residual: np.ndarray, slope: np.ndarray) -> np.ndarray:
