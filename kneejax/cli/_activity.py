@@ -39,18 +39,9 @@ def asked_of_opensim(
     document: dict[str, Any],
     show,
 ) -> tuple[LegRecord, list[Round]]:
-    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for.
-
-    Args:
-        arguments: of the command.
-        body: the movement, checked.
-        knee: whose secondary motion goes back into the model.
-        document: of its file.
-        show: called with what is done.
-
-    Returns:
-        The record, and the rounds; none where no motion was to go back.
-    """
+    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for, in which the
+    knee's secondary motion goes back into the model; and the rounds, none where no motion was to go
+    back. `show` is called with what is done."""
     shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
     known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
              "tibia": body.bones[1]}  # fmt: skip

@@ -233,11 +233,7 @@ def run(arguments: Calibrate) -> int:
 
 
 def _cohort_of(arguments: Calibrate) -> Cohort:
-    """The cohort, checked.
-
-    Raises:
-        InputProblems: every mistake, and how many there are.
-    """
+    """The cohort, checked: refused with every mistake, and how many there are."""
     try:
         cohort = read_cohort(arguments.study)
         if arguments.bootstrap:

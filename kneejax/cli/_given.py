@@ -33,31 +33,16 @@ def read_loads(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_within(option: str, name: str, values: Iterable[float], allowed: Range | None) -> None:
-    """Refuse the first value that is out of its range.
-
-    Args:
-        option: where the values come from.
-        name: of what they are.
-        values: finite numbers.
-        allowed: what they may be; None for a name that is not known, which is said elsewhere.
-
-    Raises:
-        InputProblem: a value is out of range.
-    """
+    """Refuse the first of an option's values that is out of its range, which is None for a name
+    that is not known: that is said elsewhere."""
     for value in values:
         if allowed is not None and not allowed.holds(value):
             raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
 def check_columns(names: Mapping[str, str]) -> None:
-    """Refuse columns of a table that stand for none of the package's.
-
-    Args:
-        names: column of the package -> column of the table.
-
-    Raises:
-        InputProblem: a name is unknown, or stands for nothing.
-    """
+    """Refuse columns of a table (column of the package -> column of the table) that are none of the
+    package's, or stand for nothing."""
     for name, column in names.items():
         if name not in COLUMNS:
             raise InputProblem("--column", "name", name, COLUMNS)

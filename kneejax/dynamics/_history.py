@@ -79,14 +79,8 @@ class Moment(eqx.Module):
     def at_first(
         cls, moving: MovingKnee, q: Array, rate: Array, pull: Array
     ) -> tuple[Moment, Array]:
-        """Of a motion's start, and where contacts meet there.
-
-        Args:
-            moving: leaves end in a lane axis.
-            q: all coordinates, `(6 bodies, lanes)`.
-            rate: of them.
-            pull: of the cable on the quadriceps, N.
-        """
+        """Of a motion's start, coordinates and rates `(6 bodies, lanes)` and the cable's pull, N,
+        and where contacts meet there."""
         bones = tuple(moving.masses)
 
         def places(x: Array) -> dict[str, Placement]:

@@ -176,15 +176,8 @@ class StudyTest(Part):
 
 
 def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
-    """The rows of a published laxity, of knees with those ligaments cut that the test had cut.
-
-    Args:
-        test: of the test; where the load is not known, with it as `load: {internal_Nm: 5}`.
-        bands: of the laxity.
-
-    Raises:
-        InputProblem: it is no test of one knee, or its load is not known and not stated.
-    """
+    """The rows of a published laxity, of knees with those ligaments cut that the test had cut;
+    where its load is not known, the test says it, as `load: {internal_Nm: 5}`."""
     import numpy as np
 
     from kneejax.files import LabTable

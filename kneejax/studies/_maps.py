@@ -87,15 +87,8 @@ def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:
 
 
 def check_map(study: Study, options: Map) -> None:
-    """Refuse pairs and ranges that a study has no map of.
-
-    Args:
-        study: that is asked.
-        options: what is asked.
-
-    Raises:
-        InputProblem: no pair, one twice, a parameter with itself, or a range of no pair.
-    """
+    """Refuse what a study has no map of: no pair, one twice, a parameter with itself, a range of no
+    pair."""
     pairs = _pairs(study, options)
     if not pairs:
         names = " ".join(study.selection.names[:2])

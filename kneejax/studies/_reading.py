@@ -160,12 +160,8 @@ def _read_poses(
 
 
 def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
-    """Start and prior of the parameters that are free, from what a cohort wrote.
-
-    Raises:
-        InputProblem: it is no such file, the study states a start that the file states too, or the
-            file is so old that the stiffness of a structure is the mean of its fibres.
-        UnknownParameter: the study frees what its knee does not have.
+    """Start and prior of the parameters that are free, from what a cohort wrote; refuses a start
+    that the study states too, and a file so old that a structure's stiffness is its fibres' mean.
     """
     from kneejax.parameters import MEANING, fibres_summed, select
 
@@ -193,16 +189,8 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
 
 
 def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest:
-    """The test that a study names, from its table.
-
-    Args:
-        test: of it.
-        lines: of constant tension and muscles that the knee has (`Knee.pullable`); a table's column
-            of such a tension is added to it.
-
-    Raises:
-        InputProblem: a field or a table is not what it should be; likewise `WrongValue`.
-    """
+    """The test that a study names, from its table, in which a column may be the added tension of
+    `lines` (of constant tension, or muscles) that the knee has (`Knee.pullable`)."""
     from kneejax.experiments import MeasuredTest, against_load, weights_by_load
 
     table, counted_from = _table_of(test)

@@ -67,11 +67,7 @@ FindAxes = Callable[[Pose], FemurAxes]
 
 
 def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
-    """Axis points by coordinates (`--axes`).
-
-    Raises:
-        InputProblem: of the file.
-    """
+    """Axis points by coordinates (`--axes`)."""
     found = read_axis_points(arguments.axes, side)
     given = _given_epicondyles(arguments, side)
     known = found.epicondyles if given is None else given
@@ -82,12 +78,8 @@ def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
 
 
 def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
-    """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`.
-
-    Raises:
-        InputProblem: of a mesh or the landmarks; where the bones touch, only when the axes are
-            sought.
-    """
+    """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`,
+    where that is found only when the axes are sought."""
     femur = read_mesh_points(arguments.femur, arguments.unit or "auto")
     points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
     epicondyles = _given_epicondyles(arguments, side)
@@ -122,11 +114,7 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
 
 
 def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
-    """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset.
-
-    Raises:
-        InputProblem: the knee has no condyles, or none with axes.
-    """
+    """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset."""
     try:
         points, normals = condyle_points(read.knee)
     except ValueError as error:

@@ -92,15 +92,8 @@ TENDON = "patellar tendon"
 
 
 def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarray]:
-    """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N.
-
-    Args:
-        motion: balances of a knee of three bones.
-        mechanics: ligaments and contacts there.
-
-    Returns:
-        Ligaments by name, the patellar tendon as one, the contacts, muscles and loads. They sum to
-        zero where the knee balances.
+    """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N: ligaments by
+    name, the patellar tendon as one, the contacts, muscles and loads, whose sum is zero in balance.
     """
     knee = motion.knee
     found = _pulls(knee, motion.load_cases, motion.equilibrium)
