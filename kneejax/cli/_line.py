@@ -234,17 +234,13 @@ def _parameters(model: type[Command], completing: bool) -> Iterator[inspect.Para
         yield inspect.Parameter(name, kind, default=None, annotation=Annotated[hint | None, option])
 
 
-def _is_flag(field: FieldInfo) -> bool:
-    return plain_type(field.annotation) is bool
-
-
 def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
     """How many words an option takes, as a type; and whether one mention takes several."""
     kind = plain_type(field.annotation)
     origin, inner = get_origin(kind), get_args(kind)
     is_path = kind is Path or (inner and plain_type(inner[0]) is Path) or marks(field, Bundled)
     word = Path if completing and is_path else str
-    if _is_flag(field):
+    if kind is bool:
         return bool, False
     if marks(field, Split) or origin not in (list, tuple, dict, Mapping):
         return word, False

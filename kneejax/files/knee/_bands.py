@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from kneejax import mechanics
 from kneejax.files import reading
-from kneejax.files.knee._parts import Mirrored, Point, Sourced, mirrored_points
+from kneejax.files.knee._parts import POINTS, Point, Sourced
 from kneejax.files.reading import Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import Placement, Vector
 from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
@@ -28,10 +28,8 @@ class Area(Part):
     """Where a band is attached, in its bone's frame: an ellipse, or an outline."""
 
     centre_mm: Point | None = None
-    half_axes_mm: Annotated[Any, reads(_half_axes), Mirrored(mirrored_points)] = None
-    outline_mm: Annotated[
-        Any, reads(reading.rows, 3, RANGES["point_mm"]), Mirrored(mirrored_points)
-    ] = None
+    half_axes_mm: Annotated[Any, reads(_half_axes), POINTS] = None
+    outline_mm: Annotated[Any, reads(reading.rows, 3, RANGES["point_mm"]), POINTS] = None
 
     @model_validator(mode="after")
     def _check_area(self) -> Area:

@@ -110,38 +110,35 @@ def negative(x: float) -> float:
     return 0.0 - x if x == 0 else -x
 
 
-def _point(x: Any, _: Any) -> list[float]:
-    return [x[0], x[1], negative(x[2])]
+def signed(*signs: int) -> Mirrored:
+    """Of so many numbers, or of each row of a table, the image has these signs."""
+
+    def image(x: Any, part: Any) -> list:
+        if not isinstance(x[0], int | float):
+            return [image(row, part) for row in x]
+        return [negative(one) if sign < 0 else one for one, sign in zip(x, signs, strict=True)]
+
+    return Mirrored(image)
 
 
-def mirrored_points(x: Any, _: Any) -> list[list[float]]:
-    """Points of the mirrored knee."""
-    return [_point(one, _) for one in x]
-
-
-def turned(x: Any, _: Any) -> list[float]:
-    """A moment, or a rotation about three axes, of the mirrored knee."""
-    return [negative(x[0]), negative(x[1]), x[2]]
+#: Of points and forces; of moments, and of rotations about three axes.
+POINTS, TURNS = signed(1, 1, -1), signed(-1, -1, 1)
 
 
 _texts = reading.mapping_of(lambda value, _: text(value), "a text for each field")
 
 
-def _source(value: Any) -> Any:
-    return _texts(value) if isinstance(value, dict) else text(value)
-
-
 Vector = tuple[float, float, float]
-Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), Mirrored(_point)]
-Force = Annotated[Vector, reading.numbers_within(3, "force_N"), Mirrored(_point)]
-Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), Mirrored(turned)]
+Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), POINTS]
+Force = Annotated[Vector, reading.numbers_within(3, "force_N"), POINTS]
+Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), TURNS]
 
 
 class Sourced(Part):
     """A part with the source of its numbers: a text, or one for each field."""
 
     makes: ClassVar[Callable[..., Any]]  # the class of what is built of it
-    source: Annotated[Any, reads(_source)]
+    source: Annotated[Any, reads(lambda x: (_texts if isinstance(x, dict) else text)(x))]
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
@@ -272,9 +269,7 @@ class Line(Sourced):
     makes = ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[
-        Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(mirrored_points)
-    ]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), POINTS]
 
 
 class Muscle(Course):

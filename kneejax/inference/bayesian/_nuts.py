@@ -269,17 +269,6 @@ def _log_density(target: _Scaled, position: Array) -> Array:
     return _one_chain(target, position)[0]
 
 
-def _forward(target: _Scaled, position: Array):
-    return _one_chain(target, position)
-
-
-def _backward(gradient: Array, change: Array):
-    return None, change * gradient
-
-
-_log_density.defvjp(_forward, _backward)
-
-
 @jax.custom_batching.custom_vmap
 def _one_chain(target: _Scaled, position: Array):
     value, gradient = target(position[None])
@@ -289,3 +278,6 @@ def _one_chain(target: _Scaled, position: Array):
 @_one_chain.def_vmap
 def _all_chains(size: int, batched, target: _Scaled, position: Array):
     return target(position), (True, True)
+
+
+_log_density.defvjp(_one_chain, lambda gradient, change: (None, change * gradient))

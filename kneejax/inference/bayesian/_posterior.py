@@ -348,7 +348,7 @@ def _described(
             "equilibria": (sampling + drawn.warmup_evaluations) * int(problem.used.sum()),
         },
         seconds=seconds,
-        versions=versions() | _packages(),
+        versions=versions() | {x: imported(x, x).__version__ for x in ("blackjax", "arviz")},
         settings=settings,
     )
 
@@ -356,7 +356,3 @@ def _described(
 def _over_motion(motions: np.ndarray) -> np.ndarray:
     """Quantiles of motions `(k, n, 5)`, `(5, n, levels)`."""
     return np.quantile(motions, LEVELS, axis=0).T
-
-
-def _packages() -> dict[str, str]:
-    return {name: imported(name, name).__version__ for name in ("blackjax", "arviz")}

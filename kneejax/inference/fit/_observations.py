@@ -59,7 +59,9 @@ def observations(
     spread, acting, count = [np.ones((poses, 5))], [], poses
     groups, lines = 0, tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     axes = tuple(dict.fromkeys(test.axes for test in tests))
-    cuts, cut = _cuts(tests), [np.zeros(poses, int)]
+    # What tests had cut, each once; first of all nothing.
+    cuts = tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
+    cut = [np.zeros(poses, int)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
         flexion.append(bent)
@@ -86,11 +88,6 @@ def observations(
         cuts=cuts,
         cut=np.concatenate(cut),
     )
-
-
-def _cuts(tests: Sequence[MeasuredTest]) -> tuple[tuple[str, ...], ...]:
-    """What tests had cut, each once; first of all nothing."""
-    return tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
 
 
 def readings_of(
