@@ -40,7 +40,6 @@ if TYPE_CHECKING:
     from kneejax.planning._plan import FREE as FREE
     from kneejax.planning._plan import PLANNED as PLANNED
     from kneejax.planning._plan import AclPlan as AclPlan
-    from kneejax.planning._plan import graft_types as graft_types
     from kneejax.planning._plan import intact_knee as intact_knee
     from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
     from kneejax.planning._plan import operated_knees as operated_knees

@@ -14,7 +14,7 @@ from kneejax.planning._footprints import octagon
 from kneejax.planning._front import GENERATIONS
 from kneejax.planning._optimum import MOST_EVALUATIONS, STARTS
 from kneejax.planning._pretension import fix
-from kneejax.planning._reconstruction import GRAFTS, GraftType
+from kneejax.planning._reconstruction import GraftType
 from kneejax.planning._surgery import CHOICES, Outcome, Surgery
 
 #: What an optimum may change: name -> columns of a bundle's choices.
@@ -75,16 +75,6 @@ class AclPlan:
         columns = [column for name in self.free for column in FREE[name]]
         one = np.isin(np.arange(len(CHOICES)), columns)
         return np.tile(one, len(self.surgery.plan.bundles))
-
-
-def graft_types() -> tuple[GraftType, ...]:
-    """All grafts that a plan may name, with the sources of their numbers.
-
-    Example:
-        >>> [graft.name for graft in graft_types()][:2]
-        ['hamstring', 'patellar_tendon']
-    """
-    return tuple(GRAFTS.values())
 
 
 #: What the knees are called that have no graft, and the one with the graft where it is planned.

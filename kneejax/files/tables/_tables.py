@@ -104,7 +104,10 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     columns = [one.column for one in BODIES[PATELLA].values()]
     if not needed and not set(columns) & set(Table.read(file).header):
         return None
-    return Table.read(file, columns).columns({name: name for name in columns})
+    table = Table.read(file, columns)
+    found = [table.column(name, pose_range(name)) for name in columns]
+    table.mistakes.check()
+    return np.stack(found, axis=1)
 
 
 class Table(NamedTuple):
@@ -184,16 +187,6 @@ class Table(NamedTuple):
             break
         return np.array(values)
 
-    def columns(self, names: Mapping[str, str]) -> np.ndarray:
-        """Numbers of a pose: what each column is -> its name, `(rows, columns)`.
-
-        Raises:
-            InputProblem: a cell is wrong; `InputProblems` where several are.
-        """
-        found = [self.column(own, pose_range(name)) for name, own in names.items()]
-        self.mistakes.check()
-        return np.stack(found, axis=1)
-
 
 def assumed(file: str, phrases: Sequence[str]) -> None:
     """Say what was assumed of a table's columns."""
@@ -250,19 +243,15 @@ def write_poses(
     if patella is not None:
         header += [one.column for one in BODIES[PATELLA].values()]
         values += list(patella.T)
-    for name, column in (("converged", converged), ("stable", stable)):
+    own = None if convention == FEMORAL else [convention] * len(table)
+    for name, column, read in (
+        ("converged", converged, bool), ("stable", stable, bool),
+        ("status", status, lambda x: getattr(x, "word", x)), ("doubt", doubts, lambda x: x),
+        ("convention", own, str),
+    ):
         if column is not None:
             header.append(name)
-            values.append([bool(x) for x in column])
-    if status is not None:
-        header.append("status")
-        values.append([getattr(x, "word", x) for x in status])
-    if doubts is not None:
-        header.append("doubt")
-        values.append(doubts)
-    if convention != FEMORAL:
-        header.append("convention")
-        values.append([convention] * len(table))
+            values.append([read(x) for x in column])
     write_rows(path, header, zip(*values, strict=True))
 
 

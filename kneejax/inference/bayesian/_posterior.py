@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
 from kneejax.inference.bayesian._priors import (
+    MotionDensity,
     Prior,
     laplace_covariance,
     most_probable,

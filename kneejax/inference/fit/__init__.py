@@ -1,12 +1,12 @@
 """Poses against a measurement: residuals, bounded searches, the one fit in lanes."""
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
+from kneejax.inference.fit._cut import Passed as Passed
 from kneejax.inference.fit._cut import balances_of as balances_of
+from kneejax.inference.fit._cut import passed as passed
 from kneejax.inference.fit._cut import slack_at as slack_at
 from kneejax.inference.fit._cut import state_of as state_of
 from kneejax.inference.fit._cut import without as without
-from kneejax.inference.fit._frames import Passed as Passed
-from kneejax.inference.fit._frames import passed as passed
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits

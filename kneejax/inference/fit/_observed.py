@@ -16,7 +16,7 @@ from kneejax.numerics import lanes_for
 from kneejax.statics import LoadCases, Slopes
 
 if TYPE_CHECKING:
-    from kneejax.inference.fit._frames import Passage
+    from kneejax.inference.fit._cut import Passage
     from kneejax.inference.fit._readings import Readings
 
 #: Degrees and mm per internal unit of a free coordinate.
