@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from kneejax.files.knee import reconstructed as reconstructed
     from kneejax.files.knee import restated as restated
     from kneejax.files.knee import write_knee as write_knee
-    from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
-    from kneejax.files.meshes import THICKNESSES as THICKNESSES
     from kneejax.files.meshes import MeshBand as MeshBand
     from kneejax.files.meshes import MeshImport as MeshImport
     from kneejax.files.meshes import MeshOptions as MeshOptions

@@ -1,6 +1,5 @@
 """Numbers of a knee by name: selected, bounded, scaled; which motions are a knee's."""
 
-from kneejax.parameters._bounds import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._bounds import default_bounds as default_bounds
 from kneejax.parameters._bounds import digitised as digitised
 from kneejax.parameters._bounds import looked_up as looked_up

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from kneejax.files.opensim._coupled import transform_axes as transform_axes
     from kneejax.files.opensim._export import OsimExport as OsimExport
     from kneejax.files.opensim._export import export_osim as export_osim
-    from kneejax.files.opensim._frames import FRAMES as FRAMES
     from kneejax.files.opensim._frames import Registration as Registration
     from kneejax.files.opensim._frames import registered as registered
     from kneejax.files.opensim._functions import simm_splines as simm_splines

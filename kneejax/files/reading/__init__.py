@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from kneejax.files.reading._text import read_text as read_text
     from kneejax.files.reading._text import write_bytes as write_bytes
     from kneejax.files.reading._text import write_text as write_text
-    from kneejax.files.reading._values import MOST as MOST
     from kneejax.files.reading._values import Choice as Choice
     from kneejax.files.reading._values import Distinct as Distinct
     from kneejax.files.reading._values import Flag as Flag

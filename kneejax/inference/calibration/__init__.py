@@ -17,7 +17,6 @@ from kneejax.inference.calibration._search import POSES as POSES
 from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
 from kneejax.inference.calibration._search import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration._search import Stage as Stage
-from kneejax.inference.calibration._search import procedures_of as procedures_of
 from kneejax.inference.calibration._search import run_procedure as run_procedure
 from kneejax.inference.calibration._side_by_side import calibrate as calibrate
 from kneejax.inference.calibration._side_by_side import (

@@ -150,8 +150,8 @@ def step_widths(
     return percent_scales(selection, values)
 
 
-#: Ranges of paper 1, section 3, of structures; other quantities go over their bounds.
-SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
+#: N per unit strain, paper 1, section 3, of structures; other quantities go over their bounds.
+_STIFFNESS = (300.0, 9300.0)
 #: Values of a parameter where nobody says how many.
 USUAL_COUNT = 31
 #: Part of a slack length to either side, the same as that of a reference strain.
@@ -338,11 +338,9 @@ def _checked(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def _usual(knee: Knee, selection: Selection, index: int, count: int) -> np.ndarray:
-    quantity = selection.quantity(index)
-    if quantity in SWEEP_RANGES:
-        low, high = SWEEP_RANGES[quantity]
-        if quantity == "stiffness" and selection.fibres(index):
-            low, high = structure_range(knee, selection.fibres(index), (low, high))
+    quantity, fibres = selection.quantity(index), selection.fibres(index)
+    if quantity == "stiffness":
+        low, high = structure_range(knee, fibres, _STIFFNESS) if fibres else _STIFFNESS
     elif quantity == "slack_length":
         value = float(selection.read(knee)[index])
         low, high = (1 - _SLACK) * value, (1 + _SLACK) * value
