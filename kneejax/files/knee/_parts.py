@@ -17,18 +17,10 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
+from kneejax import mechanics
 from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Number, Part, Text, entries, one_of, reads, text, wrong
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
-from kneejax.mechanics import (
-    AXES,
-    BLANKEVOORT,
-    BONES,
-    LIGAMENT_LAWS,
-    RANGES,
-    ConstantTensionLine,
-    Load,
-)
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
@@ -207,7 +199,7 @@ class Ligament(Course):
     patellar_attachment_mm: Point | None = None
     tibial_attachment_mm: Point | None = None
     wrap: Wrap = None
-    law: Annotated[str, one_of(LIGAMENT_LAWS), WORD] = BLANKEVOORT
+    law: Annotated[str, one_of(mechanics.LIGAMENT_LAWS), WORD] = mechanics.BLANKEVOORT
     stiffness_N: Number
     area_mm2: Number = 0.0
     reference_strain: Number | None = None
@@ -240,7 +232,7 @@ class Ligament(Course):
         if len(ends) != 2:
             expected = f"two of {', '.join(ENDS)}"
             mistakes.append(wrong(", ".join(ends) or "none", expected))
-        if self.law == BLANKEVOORT and self.transition_strain is None:
+        if self.law == mechanics.BLANKEVOORT and self.transition_strain is None:
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():
             self.check_bones(tuple(ENDS[end] for end in ends))
@@ -266,10 +258,10 @@ class LigamentOfTwo(Ligament):
 class Line(Sourced):
     """A line of constant tension."""
 
-    makes = ConstantTensionLine
+    makes = mechanics.ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), POINTS]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, mechanics.RANGES["coefficient_mm"]), POINTS]
 
 
 class Muscle(Course):
@@ -291,12 +283,12 @@ class Muscle(Course):
 class LoadOfFile(Sourced):
     """A force and a moment."""
 
-    makes = Load
+    makes = mechanics.Load
     force_N: Force | None = None
     moment_Nmm: Moment | None = None
     point_mm: Point | None = None
-    axes: Annotated[str, one_of(AXES), WORD]
-    point_in: Annotated[str, one_of(BONES), WORD] = TIBIA
+    axes: Annotated[str, one_of(mechanics.AXES), WORD]
+    point_in: Annotated[str, one_of(mechanics.BONES), WORD] = TIBIA
 
     @model_validator(mode="after")
     def _check_load(self) -> LoadOfFile:
