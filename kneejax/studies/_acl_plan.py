@@ -196,8 +196,7 @@ class PlanFields(Part):
             several = isinstance(tension, tuple)
             stated, fails = [*tension] if several else [tension], graft.failure_N / count
             if max(reading.items(stated, "numbers", count if several else 1)) >= fails:
-                expected = f"less than the {fails:g} N at which a bundle fails"
-                raise wrong(tension, expected)
+                raise wrong(tension, f"less than the {fails:g} N at which a bundle fails")
         if self.limits.graft_N > graft.failure_N:
             expected = f"at most the {graft.failure_N:g} N at which it fails"
             mistakes.append(wrong(self.limits.graft_N, expected, at="limits.graft_N"))

@@ -98,8 +98,7 @@ def check_map(study: Study, options: Map) -> None:
         if asked[i] in asked[:i]:
             raise InputProblem("pair", "parameters", " ".join(pair), "every pair once")
         if len(asked[i]) < 2:
-            expected = "two different parameters"
-            raise InputProblem("pair", "parameters", " ".join(pair), expected)
+            raise InputProblem("pair", "parameters", " ".join(pair), "two different parameters")
     bounds = study.bounds | options.range
     ranges = map_ranges(study.knee_at_start, pairs, grid=options.grid, bounds=bounds)
     for name in options.range:

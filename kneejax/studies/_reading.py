@@ -332,8 +332,7 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
     given, name = test.model_fields_set, test.file
     if os.path.isabs(name):
         if "load" in given:
-            expected = "no load of a published table: this one has columns of loads"
-            raise test.wrong("load", expected)
+            raise test.wrong("load", "no load of a published table: this one has columns of loads")
         unloaded = test.counted_from in WITHOUT_LOADS
         return read_lab_table(
             name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded,

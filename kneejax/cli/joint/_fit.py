@@ -164,8 +164,7 @@ def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -
             expected = "a flexion with a converged equilibrium; choose by --at"
             if usable.any():
                 expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
-            place = f"pose at {angle:g} degrees"
-            raise InputProblem(arguments.knee, place, status.word, expected)
+            raise InputProblem(arguments.knee, f"pose at {angle:g} degrees", status.word, expected)
     found.table[:, 0] = angles
     return found._replace(at_deg=at)
 

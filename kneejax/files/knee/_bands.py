@@ -35,8 +35,7 @@ class Area(Part):
     def _check_area(self) -> Area:
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         if given not in ([*_ELLIPSE], ["outline_mm"]):
-            expected = f"{' and '.join(_ELLIPSE)}, or outline_mm"
-            raise wrong(", ".join(given) or "none", expected)
+            raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
         try:
             self.ellipse()
         except ValueError as problem:

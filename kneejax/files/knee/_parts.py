@@ -230,8 +230,7 @@ class Ligament(Course):
             mistakes.append(wrong(", ".join(given) or "none", expected))
         ends = [name for name in ENDS if getattr(self, name) is not None]
         if len(ends) != 2:
-            expected = f"two of {', '.join(ENDS)}"
-            mistakes.append(wrong(", ".join(ends) or "none", expected))
+            mistakes.append(wrong(", ".join(ends) or "none", f"two of {', '.join(ENDS)}"))
         if self.law == mechanics.BLANKEVOORT and self.transition_strain is None:
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():

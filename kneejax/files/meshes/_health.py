@@ -98,8 +98,7 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     points, faces = _cleaned(mesh, name, findings)
     pairs, same_way, open_edges, branching = _edges(faces)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
-        value = f"{branching} with more than two triangles"
-        raise InputProblem(name, "edges", value, "a surface")
+        raise InputProblem(name, "edges", f"{branching} with more than two triangles", "a surface")
     if branching:
         findings.append(f"{named}: {counted(branching, 'edge')} of more than two triangles, kept.")
     part, flip = _connected(len(faces), pairs, same_way)

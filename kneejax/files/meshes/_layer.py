@@ -160,8 +160,7 @@ def thickness(cartilage: Cloud, bone: list[Sheet], what: str) -> np.ndarray:
     share = float(np.average(known, weights=cartilage.areas))
     if share < 0.5:
         expected = f"bone below the {what} cartilage; do both meshes have one frame?"
-        value = f"below {100 * share:.0f} % of the cartilage"
-        raise InputProblem(name, "place", value, expected)
+        raise InputProblem(name, "place", f"below {100 * share:.0f} % of the cartilage", expected)
     below = float(np.average(found[known] < -TOUCHING_MM, weights=cartilage.areas[known]))
     if below > MOST_NEGATIVE:
         expected = f"a {what} cartilage thicker than zero, above its bone"

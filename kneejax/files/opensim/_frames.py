@@ -92,8 +92,7 @@ def anatomical(
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
-    expected = f"bodies with {_WANTED}"
-    raise knee.joints[0].element.problem("axes", "; ".join(found), expected)
+    raise knee.joints[0].element.problem("axes", "; ".join(found), f"bodies with {_WANTED}")
 
 
 def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKneeJoint:

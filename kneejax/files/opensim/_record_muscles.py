@@ -124,8 +124,7 @@ def check_tensions(muscles: set[str], table: Storage) -> None:
         expected = "muscle forces, N, 0 or more: muscles pull"
         raise InputProblem(table.file, least, f"{low:g}", expected)
     if not RANGES["tension_N"].holds(max(high, 0.0)):
-        expected = f"muscle forces, {RANGES['tension_N']}"
-        raise InputProblem(table.file, most, f"{high:g}", expected)
+        raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
 
 
 def recorded_muscles(

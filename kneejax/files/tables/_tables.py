@@ -310,8 +310,7 @@ def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[i
     mistakes, rows = Mistakes(file), lines[1:]
     mistakes += columns_missing(file, header, sought)
     if not rows:
-        expected = "at least one row under the header"
-        mistakes.append(InputProblem(file, "rows", "none", expected))
+        mistakes.append(InputProblem(file, "rows", "none", "at least one row under the header"))
     for number, (line, cells) in enumerate(rows, 1):
         if len(cells) != len(header):
             place = f"row {number} (line {line})"
