@@ -33,11 +33,7 @@ from kneejax.studies import read_plan, stages_on_terminal
 
 
 def asked_of_opensim(
-    arguments: options.Activity,
-    body: WholeBody,
-    knee: Knee,
-    document: dict[str, Any],
-    show,
+    arguments: options.Activity, body: WholeBody, knee: Knee, document: dict[str, Any], show
 ) -> tuple[LegRecord, list[Round]]:
     """What acts on the leg as OpenSim finds it, in the last of the rounds asked for, in which the
     knee's secondary motion goes back into the model; and the rounds, none where no motion was to go

@@ -160,10 +160,7 @@ class Branch:
 
 
 def branches(
-    knee: Knee,
-    flexion_deg: ArrayLike,
-    loads: tuple[Load, ...] | list[Load] = (),
-    starts: int = 64,
+    knee: Knee, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = (), starts: int = 64
 ) -> tuple[Branch, ...]:
     """Look for every stable balance of a knee at prescribed flexion, not only the one of a test.
 
