@@ -31,7 +31,7 @@ def read_decimal(word: str) -> Decimal:
     if x is None or not math.isfinite(x):
         raise ValueError(word)
     exact = Decimal(word.strip())
-    printed = len(_digits(exact)) == 17 and exact == Decimal(f"{x:.17g}")
+    printed = len(exact.as_tuple().digits) == 17 and exact == Decimal(f"{x:.17g}")
     return Decimal(repr(x)) if printed else exact
 
 
@@ -102,11 +102,6 @@ def radians(x: float) -> Decimal:
             if degrees(read_decimal(write_decimal(angle))) == x:
                 break
     return angle
-
-
-def _digits(value: Decimal) -> tuple[int, ...]:
-    digits = value.as_tuple().digits
-    return digits if any(digits) else (0,)
 
 
 def decimals(values: np.ndarray) -> Point:
