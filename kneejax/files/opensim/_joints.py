@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.opensim._exact import Rigid, decimals, turn_about
-from kneejax.files.opensim._functions import describe, evaluate, function_of
-from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim._model import GROUND, Model, describe, evaluate, function_of
 from kneejax.files.opensim._xml import Element
 from kneejax.files.tables import Storage, last_word
 

@@ -10,10 +10,10 @@ import numpy as np
 from kneejax.files.knee import build_obstacle
 from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, turn_xyz
 from kneejax.files.opensim._frames import Registration
-from kneejax.files.opensim._functions import evaluate, function_of
 from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import KIND
+from kneejax.files.opensim._model import evaluate, function_of
 from kneejax.files.opensim._patella import wrap_of
 from kneejax.files.opensim._paths import OsimPoint, path_points, read_wraps
 from kneejax.files.opensim._xml import Element

@@ -186,7 +186,8 @@ def fit_of(
     """The answer of one procedure that began at parameters and offsets `start`; `likely` says how
     sure it is, None for a procedure that is there to compare."""
     found, size = trail.known, len(problem.selection)
-    slack = _slack_ligaments(problem, found)
+    own = without_offsets(found, problem.offsets, problem.cases.posed)
+    slack = slack_at(problem.knee, problem.selection, problem.cases, own)
     held = on_bounds(trail.x, lower, upper)
     names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
@@ -195,9 +196,9 @@ def fit_of(
         if likely is not None:
             best = float(likely.best.values[0, i])
             interval = likely.intervals[i].beside(float(trail.x[i]), best)
-        loose = slack.get(problem.selection.ligament(i), 0.0) if i < size else 0.0
+        where = slack.get(problem.selection.ligament(i), np.zeros(1)) if i < size else np.zeros(1)
         numbers = (trail.x[i], start[i], lower[i], upper[i])
-        estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, loose))
+        estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, where.mean()))
     failed = int((~found.converged[0]).sum())
     correlation = np.full((size, size), np.nan)
     if likely is not None:
@@ -239,7 +240,7 @@ def _estimate(name, unit, numbers, held, interval: Interval | None, loose) -> Es
         upper,
         np.nan if held else interval.standard_error,
         held,
-        loose if vague else 0.0,
+        float(loose) if vague else 0.0,
         interval.low,
         interval.high,
         interval.kind,
@@ -298,13 +299,6 @@ def motion_at(
         mechanics,
         {bone: np.asarray(pose.to_table()) for bone, pose in state.poses.items() if bone != TIBIA},
     )
-
-
-def _slack_ligaments(problem: Problem, found: Slopes) -> dict[str, float]:
-    """Ligament or group -> part of the poses at which it is slack."""
-    own = without_offsets(found, problem.offsets, problem.cases.posed)
-    slack = slack_at(problem.knee, problem.selection, problem.cases, own)
-    return {name: float(np.mean(where)) for name, where in slack.items()}
 
 
 def objective_of(problem: Problem, found: Slopes) -> float:
