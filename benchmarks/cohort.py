@@ -26,7 +26,7 @@ from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.bootstrap import bootstrap
 from kneejax.inference.calibration import CalibrationProblem, calibrate_side_by_side
 from kneejax.inference.population import in_log, population
-from kneejax.parameters import select, with_values
+from kneejax.parameters import select
 from kneejax.studies import Study
 
 #: Knees of a block, as `kneejax.cohorts` deals them.
@@ -48,7 +48,7 @@ def asked(made: MadeUpKnee, spread: Spread, attachments: int = 0) -> Calibration
     true = np.asarray(places.read(knee))[:attachments]
     believed = true + spread.attachment_mm * draws.standard_normal(attachments)
     return Study(
-        title=made.name, knee=with_values(knee, dict(zip(names, believed, strict=True))),
+        title=made.name, knee=knee.replace(dict(zip(names, believed, strict=True))),
         measured=made.passive, parameters=(*usual, *names), weights=weights,
         bounds=BOUNDS | dict.fromkeys(names, ANYWHERE_MM), procedures=["III"],
         noise_mm=spread.noise_mm, noise_deg=spread.noise_deg, tests=made.tests,

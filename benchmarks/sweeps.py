@@ -16,7 +16,7 @@ from _protocol import ANGLES, arguments, finish, first_and_median, load, peak_me
 from _variants import motion_of
 from batch import peer
 
-from kneejax import passive_flexion, with_values
+from kneejax import passive_flexion
 from kneejax.inference import sweep
 
 NAMES = ("*.stiffness", "*.reference_strain")
@@ -52,11 +52,11 @@ def main() -> None:
     passive_flexion(knee, ANGLES).status.block_until_ready()
     begun = time.perf_counter()
     for name, value in few:
-        passive_flexion(with_values(knee, {name: value}), ANGLES).status.block_until_ready()
+        passive_flexion(knee.replace({name: value}), ANGLES).status.block_until_ready()
     one_by_one = (time.perf_counter() - begun) / len(few)
     rows["seconds_one_motion_at_a_time"] = one_by_one * status.size / len(ANGLES)
 
-    varied = [with_values(knee, {name: value}) for name, value in few]
+    varied = [knee.replace({name: value}) for name, value in few]
     stiffness, slack = (
         np.stack([np.asarray(getattr(k.ligaments, field)) for k in varied])
         for field in ("stiffness", "slack_length")

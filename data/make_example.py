@@ -126,7 +126,7 @@ def specimen(folder: Path) -> kj.Knee:
             f"{name}.stiffness": factor * stiffness,
             f"{name}.reference_strain": strain + more,
         }
-    return kj.with_values(knee, values)
+    return knee.replace(values)
 
 
 def write_tables(folder: Path, knee: kj.Knee) -> None:

@@ -74,7 +74,6 @@ if TYPE_CHECKING:
     from kneejax.numerics import use_shared_fusion as use_shared_fusion
     from kneejax.parameters import cut as cut
     from kneejax.parameters import select as select
-    from kneejax.parameters import with_values as with_values
     from kneejax.report import write_report as write_report
     from kneejax.statics import Status as Status
     from kneejax.studies import Identify as Identify

@@ -30,14 +30,8 @@ _drafts: dict[Path, tuple[Path, Callable[[Path, bool], None]]] = {}
 def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = False) -> None:
     """Write a file so that a reader sees the old one or the new one, never a part.
 
-    Args:
-        path: the file; missing folders are made. Below a folder that is being gathered it goes to
-            the folder's draft.
-        data: its content.
-        at_once: whether it goes to its place nevertheless.
-
-    Raises:
-        OSError: the file cannot be written; `filename` is the path.
+    Below a folder that is being gathered it goes to the folder's draft, unless it is to go to its
+    place `at_once`. Missing folders are made; an OSError's `filename` is the path.
     """
     place = Path(path) if at_once else _place(path, writing=True)
     if at_once or not _in_draft(place):
@@ -51,33 +45,22 @@ def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = Fa
 
 
 def written_place(path: str | os.PathLike[str]) -> Path:
-    """Where a file that this run has written is: in a draft, or where it belongs.
-
-    Args:
-        path: where it belongs.
-    """
+    """Where a file that this run has written is: in a draft, or where it belongs."""
     place = _place(path, writing=False)
     return place if os.path.exists(place) else Path(path)  # of a name that is too long, too
 
 
 def writing_place(folder: str | os.PathLike[str]) -> Path:
-    """Where another program shall write what belongs into a folder.
-
-    Args:
-        folder: where it belongs.
-    """
+    """Where another program shall write what belongs into a folder."""
     return _place(folder, writing=True)
 
 
 @contextlib.contextmanager
 def gathering(folder: Path, draft: Path, object_to: Callable[[Path, bool], None]) -> Iterator[None]:
-    """Let files of a folder that are written meanwhile go to a draft.
+    """Let files of a folder that are written meanwhile go to a draft in it (`DRAFT`).
 
-    Args:
-        folder: where they belong.
-        draft: a folder whose name begins with `DRAFT`, in `folder`.
-        object_to: called with a file's name in the folder, and whether it is to be written or
-            read; raises where that must not be.
+    `object_to` is called with a file's name in the folder, and whether it is to be written or read;
+    it raises where that must not be.
     """
     home = Path(os.path.realpath(folder))
     _drafts[home] = draft, object_to
@@ -88,26 +71,13 @@ def gathering(folder: Path, draft: Path, object_to: Callable[[Path, bool], None]
 
 
 def write_sealed(path: str | os.PathLike[str], data: bytes, key: str = "") -> None:
-    """Keep bytes on disk for later; at once, whatever is being gathered.
-
-    Args:
-        path: the file.
-        data: what is kept.
-        key: of the work that it belongs to.
-
-    Raises:
-        OSError: as `write_whole`.
-    """
+    """Keep bytes on disk for later, of the work with this key, at once, whatever is gathered."""
     write_whole(path, _seal(data, key) + data, at_once=True)
 
 
 def read_sealed(path: str | os.PathLike[str], key: str = "") -> bytes | None:
-    """What was kept, or None where there is nothing, anything else, or something damaged.
-
-    Args:
-        path: the file.
-        key: of the work that it must belong to.
-    """
+    """What was kept of the work with this key, or None where there is nothing, anything else, or
+    something damaged."""
     try:
         whole = Path(path).read_bytes()
     except OSError:
@@ -118,20 +88,12 @@ def read_sealed(path: str | os.PathLike[str], key: str = "") -> bytes | None:
 
 
 def with_checksum(document: Mapping[str, Any]) -> dict[str, Any]:
-    """What JSON can hold, with a field `checksum` that tells whether it was damaged.
-
-    Args:
-        document: whatever JSON can hold.
-    """
+    """What JSON can hold, with a field `checksum` that tells whether it was damaged."""
     return {**document, _CHECKSUM: _of_document(document)}
 
 
 def undamaged(document: Any) -> dict[str, Any] | None:
-    """What `with_checksum` was given; None where it is anything else, or was damaged.
-
-    Args:
-        document: as it was read.
-    """
+    """What `with_checksum` was given; None where it is anything else, or was damaged."""
     if not isinstance(document, dict):
         return None
     rest = {name: one for name, one in document.items() if name != _CHECKSUM}
@@ -139,15 +101,7 @@ def undamaged(document: Any) -> dict[str, Any] | None:
 
 
 def write_checked(path: str | os.PathLike[str], document: Mapping[str, Any]) -> None:
-    """Keep a JSON document on disk, at once, with its checksum.
-
-    Args:
-        path: the file.
-        document: what it holds.
-
-    Raises:
-        OSError: as `write_whole`.
-    """
+    """Keep a JSON document on disk, at once, with its checksum."""
     write_whole(path, json_bytes(with_checksum(document)), at_once=True)
 
 
@@ -157,11 +111,7 @@ def json_bytes(document: Mapping[str, Any]) -> bytes:
 
 
 def read_json(path: str | os.PathLike[str]) -> Any:
-    """A JSON document, or None where there is none that can be read.
-
-    Args:
-        path: the file.
-    """
+    """A JSON document, or None where there is none that can be read."""
     try:
         return json.loads(Path(path).read_bytes())
     except (OSError, ValueError, RecursionError):
@@ -174,15 +124,8 @@ def checksum(data: bytes) -> str:
 
 
 def sync(paths: Sequence[Path], folders: Iterable[Path] = ()) -> None:
-    """Wait until files are on the disk, and folders know of theirs.
-
-    Args:
-        paths: of files; all at once, which takes hardly longer than one.
-        folders: asked where a system and its file system allow it.
-
-    Raises:
-        OSError: a file cannot be written after all; `filename` is its path.
-    """
+    """Wait until files are on the disk, all at once, hardly longer than for one, and folders know
+    of theirs, where a system and its file system allow it; an OSError names the file."""
     if paths:
         with ThreadPoolExecutor(min(len(paths), _AT_ONCE)) as threads:
             for _ in threads.map(_sync, paths):

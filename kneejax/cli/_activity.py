@@ -17,10 +17,10 @@ from kneejax.files import (
     ask_opensim,
     couple_model,
     coupled_motion,
-    knee_with,
     load_knee_file,
     read_activity,
     registered,
+    said_of,
     whole_body,
     write_bytes,
 )
@@ -33,24 +33,11 @@ from kneejax.studies import read_plan, stages_on_terminal
 
 
 def asked_of_opensim(
-    arguments: options.Activity,
-    body: WholeBody,
-    knee: Knee,
-    document: dict[str, Any],
-    show,
+    arguments: options.Activity, body: WholeBody, knee: Knee, document: dict[str, Any], show
 ) -> tuple[LegRecord, list[Round]]:
-    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for.
-
-    Args:
-        arguments: of the command.
-        body: the movement, checked.
-        knee: whose secondary motion goes back into the model.
-        document: of its file.
-        show: called with what is done.
-
-    Returns:
-        The record, and the rounds; none where no motion was to go back.
-    """
+    """What acts on the leg as OpenSim finds it, in the last of the rounds asked for, in which the
+    knee's secondary motion goes back into the model; and the rounds, none where no motion was to go
+    back. `show` is called with what is done."""
     shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
     known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
              "tibia": body.bones[1]}  # fmt: skip
@@ -121,7 +108,8 @@ def run(arguments: options.Activity) -> int:
         read = load_knee_file(arguments.knee or _USUAL)
         document = read.document
         whole = read.with_patella() if arguments.patella else read.knee
-        knee = knee_with(whole, arguments.values, "--set")
+        with said_of("--set"):
+            knee = whole.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
     if document["side"] != {"r": "right", "l": "left"}[arguments.side]:

@@ -45,11 +45,7 @@ def run(arguments: Calibrate) -> int:
 
 
 def _check_single(arguments: Calibrate) -> None:
-    """Refuse what only a cohort can be asked.
-
-    Raises:
-        InputProblem: such an option, and a single study.
-    """
+    """Refuse, of a single study, what only a cohort can be asked."""
     for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
         value = getattr(arguments, name)
         if is_given(value):

@@ -73,14 +73,10 @@ Mark = Mapping[str, Any]
 
 @dataclasses.dataclass(frozen=True)
 class CohortWork:
-    """Computes tasks of a cohort into a folder.
+    """Computes tasks of a cohort into a folder."""
 
-    Attributes:
-        out: of the cohort's results.
-        svg: whether each knee's figures are files too, as PNG and SVG; its page holds them.
-    """
-
-    out: Path
+    out: Path  # of the cohort's results
+    # Whether each knee's figures are files too, as PNG and SVG; its page holds them.
     svg: bool = False
 
     def __call__(self, task: Task) -> None:
@@ -237,11 +233,7 @@ def run(arguments: Calibrate) -> int:
 
 
 def _cohort_of(arguments: Calibrate) -> Cohort:
-    """The cohort, checked.
-
-    Raises:
-        InputProblems: every mistake, and how many there are.
-    """
+    """The cohort, checked: refused with every mistake, and how many there are."""
     try:
         cohort = read_cohort(arguments.study)
         if arguments.bootstrap:

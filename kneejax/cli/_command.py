@@ -124,15 +124,7 @@ class Command(BaseModel):
 
     @classmethod
     def read(cls, given: Mapping[str, Any]) -> Self:
-        """Check options as words, or as a file of settings holds them.
-
-        Args:
-            given: option or field -> words, or a value.
-
-        Raises:
-            InputProblem: one thing is wrong.
-            InputProblems: several are.
-        """
+        """Check options, or fields, as words or as a file of settings holds them."""
         try:
             return cls.model_validate(dict(given))
         except ValidationError as found:

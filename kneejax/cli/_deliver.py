@@ -27,19 +27,10 @@ def deliver(
     written: Sequence[str] = (),
     seconds: dict[str, float] | None = None,
 ) -> int:
-    """Write tables, figures, result.json and report.html; then print what was found.
+    """Write tables, figures, result.json and report.html; then print what was found. Gives the exit
+    status.
 
-    Args:
-        answer: what a command found.
-        arguments: of the command: where results go, and what the page says was asked for.
-        written: names of files that the command has written itself.
-        seconds: part of the work -> how long it took; `figures` is added.
-
-    Returns:
-        The exit status.
-
-    Raises:
-        InputProblem: a file cannot be written.
+    `written` are names of files that the command has written itself; `seconds` gets `figures`.
     """
     from kneejax.inference import versions
 
@@ -53,16 +44,7 @@ def deliver(
 
 
 def write_answer(answer: Answer, out: Path, **page: Any) -> None:
-    """Write tables, figures, result.json and report.html.
-
-    Args:
-        answer: what a command found.
-        out: folder.
-        page: options of `kneejax.report.look.write_page`.
-
-    Raises:
-        InputProblem: a file cannot be written.
-    """
+    """Write tables, figures, result.json and report.html, with options of `write_page`."""
     from kneejax.report.look import write_page
 
     for name, table in answer.tables.items():
@@ -87,16 +69,10 @@ def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
 def write_results(
     result: Calibration, out: Path, *, svg: bool, figures: bool = True
 ) -> tuple[Answer, str]:
-    """Write what was found, the calibrated knee and the report.
+    """Write what was found, the calibrated knee and the report, which holds the figures whether or
+    not they are files.
 
-    Args:
-        result: of a study.
-        out: folder.
-        svg: whether figures are written as SVG too.
-        figures: whether they are files at all; the report holds them.
-
-    Returns:
-        The answer, and why there is no calibrated knee, where the search ended at none.
+    Gives the answer, and why there is no calibrated knee, where the search ended at none.
     """
     from kneejax.report import calibration_answer, motion_words
 

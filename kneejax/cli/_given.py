@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from kneejax.cli.options import Simulate
-from kneejax.files import InputProblem, knee_with, load_knee
+from kneejax.files import InputProblem, load_knee, said_of
 from kneejax.geometry import COLUMNS
 from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, Range, load_called, load_opposite_to
 from kneejax.parameters import cut
@@ -33,41 +33,28 @@ def read_loads(given: Mapping[str, float]) -> dict[str, float]:
 
 
 def check_within(option: str, name: str, values: Iterable[float], allowed: Range | None) -> None:
-    """Refuse the first value that is out of its range.
-
-    Args:
-        option: where the values come from.
-        name: of what they are.
-        values: finite numbers.
-        allowed: what they may be; None for a name that is not known, which is said elsewhere.
-
-    Raises:
-        InputProblem: a value is out of range.
-    """
+    """Refuse the first of an option's values that is out of its range, which is None for a name
+    that is not known: that is said elsewhere."""
     for value in values:
         if allowed is not None and not allowed.holds(value):
             raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
 def check_columns(names: Mapping[str, str]) -> None:
-    """Refuse columns of a table that stand for none of the package's.
-
-    Args:
-        names: column of the package -> column of the table.
-
-    Raises:
-        InputProblem: a name is unknown, or stands for nothing.
-    """
+    """Refuse columns of a table (column of the package -> column of the table) that are none of the
+    package's, or stand for nothing."""
     for name, column in names.items():
         if name not in COLUMNS:
-            raise InputProblem("--column", "name", name, f"one of {', '.join(COLUMNS)}", COLUMNS)
+            raise InputProblem("--column", "name", name, COLUMNS)
         if not column:
             raise InputProblem("--column", name, column, f"one {name}=COLUMN of the table")
 
 
 def whole_knee(arguments: Simulate, *, patella: bool = False) -> Knee:
     """The knee with the parameters that were set, before anything is cut."""
-    return knee_with(load_knee(arguments.knee, patella=patella), arguments.values, "--set")
+    knee = load_knee(arguments.knee, patella=patella)
+    with said_of("--set"):
+        return knee.replace(arguments.values)
 
 
 def asked_knee(arguments: Simulate, *, patella: bool = False) -> Knee:

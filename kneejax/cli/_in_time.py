@@ -43,8 +43,7 @@ def run_in_time(arguments: Simulate) -> int:
     if arguments.flexion is not None:
         angles = parse_flexion(arguments.flexion)
         if len(angles) != 1:
-            expected = "one angle through time"
-            raise InputProblem("--flexion", "flexion", arguments.flexion, expected)
+            raise InputProblem("--flexion", "flexion", arguments.flexion, "one angle through time")
         flexion = float(angles[0])
     load_s, sizes, led = _loads(arguments, flexion)
     begin_s, usual_s = 0.0, 2.0 if name == "settle" else 1.0
@@ -53,8 +52,7 @@ def run_in_time(arguments: Simulate) -> int:
     times = begin_s + _times(arguments, usual_s, 1.0)
     for column in arguments.offset:
         if column not in COLUMNS:
-            expected = f"one of {', '.join(COLUMNS)}"
-            raise InputProblem("--from", "name", column, expected, COLUMNS)
+            raise InputProblem("--from", "name", column, COLUMNS)
     usual = {"anterior_mm": 3.0} if name == "settle" else {}
     motion = {
         "load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,
@@ -82,8 +80,7 @@ def _loads(arguments: Simulate, flexion: float):
         load_s, sizes, led = read_loads_over_time(arguments.loads)
         both = set(constant).intersection(sizes)
         if both:
-            expected = "a load in --load or in --loads"
-            raise InputProblem("simulate", "--load", min(both), expected)
+            raise InputProblem("simulate", "--load", min(both), "a load in --load or in --loads")
         sizes = {**{k: np.full_like(load_s, v) for k, v in constant.items()}, **sizes}
         return load_s, sizes, {column: (load_s, way) for column, way in led.items()}
     if name in ("settle", "drop"):

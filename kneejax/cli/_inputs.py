@@ -22,16 +22,8 @@ from kneejax.files.reading import together
 
 
 def check_inputs(asked: Command, folder: Path, gone: str = "") -> None:
-    """Refuse files that are missing, and names of bundled data or parameters that are unknown.
-
-    Args:
-        asked: the command.
-        folder: to which names of files are relative.
-        gone: file of settings that name them, if they were recorded earlier.
-
-    Raises:
-        InputProblem: one of them; `InputProblems` where there are several.
-    """
+    """Refuse files that are missing from a folder, and names of bundled data or parameters that are
+    unknown; `gone` is the file of settings that names them, if they were recorded earlier."""
     if problems := [*_wrong_inputs(asked, folder, gone)]:
         raise together(problems)
 

@@ -68,8 +68,7 @@ def _copy(name: str) -> int:
         files = bundled_files(kind)
         known = {**files, **known, **{f"{kind}/{one}": path for one, path in files.items()}}
     if name not in known:
-        expected = f"one of {', '.join(known)}"
-        raise InputProblem("knees", "--copy", name, expected, known)
+        raise InputProblem("knees", "--copy", name, known)
     source, folder = known[name], known[name].parent
     if source.is_dir():
         found = {one: one.relative_to(folder) for one in sorted(source.rglob("*.*"))}

@@ -49,29 +49,13 @@ class CommandLine:
     """
 
     def __init__(self, groups: Groups, above: Mapping[str, str], example: str = ""):
-        """Collect them.
-
-        Args:
-            groups: heading -> its commands.
-            above: first word of several commands -> what they do; "" -> what the program does.
-            example: of the program.
-        """
+        """Collect them: heading -> its commands, and first word of several -> what these do ("" ->
+        the program)."""
         self.commands = {one.command: one for every in groups.values() for one in every}
         self._groups, self._above, self._example = groups, above, example
 
     def read(self, words: Sequence[str]) -> Command | None:
-        """Read a command line.
-
-        Args:
-            words: after `kneejax`.
-
-        Returns:
-            The command; None where help or the version were printed.
-
-        Raises:
-            InputProblem: it is wrong somewhere.
-            InputProblems: in several places.
-        """
+        """The command of the words after `kneejax`; None where help or the version were printed."""
         command = self._named(words)
         words = [_hyphens(word) for word in words]
         app = self.app(command)
@@ -108,12 +92,8 @@ class CommandLine:
         return list(dict.fromkeys(one.split()[0] for one in found))
 
     def app(self, command: str = "", completing: bool = False) -> App:
-        """The program as cyclopts knows it.
-
-        Args:
-            command: whose options are needed; of the others the help is enough.
-            completing: whether all are, with the names that a shell offers.
-        """
+        """The program as cyclopts knows it: with the options of one command, of the others the help
+        is enough, or of all, with the names that a shell offers, for `completing`."""
         example = self._example
         top = _app("kneejax", "kneejax COMMAND ...", self._above[""], example, version=version_text)
         parents = {"": top}
@@ -254,17 +234,13 @@ def _parameters(model: type[Command], completing: bool) -> Iterator[inspect.Para
         yield inspect.Parameter(name, kind, default=None, annotation=Annotated[hint | None, option])
 
 
-def _is_flag(field: FieldInfo) -> bool:
-    return plain_type(field.annotation) is bool
-
-
 def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
     """How many words an option takes, as a type; and whether one mention takes several."""
     kind = plain_type(field.annotation)
     origin, inner = get_origin(kind), get_args(kind)
     is_path = kind is Path or (inner and plain_type(inner[0]) is Path) or marks(field, Bundled)
     word = Path if completing and is_path else str
-    if _is_flag(field):
+    if kind is bool:
         return bool, False
     if marks(field, Split) or origin not in (list, tuple, dict, Mapping):
         return word, False

@@ -80,15 +80,8 @@ def main(arguments: Sequence[str] | None, begun: float) -> int:
 
 
 def carry_out(asked: Command, begun: float | None = None) -> int:
-    """Run a command that was read; the results of one that writes replace an earlier run's.
-
-    Args:
-        asked: the command.
-        begun: when the process began, by `time.perf_counter`.
-
-    Returns:
-        Exit status.
-    """
+    """Run a command that was read, in a process that began then (`time.perf_counter`), and give its
+    exit status; the results of one that writes replace an earlier run's."""
     begun = time.perf_counter() if begun is None else begun
     with stopped_at_once():
         if (out := getattr(asked, "out", None)) is not None:

@@ -12,17 +12,11 @@ from kneejax.files import InputProblem
 
 
 def try_out(out: Path, *, folder: bool) -> None:
-    """Write something there and take it away again.
+    """Write something there, in the folder or as the file, and take it away again; refuse a place
+    where that cannot be done.
 
     Permissions alone do not tell: a folder of the system, or a full or read-only disk, refuses
     whoever may write.
-
-    Args:
-        out: where results shall be.
-        folder: whether that is a folder, not a file.
-
-    Raises:
-        InputProblem: nothing can be written there.
     """
     if folder and os.path.exists(out) and not out.is_dir():
         raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
@@ -51,15 +45,7 @@ def try_out(out: Path, *, folder: bool) -> None:
 
 
 def check_room(out: Path, needed_mb: float, what: str) -> None:
-    """Refuse a disk that is too full for what shall be written.
-
-    Args:
-        out: folder of the results, which may not be there yet.
-        needed_mb: that it certainly takes.
-        what: is written, in words.
-
-    Raises:
-        InputProblem: there is less room.
+    """Refuse a disk that is too full for what shall be written, whose folder may not be there yet.
     """
     place = next(one for one in (out, *out.parents) if one.exists())
     free_mb = shutil.disk_usage(place).free / 1e6

@@ -65,12 +65,8 @@ class ResultsFolder:
     def gathered(self, given: Mapping[str, Any], resumes: bool = False) -> Iterator[None]:
         """Gather what is written into the folder meanwhile; it is lost where an error ends it.
 
-        Args:
-            given: options of the command, some of which may be files in the folder.
-            resumes: whether it goes on with what an earlier run has finished.
-
-        Raises:
-            InputProblem: the folder's settings.json is damaged, and what it lists unknown.
+        Options that were `given` may be files in the folder; a damaged settings.json is refused.
+        `resumes` says whether it goes on with what an earlier run has finished.
         """
         self._set_aside(given, resumes)
         try:
@@ -88,14 +84,7 @@ class ResultsFolder:
                     self.out.rmdir()
 
     def check_free(self, *names: str) -> None:
-        """Refuse files of somebody else before the work, not after it.
-
-        Args:
-            names: of files that the run will write.
-
-        Raises:
-            InputProblem: one of them is there and kneejax did not write it.
-        """
+        """Refuse names of files that kneejax did not write, before the work, not after it."""
         for name in names:
             self._object_to(Path(name), writing=True)
 
@@ -116,14 +105,8 @@ class ResultsFolder:
             write_whole(file, json_bytes({**read_json(file), name: value}))
 
     def commit(self, settings: Mapping[str, Any]) -> None:
-        """Put what was gathered in its place, instead of the run before.
-
-        Args:
-            settings: of the run, without its files.
-
-        Raises:
-            InputProblem: a file that kneejax did not write is in the way.
-        """
+        """Put what was gathered in its place, instead of the run before; refuse where a file that
+        kneejax did not write is in the way."""
         if not self._draft.exists() and (self._before or self._begun):
             return  # nothing was written, or other parts are still to come
         listed = _checksums(self._draft)
@@ -183,11 +166,7 @@ class ResultsFolder:
 
 
 def owned(out: Path) -> set[str]:
-    """Names of all files in a folder that kneejax wrote, as its lists say.
-
-    Args:
-        out: a folder of results, or of none.
-    """
+    """Names of all files in a folder that kneejax wrote, as its lists say."""
     from kneejax.files.results import CLAIM, parts_of
 
     found = set(_listed(out / FILE) or ())
@@ -201,12 +180,7 @@ def owned(out: Path) -> set[str]:
 
 
 def of_knee(folder: Path, out: Path) -> set[str]:
-    """Names of the files of a cohort's knee, as its mark lists them.
-
-    Args:
-        folder: of the knee.
-        out: of the cohort's results, to which names are relative.
-    """
+    """Names of the files of a cohort's knee, as its mark lists them, relative to `out`."""
     listed = _listed(folder / MARK)
     if listed is None:
         return set()
@@ -215,17 +189,8 @@ def of_knee(folder: Path, out: Path) -> set[str]:
 
 
 def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Write the files of a cohort's knee, all or none of them, and its mark.
-
-    Args:
-        folder: of the knee.
-        write: writes its files; what it returns is what the mark says beside their checksums.
-
-    Returns:
-        The same.
-
-    Raises:
-        OSError: a file cannot be written; what stood there has gone.
+    """Write the files of a cohort's knee, all or none of them, and its mark, which says what
+    `write` returns beside their checksums; where one cannot be written, what stood there has gone.
     """
     # Draws say themselves which task they are of.
     _remove(folder, [x for x in of_knee(folder, folder) if Path(x).parts[0] != DRAWS])
@@ -248,11 +213,7 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
 
 
 def read_mark(folder: Path) -> dict[str, Any] | None:
-    """What a knee's mark says, if all that it lists is there and undamaged; None otherwise.
-
-    Args:
-        folder: of the knee.
-    """
+    """What a knee's mark says, if all that it lists is there and undamaged; None otherwise."""
     mark, listed = undamaged(read_json(folder / MARK)), _listed(folder / MARK)
     if mark is None or listed is None:
         return None

@@ -22,20 +22,13 @@ _EXPECTED = "settings.json of a kneejax command"
 
 
 def asked_for(asked: Command) -> dict[str, Any]:
-    """A command and its options as JSON, defaults among them, and where it ran.
-
-    Args:
-        asked: the command, before it has run.
+    """A command, before it has run, and its options as JSON, defaults among them, and where it ran.
     """
     return {**asked.settings(), _WORKED_IN: os.getcwd()}
 
 
 def with_versions(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What a command was asked for, and which versions answered.
-
-    Args:
-        settings: from `asked_for`.
-    """
+    """What a command was asked for, and which versions answered."""
     from kneejax.inference import versions
     from kneejax.parameters import MEANING
 
@@ -43,14 +36,7 @@ def with_versions(settings: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
-    """Read what a command was asked for.
-
-    Args:
-        folder: that it wrote.
-
-    Raises:
-        InputProblem: the folder has no settings, or they are no command's.
-    """
+    """Read what a command was asked for, of the folder that it wrote."""
     file = folder / FILE
     if not folder.is_dir():
         found = "a file" if folder.exists() else "missing"
@@ -70,18 +56,8 @@ def read_settings(folder: Path) -> dict[str, Any]:
 def command_again(
     settings: Mapping[str, Any], commands: Mapping[str, type[Command]], file: Path, out: Path
 ) -> Command:
-    """The command that settings describe, checked as when it was first asked for.
-
-    Args:
-        settings: from `read_settings`; also those of earlier versions, with underscores.
-        commands: words -> model.
-        file: where they stand, for errors.
-        out: folder for the results.
-
-    Raises:
-        InputProblem: the command or an option is unknown, a value is wrong, or a file is gone.
-        InputProblems: several are.
-    """
+    """The command that settings describe, also those of earlier versions, with underscores, checked
+    as when it was first asked for, with another folder for the results."""
     words = settings[_COMMAND]
     if words not in commands or "out" not in commands[words].model_fields:
         raise InputProblem(file, _COMMAND, words, "a command of kneejax", commands)
@@ -107,15 +83,7 @@ def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
 
 
 def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
-    """Refuse older settings that give a structure's stiffness as the mean of its fibres.
-
-    Args:
-        settings: from `read_settings`.
-        file: where they stand, for errors.
-
-    Raises:
-        InputProblem: a number means something else today.
-    """
+    """Refuse older settings that give a structure's stiffness as the mean of its fibres."""
     by_name = [x for x in settings.values() if isinstance(x, dict)]
     given = {
         name: value
@@ -149,11 +117,7 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
 
 
 def changed_versions(settings: Mapping[str, Any]) -> list[str]:
-    """In words, what answered then and would not now; empty where all is the same.
-
-    Args:
-        settings: from `read_settings`.
-    """
+    """In words, what answered then and would not now; empty where all is the same."""
     from kneejax.inference import versions
 
     then, now = settings[_VERSIONS], versions()

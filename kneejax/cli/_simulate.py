@@ -157,5 +157,4 @@ def _driven(
     try:
         return leg_raise_by_length(knee, lengths, shank)
     except WrongValue as problem:
-        expected = problem.expected
-        raise InputProblem("--quadriceps-mm", "lengths", problem.found, expected) from None
+        raise InputProblem("--quadriceps-mm", "lengths", problem.found, problem.expected) from None

@@ -55,11 +55,8 @@ class Printed:
 
 
 def open_standard_streams() -> bool:
-    """Open the standard streams that are closed: a file would take the place of one.
-
-    Returns:
-        Whether there is a standard output.
-    """
+    """Open the standard streams that are closed, since a file would take the place of one; say
+    whether there is a standard output."""
     for number in range(3):
         try:
             os.fstat(number)

@@ -53,17 +53,8 @@ def choices_of(annotation: Any) -> tuple[str, ...]:
 
 
 def read_value(field: FieldInfo, value: Any, command: str, option: str) -> Any:
-    """Read words as the type of a field; a value that is no words is left as it is.
-
-    Args:
-        field: of a model.
-        value: a word, a list of words, or a value from Python or JSON.
-        command: to which it was given, for the error.
-        option: that gave it, likewise.
-
-    Raises:
-        InputProblem: a word is no number, a name comes twice, or a pair has another form.
-    """
+    """Read words as the type of a field; a value that is no words is left as it is. Refuses a word
+    that is no number, a name twice, a pair in another form."""
     form = next((one.form for one in field.metadata if hasattr(one, "form")), "")
     for mark in field.metadata:
         if isinstance(mark, Split) and isinstance(value, str):

@@ -46,8 +46,7 @@ def _template(value: Any, info: ValidationInfo) -> Any:
     known, name = bundled_studies(), text(value)
     path = study_path(name) if name in known else reading.folder_of(info) / name
     if not os.path.isfile(path):
-        expected = f"a study file, its fields, or a bundled study; not at {path}"
-        raise wrong(value, expected, known)
+        raise wrong(value, f"a study file, its fields, or a bundled study; not at {path}", known)
     return path
 
 
@@ -63,8 +62,7 @@ def _knees(value: Any, info: ValidationInfo) -> Any:
         return value
     path = reading.folder_of(info) / text(value)
     if not os.path.isfile(path):
-        expected = f"a CSV table with one row a knee, or a list of knees; not at {path}"
-        raise wrong(value, expected)
+        raise wrong(value, f"a CSV table with one row a knee, or a list of knees; not at {path}")
     return path
 
 

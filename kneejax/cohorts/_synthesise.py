@@ -19,7 +19,7 @@ from kneejax.files import load_knee_file
 from kneejax.files.knee import build_knee
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Implausible, Knee
-from kneejax.parameters import UnsuitableData, with_values
+from kneejax.parameters import UnsuitableData
 
 #: Lengths of a knee file that do not grow with a knee: of the cartilage, of the law, of a fit.
 _NOT_SIZE = ("layer_thickness_mm", "layer_variation_mm", "onset_width_mm", "fit_rms_mm",
@@ -168,7 +168,7 @@ def _drawn(
     truth = {f"{one}.stiffness": float(x) for one, x in zip(names, stiffness, strict=True)}
     truth |= {f"{one}.reference_strain": float(x) for one, x in zip(names, strain, strict=True)}
     try:
-        true = with_values(build_knee(own, name).knee, truth)
+        true = build_knee(own, name).knee.replace(truth)
     except Implausible:  # a strain or a length that no knee has
         return None
     passive = np.array(passive_flexion(true, list(protocol.passive_deg)).to_table())

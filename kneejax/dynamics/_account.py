@@ -92,14 +92,10 @@ def flow(
     contact_points: Array,
     held: tuple[str, ...],
 ) -> Flow:
-    """Energies and powers.
+    """Energies and powers at moments, under their loads `(3, moments)`.
 
-    Args:
-        moving: leaves end in a lane axis of length one.
-        loads: at each moment, arrays `(3, moments)`.
-        known: of them; arrays end in `(moments,)`.
-        contact_points: of contacts, `(n, 2, moments)`.
-        held: names of the coordinates that are, `QUADRICEPS` where a motor gives it its length.
+    Leaves of `moving` end in a lane axis of length one; `held` are names of the coordinates that
+    are, `QUADRICEPS` where a motor gives it its length.
     """
     names = coordinates_of(moving.knee.bodies)
     q, rate = known.q, known.rate
@@ -176,12 +172,7 @@ def _in_motion(
 
 
 def account_of(time_s: Array, flow: Flow) -> Account:
-    """Add up what flows, by the trapezoidal rule between neighbouring moments.
-
-    Args:
-        time_s: of each moment, `(moments,)`.
-        flow: at these.
-    """
+    """Add up what flows, by the trapezoidal rule between neighbouring moments."""
     lost, by_loads, by_drives = (
         _summed(time_s, x) for x in (flow.dissipation, flow.by_loads, flow.by_drives)
     )

@@ -72,18 +72,12 @@ def _as_far_as_it_goes(
 
 
 def _error_of(coarse: Trajectory, fine: Trajectory) -> float:
-    """Largest error of a motion whose steps are shorter than those of another, mm.
+    """Largest error of a motion, `coarse`, by another with shorter steps, mm (rotations at 30 mm),
+    over the times that both reach; infinite where none is.
 
     Errors fall with the square of the steps, so that steps half as long leave a third of the
     difference. Where some became shorter than others, the error is taken to stem from where the
     longer steps surprised.
-
-    Args:
-        coarse: over the same times.
-        fine: with at least as many steps between any two of them.
-
-    Returns:
-        Over the times that both reach (rotations at 30 mm); infinite where none is.
     """
     off = (np.asarray(fine.q) - np.asarray(coarse.q)) / np.array(scales(fine.names))
     known = np.asarray(np.isfinite(off).all(axis=1))

@@ -36,20 +36,14 @@ from kneejax.mechanics import (
 
 
 class Step(eqx.Module):
-    """One step through time.
+    """One step through time."""
 
-    Attributes:
-        length_s: s, `(lanes,)` or one number.
-        ratio: to the step before it; 0 at the beginning.
-        loads: at the end of the step, besides those of the knee; arrays `(3, lanes)`.
-        held: coordinate -> its prescribed value at the end, rad or mm.
-        cable: length of the quadriceps at the end, mm; None where no motor gives it.
-    """
-
-    length_s: Array
-    ratio: Array
+    length_s: Array  # s, `(lanes,)` or one number
+    ratio: Array  # to the step before it; 0 at the beginning
+    # At the end of the step, besides those of the knee; arrays `(3, lanes)`.
     loads: tuple[Load, ...]
-    held: Prescribed
+    held: Prescribed  # coordinate -> its prescribed value at the end, rad or mm
+    # Length of the quadriceps at the end, mm; None where no motor gives it.
     cable: Array | None = None
 
     @property
@@ -66,46 +60,27 @@ class Step(eqx.Module):
 
 
 class Moment(eqx.Module):
-    """What is known of a knee at a time; arrays end in lanes.
+    """What is known of a knee at a time; arrays end in lanes."""
 
-    Attributes:
-        q: all coordinates, rad and mm, `(6 bodies, lanes)`.
-        rate: of them, rad/s and mm/s.
-        places: bone with mass -> its placement.
-        velocities: bone with mass -> rate of its placement.
-        accelerations: bone with mass -> rate of its velocity; 0 at the start.
-        lengths: of all fibres, mm, `(n, lanes)`.
-        length_rates: of these, mm/s.
-        pull: of the cable on the quadriceps, N, `(lanes,)`; 0 without one.
-        overlaps: contact that is damped -> its overlap, mm, `(lanes,)` or `(points, lanes)`.
-        overlap_rates: of these, mm/s.
-        pressing: contact that is damped -> its elastic force, N.
-    """
-
-    q: Array
-    rate: Array
-    places: dict[str, Placement]
-    velocities: dict[str, Placement]
-    accelerations: dict[str, Placement]
-    lengths: Array
-    length_rates: Array
-    pull: Array
+    q: Array  # all coordinates, rad and mm, `(6 bodies, lanes)`
+    rate: Array  # of them, rad/s and mm/s
+    places: dict[str, Placement]  # bone with mass -> its placement
+    velocities: dict[str, Placement]  # bone with mass -> rate of its placement
+    accelerations: dict[str, Placement]  # bone with mass -> rate of its velocity; 0 at the start
+    lengths: Array  # of all fibres, mm, `(n, lanes)`
+    length_rates: Array  # of these, mm/s
+    pull: Array  # of the cable on the quadriceps, N, `(lanes,)`; 0 without one
+    # Contact that is damped -> its overlap, mm, `(lanes,)` or `(points, lanes)`.
     overlaps: dict[str, Array]
-    overlap_rates: dict[str, Array]
-    pressing: dict[str, Array]
+    overlap_rates: dict[str, Array]  # of these, mm/s
+    pressing: dict[str, Array]  # contact that is damped -> its elastic force, N
 
     @classmethod
     def at_first(
         cls, moving: MovingKnee, q: Array, rate: Array, pull: Array
     ) -> tuple[Moment, Array]:
-        """Of a motion's start, and where contacts meet there.
-
-        Args:
-            moving: leaves end in a lane axis.
-            q: all coordinates, `(6 bodies, lanes)`.
-            rate: of them.
-            pull: of the cable on the quadriceps, N.
-        """
+        """Of a motion's start, coordinates and rates `(6 bodies, lanes)` and the cable's pull, N,
+        and where contacts meet there."""
         bones = tuple(moving.masses)
 
         def places(x: Array) -> dict[str, Placement]:
@@ -133,17 +108,11 @@ class Moment(eqx.Module):
 
 
 class History(eqx.Module):
-    """What is known of a motion so far.
+    """What is known of a motion so far."""
 
-    Attributes:
-        last: its last moment.
-        older: the one before it.
-        contact_points: where contacts met, `(n, 2, lanes)`.
-    """
-
-    last: Moment
-    older: Moment
-    contact_points: Array
+    last: Moment  # its last moment
+    older: Moment  # the one before it
+    contact_points: Array  # where contacts met, `(n, 2, lanes)`
 
     def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
         """The knee whose balance is the end of a step."""

@@ -68,8 +68,7 @@ def rising(time_s: ArrayLike) -> np.ndarray:
     back = np.flatnonzero(~(np.diff(times) > 0.0))
     if len(back):
         at = back[0]
-        found = f"{times[at + 1]:g} s after {times[at]:g} s"
-        raise WrongValue("time_s", found, "times that rise")
+        raise WrongValue("time_s", f"{times[at + 1]:g} s after {times[at]:g} s", "times that rise")
     return times
 
 

@@ -44,17 +44,10 @@ def changed_in_steps(
     """Balances of a knee under loads under which another one balances, whose numbers turn into its
     own in steps: the cutting of a ligament, while the loads act.
 
-    Args:
-        before: the other knee, of the same structure.
-        knee: that was changed.
-        load_cases: what acts and is prescribed.
-        begin: balances of the other knee: `GUESSED`, arrays begin with the load case.
-
-    Returns:
-        Fields of the balances as `Equilibria.in_nodes` has them, and `reached`; None where the
-        knees are not of one structure. A stable balance is that which the knee comes to rest in
-        when it is changed so slowly; where that one vanishes on the way, the one that is found
-        next.
+    It begins at balances of the other knee: `GUESSED`, arrays begin with the load case. Gives
+    fields of the balances as `Equilibria.in_nodes` has them, and `reached`; None where the knees
+    are not of one structure. A stable balance is that which the knee comes to rest in when it is
+    changed so slowly; where that one vanishes on the way, the one that is found next.
     """
     if not _alike(before, knee):
         return None
@@ -88,13 +81,8 @@ def _between(a, b, missing: float):
 def second_of(
     load_cases: LoadCases, main: dict[str, np.ndarray], other: dict[str, np.ndarray]
 ) -> np.ndarray:
-    """Where a stable balance lies apart from the one that is reported, `(load_cases,)`.
-
-    Args:
-        load_cases: of both.
-        main: fields of the balances that are reported, `q` and `status`.
-        other: likewise, of those found in another way.
-    """
+    """Where a stable balance, found in another way, lies apart from the one that is reported,
+    `(load_cases,)`, by the fields `q` and `status` of both."""
     units = np.array(scales(load_cases.free))
     apart = np.abs((main["q"] - other["q"]) / units).max(axis=-1)
     known = np.asarray(sound(other["status"]))
@@ -111,12 +99,9 @@ def follow_second(
     """Follow second balances from neighbour to neighbour, as far as there are some. Where what is
     reported jumps, each side is tried as the second balance of the other.
 
-    Args:
-        knee: that balances.
-        load_cases: what acts and is prescribed.
-        main: fields of the balances that are reported: `GUESSED` and `status`.
-        second: `GUESSED` of the second ones, NaN where none is known; written to.
-        lines: rows of load cases that follow each other, `(lines, length)`.
+    `main` has `GUESSED` and `status` of the balances that are reported, `second` those of the
+    second ones, NaN where none is known, and is written to; `lines` are rows of load cases that
+    follow each other, `(lines, length)`.
     """
     units = np.array(scales(load_cases.free))
     pairs = [(a, b) for line in lines for a, b in zip(line[:-1], line[1:], strict=True)]
@@ -175,10 +160,7 @@ class Branch:
 
 
 def branches(
-    knee: Knee,
-    flexion_deg: ArrayLike,
-    loads: tuple[Load, ...] | list[Load] = (),
-    starts: int = 64,
+    knee: Knee, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = (), starts: int = 64
 ) -> tuple[Branch, ...]:
     """Look for every stable balance of a knee at prescribed flexion, not only the one of a test.
 

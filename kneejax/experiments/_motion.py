@@ -298,16 +298,9 @@ def followed(knee: Knee, load_cases: LoadCases) -> Motion:
 
 
 def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: ArrayLike) -> Motion:
-    """Where a knee is balanced near where it is expected; no path leads there.
-
-    Args:
-        knee: any knee, its numbers known; likewise those of the `load_cases`.
-        q: free coordinates that are expected, `(free, poses)`, rad and mm.
-        contact_points: parameters of the contact points, `(n, 2, poses)`.
-
-    Returns:
-        The motion. It may lie on another branch than the one that was expected: compare.
-    """
+    """Where a knee is balanced near where it is expected, by free coordinates `(free, poses)`, rad
+    and mm, and contact points `(n, 2, poses)`; no path leads there, and it may be another branch:
+    compare."""
     load_cases = load_cases.of(knee)
     near = (np.moveaxis(np.asarray(x), -1, 0)[None] for x in (q, contact_points))
     found = balance_near(knee, itself, np.zeros(1), load_cases, *near)
@@ -315,14 +308,8 @@ def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: Ar
 
 
 def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: Array) -> Motion:
-    """A motion that has been found, as a function of the knee and of what is prescribed.
-
-    Args:
-        knee: with which it was found, or of which a derivative is asked: of equal numbers.
-        load_cases: likewise.
-        equilibrium: its balances.
-        reached: as in `Motion`.
-    """
+    """A motion that has been found, as a function of the knee, of equal numbers, and of what is
+    prescribed; its derivatives are asked of these."""
     load_cases = load_cases.of(knee)
     motion = _described(knee, load_cases, equilibrium, reached)
     # What a program hands through would have others compiled anew for it.

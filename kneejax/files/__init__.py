@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from kneejax.files._flexion import parse_flexion as parse_flexion
     from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._knees import check_new as check_new
-    from kneejax.files._knees import knee_with as knee_with
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
     from kneejax.files._knees import said_of as said_of
@@ -48,8 +47,6 @@ if TYPE_CHECKING:
     from kneejax.files.knee import reconstructed as reconstructed
     from kneejax.files.knee import restated as restated
     from kneejax.files.knee import write_knee as write_knee
-    from kneejax.files.meshes import MESH_UNITS as MESH_UNITS
-    from kneejax.files.meshes import THICKNESSES as THICKNESSES
     from kneejax.files.meshes import MeshBand as MeshBand
     from kneejax.files.meshes import MeshImport as MeshImport
     from kneejax.files.meshes import MeshOptions as MeshOptions

@@ -95,8 +95,7 @@ def bundled_path(kind: str, name: str) -> Path:
         'four_ligament.yaml'
     """
     if kind not in _ENDINGS:
-        expected = f"one of {', '.join(_ENDINGS)}"
-        raise InputProblem("bundled data", "kind", kind, expected, _ENDINGS)
+        raise InputProblem("bundled data", "kind", kind, _ENDINGS)
     known = bundled_files(kind)
     stem = name.removesuffix(_ENDINGS[kind])
     if stem not in known:
@@ -123,15 +122,10 @@ def bundled_knee_descriptions() -> dict[str, str]:
 
 @dataclasses.dataclass(frozen=True)
 class Example:
-    """A bundled folder of made-up files to begin with.
+    """A bundled folder of made-up files to begin with."""
 
-    Attributes:
-        path: the folder.
-        title: what it holds: the first line of its README.txt.
-    """
-
-    path: Path
-    title: str
+    path: Path  # the folder
+    title: str  # what it holds: the first line of its README.txt
 
 
 def bundled_examples() -> dict[str, Example]:
@@ -378,8 +372,7 @@ def _read(path: Path) -> list[LaxityBand]:
     ends, cuts = table.cells("end"), table.cells("cut")
     for place, end in ends:
         if end not in ENDS:
-            expected = f"one of {', '.join(ENDS)}"
-            table.mistakes.append(InputProblem(table.file, place, end, expected, ENDS))
+            table.mistakes.append(InputProblem(table.file, place, end, ENDS))
     numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
                         table.column("sd", empty=True)], axis=1)  # fmt: skip
     table.mistakes.check()

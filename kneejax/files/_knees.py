@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -16,13 +16,7 @@ from kneejax.files.meshes import MESH_ENDINGS
 from kneejax.files.reading import InputProblem
 from kneejax.files.results import Calibrated, read_calibrated
 from kneejax.mechanics import Implausible, Knee
-from kneejax.parameters import (
-    DoubtfulValue,
-    UnknownParameter,
-    UnsuitableData,
-    select,
-    with_values,
-)
+from kneejax.parameters import DoubtfulValue, UnknownParameter, UnsuitableData, select
 
 _NAME = " calibrated"
 _COMMENT = """The knee that a calibration found: {study}
@@ -89,14 +83,8 @@ def _loaded(name_or_path: str | os.PathLike[str], above: tuple[Path, ...]) -> Kn
 
 
 def check_kind(path: Path) -> None:
-    """Say which command takes a file that is not a knee's, as its ending tells.
-
-    Args:
-        path: what was given as a knee file.
-
-    Raises:
-        InputProblem: it is a model, a mesh or a table, or a folder with a knee file.
-    """
+    """Say which command takes a file that is no knee's, as its ending tells: a model, a mesh, a
+    table; refuse a folder, with the knee file in it."""
     # Ending -> what such a file is, and what to do with it.
     other_kinds = {
         ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
@@ -162,7 +150,8 @@ def _calibrated(read: Calibrated, path: Path, above: tuple[Path, ...]) -> KneeFi
     if read.fixed:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DoubtfulValue)  # the file says what its values mean
-            knee = knee_with(knee, read.fixed, path)
+            with said_of(path):
+                knee = knee.replace(read.fixed)
         document = restated(document, knee, f"set by the study: {study}")
     if read.found:
         # All at once: a strain holds where attachments have moved to.
@@ -177,37 +166,24 @@ def _calibrated(read: Calibrated, path: Path, above: tuple[Path, ...]) -> KneeFi
     return build_knee(document, path)
 
 
-def knee_with(
-    knee: Knee, values: Mapping[str, float], given_in: str | os.PathLike[str]
-) -> Knee:
-    """The knee with some parameters set by name.
-
-    Args:
-        knee: any knee.
-        values: parameter -> value, in its own unit.
-        given_in: the file or the option that says so.
+@contextlib.contextmanager
+def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
+    """Let a name or a value that a knee refuses say where it stands: the file or the option.
 
     Raises:
         InputProblem: a value that no knee has, or one that leads to such a knee.
         UnknownParameter: the knee has no parameter of this name.
 
     Example:
-        >>> knee = knee_with(load_knee("four_ligament"), {"ACL.stiffness": 300.0}, "--set")
+        >>> with said_of("--set"):
+        ...     knee = load_knee("four_ligament").replace({"ACL.stiffness": 300.0})
         >>> float(knee.ligaments.stiffness[0])
         300.0
     """
     try:
-        with said_of(given_in):
-            return with_values(knee, dict(values))
+        yield
     except Implausible as problem:
         field = f"{problem.fibre}.{problem.quantity}"
-        raise InputProblem(given_in, field, problem.value, problem.expected) from None
-
-
-@contextlib.contextmanager
-def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
-    """Let an unknown name, or data that suit nothing, say where it stands: the file or option."""
-    try:
-        yield
+        raise InputProblem(place, field, problem.value, problem.expected) from None
     except (UnknownParameter, UnsuitableData) as problem:
         raise type(problem)(f"{os.fspath(place)}: {problem}") from None

@@ -21,14 +21,6 @@ from kneejax.geometry._vectors import AXES, Matrix, Vector
 from kneejax.numerics import filled, safe_sqrt, traced
 
 
-def _from_femoral(c: Array) -> Placement:
-    return Placement(rotation_from_angles(c[0], c[1], c[2]), Vector.of(c[3:]))
-
-
-def _to_femoral(place: Placement) -> tuple[Array, ...]:
-    return *angles_from_rotation(place.rotation), *place.translation
-
-
 def _from_grood_suntay(c: Array) -> Placement:
     flexion, adduction, _, anterior, superior, lateral = c
     # In axes turned by flexion the floating axis is X and the tibia's long axis (0, cos, sin).
@@ -54,10 +46,6 @@ def _from_tibial(c: Array) -> Placement:
 def _to_tibial(place: Placement) -> tuple[Array, ...]:
     back = place.turn_back(place.translation)
     return *angles_from_rotation(place.rotation), *back
-
-
-def _from_femur_in_tibia(c: Array) -> Placement:
-    return Placement(rotation_from_angles(-c[0], -c[1], -c[2]), Vector.of(c[3:])).inverse()
 
 
 def _to_femur_in_tibia(place: Placement) -> tuple[Array, ...]:
@@ -112,10 +100,16 @@ CONVENTION_WORDS = {
 CONVENTIONS: dict[
     str, tuple[Callable[[Array], Placement], Callable[[Placement], tuple[Array, ...]]]
 ] = {
-    "femoral": (_from_femoral, _to_femoral),
+    "femoral": (
+        lambda c: Placement(rotation_from_angles(c[0], c[1], c[2]), Vector.of(c[3:])),
+        lambda place: (*angles_from_rotation(place.rotation), *place.translation),
+    ),
     "grood-suntay": (_from_grood_suntay, _to_grood_suntay),
     "tibial": (_from_tibial, _to_tibial),
-    "femur-in-tibia": (_from_femur_in_tibia, _to_femur_in_tibia),
+    "femur-in-tibia": (
+        lambda c: Placement(rotation_from_angles(-c[0], -c[1], -c[2]), Vector.of(c[3:])).inverse(),
+        _to_femur_in_tibia,
+    ),
 }
 
 

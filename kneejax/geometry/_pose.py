@@ -164,13 +164,8 @@ def _floats(x: ArrayLike) -> Array:
 
 
 def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Array]:
-    """Anterior and superior translation along the femur's axes, mm, from those turned by flexion.
-
-    Args:
-        flexion: rad.
-        drawer: mm, as `Pose.drawer`.
-        lift: mm, as `Pose.lift`.
-    """
+    """Anterior and superior translation along the femur's axes, mm, from those turned by flexion
+    (`Pose.drawer`, `Pose.lift`)."""
     c, s = jnp.cos(flexion), jnp.sin(flexion)
     return c * drawer + s * lift, c * lift - s * drawer
 

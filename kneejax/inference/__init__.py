@@ -21,10 +21,8 @@ from kneejax.inference.calibration import Motion as Motion
 from kneejax.inference.calibration import Stage as Stage
 from kneejax.inference.calibration import calibrate as calibrate
 from kneejax.inference.calibration import calibrate_side_by_side as calibrate_side_by_side
-from kneejax.inference.calibration import procedures_of as procedures_of
 from kneejax.inference.calibration import run_procedure as run_procedure
 from kneejax.inference.calibration import versions as versions
-from kneejax.inference.design import USUAL_LOADS as USUAL_LOADS
 from kneejax.inference.design import Candidate as Candidate
 from kneejax.inference.design import Design as Design
 from kneejax.inference.design import LoadCaseDerivatives as LoadCaseDerivatives
@@ -56,7 +54,6 @@ from kneejax.inference.intervals import Profile as Profile
 from kneejax.inference.intervals import profiles as profiles
 from kneejax.inference.intervals import same_ends as same_ends
 from kneejax.inference.intervals import uncertainty as uncertainty
-from kneejax.inference.sensitivity import SWEEP_RANGES as SWEEP_RANGES
 from kneejax.inference.sensitivity import BlockStore as BlockStore
 from kneejax.inference.sensitivity import Condition as Condition
 from kneejax.inference.sensitivity import GlobalIndices as GlobalIndices

@@ -281,11 +281,10 @@ def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarr
 
 
 def _mean_and_sd(values: np.ndarray) -> np.ndarray:
-    return np.array([_over_known(np.mean, values), _over_known(_sd, values)])
+    def sd(known: np.ndarray) -> float:
+        return float(np.std(known, ddof=1)) if len(known) > 1 else np.nan
 
-
-def _sd(values: np.ndarray) -> float:
-    return float(np.std(values, ddof=1)) if len(values) > 1 else np.nan
+    return np.array([_over_known(np.mean, values), _over_known(sd, values)])
 
 
 def _over_known(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> np.ndarray:

@@ -19,20 +19,13 @@ from kneejax.numerics import filled, traced
 
 
 def between(knots: Array, values: Array, slopes: Array | None, x: Array) -> Array:
-    """Values between knots, piece by piece; the first and last value outside.
+    """Values `(..., lanes)` at `x` between knots `(k,)`, piece by piece; the first and last
+    outside.
 
-    The answer is the first value and what every interval adds to it, each with its argument
-    clipped to its ends: no interval is looked for, and derivatives exist by everything. At a knot
-    a derivative by `x` is the mean of those on both sides.
-
-    Args:
-        knots: shape `(k,)`, increasing.
-        values: shape `(k, ...)`.
-        slopes: at the knots, shape `(k, ...)`, of cubic pieces; None for straight ones.
-        x: where, shape `(lanes,)`.
-
-    Returns:
-        Shape `(..., lanes)`.
+    The answer is the first of the values `(k, ...)` and what every interval adds to it, each with
+    its argument clipped to its ends: no interval is looked for, and derivatives exist by
+    everything. At a knot a derivative by `x` is the mean of those on both sides. Pieces are cubic
+    with `slopes` at the knots, straight without.
     """
     answer = jnp.broadcast_to(values[0][..., None], (*values.shape[1:], *x.shape))
     for i in range(len(knots) - 1):
@@ -50,17 +43,10 @@ def between(knots: Array, values: Array, slopes: Array | None, x: Array) -> Arra
 
 
 def monotone_slopes(knots: Array, values: Array) -> Array:
-    """Slopes of the cubic pieces that rise and fall only where the values do (PCHIP).
+    """Slopes `(k, ...)` of the cubic pieces that rise and fall only where the values do (PCHIP).
 
-    A slope has no derivative with respect to the values where a value equals both neighbours;
-    zero is given.
-
-    Args:
-        knots: shape `(k,)`, increasing, two or more.
-        values: shape `(k, ...)`.
-
-    Returns:
-        Shape `(k, ...)`; as those of `scipy.interpolate.PchipInterpolator`.
+    A slope has no derivative with respect to the values where a value equals both neighbours; zero
+    is given.
 
     Source: Fritsch and Butland, SIAM J Sci Stat Comput 5 (1984); at the ends Moler, Numerical
     Computing with Matlab (2004), section 3.4.

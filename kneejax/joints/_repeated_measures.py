@@ -162,14 +162,7 @@ def _check_groups(groups: Mapping[str, np.ndarray], alpha: float) -> None:
 
 
 def check_level(alpha: float) -> None:
-    """Refuse a level of tests that is no probability.
-
-    Args:
-        alpha: the level.
-
-    Raises:
-        UnsuitableMotions: it is not between 0 and 1.
-    """
+    """Refuse a level of tests that is no probability, between 0 and 1."""
     if not 0.0 < alpha < 1.0:
         raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
 

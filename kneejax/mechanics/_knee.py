@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import operator
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -13,6 +13,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.typing import ArrayLike
 
 from kneejax.geometry import FEMUR, TIBIA, Pair, Pose, State
 from kneejax.mechanics._loads import Line, Load, Support
@@ -93,6 +94,42 @@ class Knee(eqx.Module):
         parts += [] if self.muscles is None else self.muscles.bodies
         for bone in {bone for pair in parts for bone in pair} - known:
             raise ValueError(f"Knee: a part joins {bone!r}; the knee's bones are {sorted(known)}")
+
+    def replace(self, values: Mapping[str, ArrayLike]) -> Knee:
+        """The same knee with other values of some parameters.
+
+        Numbers that JAX traces are taken as they are, so that this can be differentiated.
+
+        Args:
+            values: name of a parameter, as `kneejax.select` takes it (`ACL.stiffness`,
+                `*.reference_strain`, `medial.youngs_modulus`), -> its value, in its own unit. A
+                group's stiffness is the sum over its fibres. Reference strains are set last,
+                whatever their order: a fibre whose end moves keeps the one that it gets.
+
+        Warns:
+            DoubtfulValue: a structure's stiffness that is nearer to that of one of its fibres.
+
+        Raises:
+            UnknownParameter: the knee has no such parameter; with the nearest name. Also if a slack
+                length has two values.
+            Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
+                such a knee, as in a knee file.
+
+        Example:
+            >>> import jax, kneejax as kj
+            >>> knee = kj.load_knee("four_ligament")
+            >>> weak = knee.replace({"ACL.stiffness": 300.0, "MCL.reference_strain": 0.02})
+            >>> float(weak.ligaments.stiffness[0])
+            300.0
+            >>> slack = lambda strain: knee.replace({"ACL.reference_strain": strain})
+            >>> rate = jax.grad(lambda strain: slack(strain).ligaments.slack_length[0])(0.0)
+            >>> bool(rate == -knee.reference_length()[0])
+            True
+        """
+        # Names are known one room above.
+        from kneejax.parameters import replaced
+
+        return replaced(self, values)
 
     @property
     def bodies(self) -> tuple[str, ...]:

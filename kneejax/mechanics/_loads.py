@@ -154,15 +154,10 @@ class Support(eqx.Module):
 
 
 class Line(Protocol):
-    """A part of a knee that pulls by a potential between two bones, as a `ConstantTensionLine`.
+    """A part of a knee that pulls by a potential between two bones, as a `ConstantTensionLine`."""
 
-    Attributes:
-        name: what reports call it.
-        tension: N, that a load can add to.
-    """
-
-    name: str
-    tension: Array
+    name: str  # what reports call it
+    tension: Array  # N, that a load can add to
 
     @property
     def bodies(self) -> Pair:

@@ -1,13 +1,13 @@
 """Compiling, lanes, all cores, elimination, safe primitives. Knows no knee."""
 
-from kneejax.numerics._compiled import collect_seldom as collect_seldom
-from kneejax.numerics._compiled import compiled as compiled
-from kneejax.numerics._compiled import compiler_options as compiler_options
-from kneejax.numerics._compiled import compiling as compiling
-from kneejax.numerics._compiled import share_memory_between_threads as share_memory_between_threads
-from kneejax.numerics._compiled import use_shared_fusion as use_shared_fusion
+from kneejax.numerics._configure import collect_seldom as collect_seldom
+from kneejax.numerics._configure import compiled as compiled
+from kneejax.numerics._configure import compiler_options as compiler_options
+from kneejax.numerics._configure import compiling as compiling
 from kneejax.numerics._configure import configure as configure
 from kneejax.numerics._configure import on_all_cores as on_all_cores
+from kneejax.numerics._configure import share_memory_between_threads as share_memory_between_threads
+from kneejax.numerics._configure import use_shared_fusion as use_shared_fusion
 from kneejax.numerics._elimination import identity as identity
 from kneejax.numerics._elimination import solve as solve
 from kneejax.numerics._elimination import symmetric as symmetric

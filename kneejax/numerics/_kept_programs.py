@@ -62,16 +62,8 @@ def keep_programs(folder: str | os.PathLike[str]) -> None:
 
 
 def kept(function: Callable, static_argnums: tuple[int, ...]) -> Callable:
-    """A function that JAX traces once for all processes.
-
-    Args:
-        function: of arrays in tuples, lists, dicts and Equinox modules; it must not be
-            differentiated.
-        static_argnums: arguments that are no arrays.
-
-    Returns:
-        The same function, for `jax.jit`.
-    """
+    """A function of arrays in tuples, lists, dicts and Equinox modules that JAX traces once for all
+    processes, for `jax.jit`; it must not be differentiated."""
 
     @functools.wraps(function)
     def from_disk(*arguments: Any) -> Any:

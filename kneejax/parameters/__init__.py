@@ -1,6 +1,5 @@
 """Numbers of a knee by name: selected, bounded, scaled; which motions are a knee's."""
 
-from kneejax.parameters._bounds import PHYSIOLOGICAL_LIMITS as PHYSIOLOGICAL_LIMITS
 from kneejax.parameters._bounds import default_bounds as default_bounds
 from kneejax.parameters._bounds import digitised as digitised
 from kneejax.parameters._bounds import looked_up as looked_up
@@ -16,8 +15,8 @@ from kneejax.parameters._selection import UnsuitableData as UnsuitableData
 from kneejax.parameters._selection import cut as cut
 from kneejax.parameters._selection import fibre_rows as fibre_rows
 from kneejax.parameters._selection import nearest_of as nearest_of
+from kneejax.parameters._selection import replaced as replaced
 from kneejax.parameters._selection import select as select
-from kneejax.parameters._selection import with_values as with_values
 from kneejax.parameters._structures import MEANING as MEANING
 from kneejax.parameters._structures import Assumption as Assumption
 from kneejax.parameters._structures import DoubtfulValue as DoubtfulValue

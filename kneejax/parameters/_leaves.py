@@ -32,19 +32,12 @@ _PARTS = {
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """One number of a knee, or all numbers of one array of it; hashable.
+    """One number of a knee, or all numbers of one array of it; hashable."""
 
-    Attributes:
-        part: `contacts`, `lines`, `muscles`, `loads` or `courses`.
-        row: which of them.
-        fields: from the part to the array.
-        place: of the number in the array; empty for a number by itself.
-    """
-
-    part: str
-    row: int
-    fields: tuple[str, ...]
-    place: tuple[int, ...] = ()
+    part: str  # `contacts`, `lines`, `muscles`, `loads` or `courses`
+    row: int  # which of them
+    fields: tuple[str, ...]  # from the part to the array
+    place: tuple[int, ...] = ()  # of the number in the array; empty for a number by itself
 
     def array(self, knee: Knee) -> Array:
         """The array in which the number stands."""
@@ -91,17 +84,8 @@ def parts_of(knee: Knee) -> dict[str, list[tuple[str, int]]]:
 
 
 def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
-    """The numbers that a name means.
-
-    Args:
-        knee: that has them.
-        owner: name of a part.
-        quantity: fields and components, with dots between them.
-
-    Returns:
-        Quantity -> number: one, or each component where the name stands for a whole array; empty
-        where the part has no such number.
-    """
+    """The numbers that a name means: quantity -> number, one, or each component where the name
+    stands for a whole array; none where the part has no such number."""
     for part, row in parts_of(knee).get(owner, []):
         words = quantity.split(".")
         declared = QUANTITIES.get(words[0])

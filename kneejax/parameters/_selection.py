@@ -1,7 +1,7 @@
-"""Named parameters of a knee, and the vector that a search moves.
+"""Named parameters of a knee, the vector that a search moves, and a knee with others, or cut.
 
 A parameter belongs to a fibre, to a structure drawn as several fibres (a group; what its value
-means stands in `_fibres.py`), or to another part (`_leaves.py`).
+means stands in `_structures.py`), or to another part (`_leaves.py`).
 """
 
 from __future__ import annotations
@@ -288,36 +288,8 @@ def _check_once(selection: Selection) -> None:
                 )
 
 
-def with_values(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
-    """The knee with some parameters set by name.
-
-    Numbers that JAX traces are taken as they are, so that this can be differentiated.
-
-    Args:
-        knee: any knee.
-        values: `LIGAMENT.quantity`, `GROUP.quantity` or `*.quantity` -> value; a group's stiffness
-            is the sum over its fibres (`select`). Reference strains are set last, whatever their
-            order: a fibre whose end moves keeps the one that it gets.
-
-    Warns:
-        DoubtfulValue: a structure's stiffness that is nearer to that of one of its fibres.
-
-    Raises:
-        UnknownParameter: the knee has no such parameter, or a slack length has two values.
-        Implausible: a value that no knee has (`kneejax.mechanics.RANGES`), or one that leads to
-            such a knee, as in a knee file.
-
-    Example:
-        >>> import jax, kneejax as kj
-        >>> knee = kj.load_knee("four_ligament")
-        >>> weak = with_values(knee, {"ACL.stiffness": 300.0, "MCL.reference_strain": 0.02})
-        >>> float(weak.ligaments.stiffness[0])
-        300.0
-        >>> slack = lambda strain: with_values(knee, {"ACL.reference_strain": strain})
-        >>> rate = jax.grad(lambda strain: slack(strain).ligaments.slack_length[0])(0.0)
-        >>> bool(rate == -knee.reference_length()[0])
-        True
-    """
+def replaced(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
+    """What `Knee.replace` gives, and says."""
     _check_one_slack(knee, values)
     for name in sorted(values, key=lambda name: name.rpartition(".")[2] in OF_STRAIN):
         value, selection = values[name], select(knee, [name])
@@ -334,7 +306,7 @@ def with_values(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
     return knee
 
 
-def _check_one_slack(knee: Knee, values: Mapping[str, float]) -> None:
+def _check_one_slack(knee: Knee, values: Mapping[str, ArrayLike]) -> None:
     """No slack length may be given twice, as a length and as a strain."""
     ways = {name: name.rpartition(".")[2] for name in values}
     given: dict[str, str] = {}

@@ -5,8 +5,8 @@ over its fibres, which act side by side; of any other quantity its value is the 
 value keeps how the fibres differ: strains and points shift together, anything else is scaled by one
 factor.
 
-A structure's stiffness is the sum over its fibres (`_fibres.py`). It once was their mean: files of
-that time lack `MEANING`, and a number of that time that a person gives is doubted.
+A structure's stiffness once was the mean over its fibres: files of that time lack `MEANING`, and a
+number of that time that a person gives is doubted.
 """
 
 from __future__ import annotations
@@ -31,12 +31,7 @@ OF_STRAIN = {"reference_strain": 0.0, "prestretch": 1.0}
 
 
 def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
-    """The value of a structure.
-
-    Args:
-        numbers: the quantity of every fibre, from `numbers_of`.
-        rows: of the structure's fibres.
-        quantity: decides between sum and mean.
+    """The value of a structure whose fibres have these rows, the sum or the mean of `numbers_of`.
     """
     xp = numpy_for(numbers)
     own = xp.asarray(numbers)[np.array(rows)]
@@ -72,14 +67,8 @@ def _is_first(knee: Knee, end: str) -> np.ndarray:
 
 
 def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) -> Knee:
-    """The knee in which a structure has a value.
-
-    Args:
-        knee: any knee.
-        rows: of the structure's fibres.
-        quantity: any of a fibre but what tells its strain (see `strained`).
-        value: sum or mean, as `value_of` reads it.
-    """
+    """The knee in which a structure has a value, as `value_of` reads it, of any quantity but those
+    that tell its strain (`strained`)."""
     end, _, axis = quantity.partition(".")
     if quantity_of(quantity).summed:
         value = value / len(rows)

@@ -40,10 +40,11 @@ if TYPE_CHECKING:
     from kneejax.planning._plan import FREE as FREE
     from kneejax.planning._plan import PLANNED as PLANNED
     from kneejax.planning._plan import AclPlan as AclPlan
-    from kneejax.planning._plan import graft_types as graft_types
+    from kneejax.planning._plan import PlanResult as PlanResult
     from kneejax.planning._plan import intact_knee as intact_knee
     from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
     from kneejax.planning._plan import operated_knees as operated_knees
+    from kneejax.planning._plan import run_plan as run_plan
     from kneejax.planning._pretension import Fixed as Fixed
     from kneejax.planning._pretension import fix as fix
     from kneejax.planning._pretension import fixed_knee as fixed_knee
@@ -53,8 +54,6 @@ if TYPE_CHECKING:
     from kneejax.planning._reconstruction import Operated as Operated
     from kneejax.planning._reconstruction import Reconstruction as Reconstruction
     from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
-    from kneejax.planning._run import PlanResult as PlanResult
-    from kneejax.planning._run import run_plan as run_plan
     from kneejax.planning._surgery import CHOICES as CHOICES
     from kneejax.planning._surgery import Limits as Limits
     from kneejax.planning._surgery import Near as Near

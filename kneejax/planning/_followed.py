@@ -28,17 +28,11 @@ from kneejax.statics import (
 
 
 class Poses(NamedTuple):
-    """Balanced poses of variants at load cases.
+    """Balanced poses of variants at load cases."""
 
-    Attributes:
-        q: free coordinates, `(v, s, free)`; NaN where forces do not balance.
-        status: `Status` values, `(v, s)`.
-        near: with derivatives, to predict others from; None where none were asked for.
-    """
-
-    q: np.ndarray
-    status: np.ndarray
-    near: Slopes | None
+    q: np.ndarray  # free coordinates, `(v, s, free)`; NaN where forces do not balance
+    status: np.ndarray  # `Status` values, `(v, s)`
+    near: Slopes | None  # with derivatives, to predict others from; None where none were asked for
 
 
 def balanced(
@@ -51,20 +45,11 @@ def balanced(
     grid: tuple[int, int] | None = None,
     progress: Progress | None = None,
 ) -> Poses:
-    """Balance variants at load cases.
+    """Poses of variants `(v, numbers)` at load cases, with derivatives where `slopes`; from `near`
+    ones, which have derivatives, where these are known.
 
-    Args:
-        plan: the knee and its grafts.
-        values: numbers of the variants, `(v, numbers)`.
-        load_cases: flexions and loads.
-        slopes: whether derivatives are wanted.
-        near: of near variants, to begin from, with derivatives.
-        grid: rows and columns in which the variants stand, if they are near each other: each is
-            then predicted from its neighbour, which takes two fifths of the time.
-        progress: called now and then with balances done and asked for.
-
-    Returns:
-        The poses that were found.
+    Variants that are near each other stand in a `grid` of rows and columns: each is then predicted
+    from its neighbour, which takes two fifths of the time.
     """
     if slopes:
         found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
@@ -225,16 +210,9 @@ def follow(
 def read_balances(
     knee: Knee, vary: Operated, values: np.ndarray, flexion: np.ndarray, q: np.ndarray, by: bool
 ) -> dict:
-    """Lengths, strains, tensions and the anterior place of poses, `(variants, load_cases, ...)`.
-
-    Args:
-        knee: gives all numbers that do not vary.
-        vary: sets those that do.
-        values: `(v, numbers)`.
-        flexion: of the load cases, rad.
-        q: free coordinates, `(v, s, free)`.
-        by: whether to give, under `by`, derivatives by values and pose.
-    """
+    """Lengths, strains, tensions and the anterior place, `(variants, load_cases, ...)`, at
+    flexions, rad, and free coordinates `(v, s, free)`; under `by`, where asked, derivatives by
+    values and pose."""
     count, size = q.shape[:2]
     nodes = np.arange(count * size)
     parts = []

@@ -55,13 +55,8 @@ def warped(
 
 
 def alignment(curve: np.ndarray, reference: np.ndarray, window: int = WINDOW) -> np.ndarray:
-    """Places of a curve and of the reference that belong together, `(pairs, 2)`.
-
-    Args:
-        curve: `(n,)`, finite.
-        reference: `(m,)`, finite.
-        window: as in `warped`.
-    """
+    """Places of a curve `(n,)` and of the reference `(m,)` that belong together, `(pairs, 2)`; the
+    window is that of `warped`."""
     dtw = imported("dtaidistance.dtw", "dtaidistance", "planning")
     curve, reference = (np.ascontiguousarray(x, float) for x in (curve, reference))
     # dtaidistance counts the place itself as within the window.

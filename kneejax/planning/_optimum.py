@@ -163,19 +163,13 @@ class _Search:
     def follow(
         self, start: np.ndarray, most: int, roughly: float
     ) -> tuple[float, np.ndarray]:
-        """Descend from a start.
-
-        Args:
-            start: choices.
-            most: evaluations.
-            roughly: part of the strain distance below which a step is not worth one.
-
-        Returns:
-            The least strain distance with all limits kept (infinite without), and the last choices.
+        """The least strain distance with all limits kept (infinite without) on the way down from a
+        start, by so many evaluations at `most`, and the last choices.
 
         The strain distance is a sum of absolute offsets, which has corners where curves cross:
-        quasi-Newton methods crawl there. With exact derivatives of every offset and limit the
-        best step of the linear model is a linear programme, solved within a trust region.
+        quasi-Newton methods crawl there. With exact derivatives of every offset and limit the best
+        step of the linear model is a linear programme, solved within a trust region; one that
+        betters less than the part `roughly` of the distance is not worth it.
         """
         most = self.count + most
         here, radius = self.at(start), _BELIEVED

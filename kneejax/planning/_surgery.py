@@ -280,13 +280,9 @@ class Surgery:
 
 
 def _by_choices(ends_slope: np.ndarray, slack_slope: np.ndarray) -> np.ndarray:
-    """Derivative of a fixed knee's numbers by the choices, `(v, numbers, choices)`.
-
-    Args:
-        ends_slope: of each bundle's ends by its coordinates, `(v, bundles, 6, 4)`.
-        slack_slope: of the slack lengths by the numbers of the knee under tension,
-            `(v, bundles, numbers)`.
-    """
+    """Derivative of a fixed knee's numbers by the choices, `(v, numbers, choices)`, from those of
+    each bundle's ends by its coordinates, `(v, bundles, 6, 4)`, and of the slack lengths by the
+    numbers of the knee under tension, `(v, bundles, numbers)`."""
     count, bundles = ends_slope.shape[:2]
     numbers, choices = 1 + BUNDLE_NUMBERS * bundles, len(CHOICES) * bundles
     ends = np.zeros((count, numbers, choices))

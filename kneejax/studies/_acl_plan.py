@@ -13,12 +13,12 @@ from kneejax import planning
 from kneejax.files import (
     Calibrated,
     bone_surface,
-    knee_with,
     load_knee_file,
     named_document,
     parse_flexion,
     read_calibrated,
     reading,
+    said_of,
 )
 from kneejax.files.reading import Mistakes, Number, Part, Text, meaning, one_of, reads, whole, wrong
 from kneejax.geometry import FEMUR, TIBIA
@@ -196,8 +196,7 @@ class PlanFields(Part):
             several = isinstance(tension, tuple)
             stated, fails = [*tension] if several else [tension], graft.failure_N / count
             if max(reading.items(stated, "numbers", count if several else 1)) >= fails:
-                expected = f"less than the {fails:g} N at which a bundle fails"
-                raise wrong(tension, expected)
+                raise wrong(tension, f"less than the {fails:g} N at which a bundle fails")
         if self.limits.graft_N > graft.failure_N:
             expected = f"at most the {graft.failure_N:g} N at which it fails"
             mistakes.append(wrong(self.limits.graft_N, expected, at="limits.graft_N"))
@@ -245,10 +244,13 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     path = folder / plan.knee if os.path.isfile(folder / plan.knee) else Path(plan.knee)
     read = load_knee_file(path if os.path.isfile(path) else plan.knee)
     base = read.with_patella() if patella else read.knee
-    knee, drawn, held = knee_with(base, plan.set, file), (), ()
+    drawn, held = (), ()
+    with said_of(file):
+        knee = base.replace(plan.set)
     if plan.draws:
         values, held = drawn_parameters(read_calibrated(path).of_structures(base), plan.draws)
-        drawn = tuple(knee_with(base, one | plan.set, file) for one in values)
+        with said_of(file):
+            drawn = tuple(base.replace(one | plan.set) for one in values)
     with mistakes.gathered("ligament"):
         fibre_rows(knee, plan.ligament)
     mistakes.check()

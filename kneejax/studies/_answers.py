@@ -207,11 +207,7 @@ def identify(
 
 
 def sensitivity(
-    study: Study,
-    options: Sensitivity | None = None,
-    *,
-    progress: Asked = None,
-    **fields: Any,
+    study: Study, options: Sensitivity | None = None, *, progress: Asked = None, **fields: Any
 ) -> Sensitivities:
     """Say what each parameter of a study does to the motion: slopes, sweeps, global indices.
 

@@ -72,8 +72,7 @@ class InTime(Part):
         for name in ("harmonics", "cycles_before"):
             value = getattr(self, name)
             if value is not None and self.period_s is None:
-                expected = "period_s too, of a motion that repeats itself"
-                raise wrong(value, expected, at=name)
+                raise wrong(value, "period_s too, of a motion that repeats itself", at=name)
         return self
 
 
@@ -176,15 +175,8 @@ class StudyTest(Part):
 
 
 def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabTable, str | None]:
-    """The rows of a published laxity, of knees with those ligaments cut that the test had cut.
-
-    Args:
-        test: of the test; where the load is not known, with it as `load: {internal_Nm: 5}`.
-        bands: of the laxity.
-
-    Raises:
-        InputProblem: it is no test of one knee, or its load is not known and not stated.
-    """
+    """The rows of a published laxity, of knees with those ligaments cut that the test had cut;
+    where its load is not known, the test says it, as `load: {internal_Nm: 5}`."""
     import numpy as np
 
     from kneejax.files import LabTable
@@ -235,8 +227,7 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
         raise test.wrong("load", f"a mapping from {load} to its size")
     for name in test.load:
         if name != load:
-            expected = f"no such field, but one of {load}"
-            raise test.wrong(f"load.{name}", expected, test.load[name])
+            raise test.wrong(f"load.{name}", f"no such field, but one of {load}", test.load[name])
     try:
         size = reading.number(test.load[load], RANGES[load])
     except reading.InputProblem as problem:
@@ -271,8 +262,7 @@ def check_tests(
                 if (sd := getattr(test, f"sd_{unit}")) is None:
                     continue
                 if not (math.isfinite(sd) and sd > 0):
-                    expected = "a standard deviation above 0"
-                    raise InputProblem("", f"sd_{unit}", sd, expected)
+                    raise InputProblem("", f"sd_{unit}", sd, "a standard deviation above 0")
                 if noise is None and measured:
                     expected = f"noise_{unit} of the study too, against which tests are weighed"
                     raise InputProblem("", f"sd_{unit}", sd, expected)

@@ -87,15 +87,8 @@ def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:
 
 
 def check_map(study: Study, options: Map) -> None:
-    """Refuse pairs and ranges that a study has no map of.
-
-    Args:
-        study: that is asked.
-        options: what is asked.
-
-    Raises:
-        InputProblem: no pair, one twice, a parameter with itself, or a range of no pair.
-    """
+    """Refuse what a study has no map of: no pair, one twice, a parameter with itself, a range of no
+    pair."""
     pairs = _pairs(study, options)
     if not pairs:
         names = " ".join(study.selection.names[:2])
@@ -105,8 +98,7 @@ def check_map(study: Study, options: Map) -> None:
         if asked[i] in asked[:i]:
             raise InputProblem("pair", "parameters", " ".join(pair), "every pair once")
         if len(asked[i]) < 2:
-            expected = "two different parameters"
-            raise InputProblem("pair", "parameters", " ".join(pair), expected)
+            raise InputProblem("pair", "parameters", " ".join(pair), "two different parameters")
     bounds = study.bounds | options.range
     ranges = map_ranges(study.knee_at_start, pairs, grid=options.grid, bounds=bounds)
     for name in options.range:

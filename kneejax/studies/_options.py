@@ -155,6 +155,5 @@ class Sensitivity(Options):
                     expected = "global indices (--global sobol or morris)"
                     raise wrong("none", expected, at=f"{name}.indices")
             if self.prior and self.scale == "percent":
-                expected = "--scale prior, or global indices"
-                raise wrong("percent", expected, at="prior.scale")
+                raise wrong("percent", "--scale prior, or global indices", at="prior.scale")
         return self

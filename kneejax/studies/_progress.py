@@ -82,13 +82,8 @@ def _in_notebook() -> bool:
 
 @contextlib.contextmanager
 def progress_of(progress: Asked, what: str) -> Iterator[Stages | None]:
-    """What a call from Python tells while it computes.
-
-    Args:
-        progress: what is to be called; None for a line where there is a terminal or a notebook,
-            False for nothing.
-        what: is computed.
-    """
+    """What a call from Python tells while it computes; None for a line where there is a terminal or
+    a notebook, False for nothing."""
     if progress is None:
         with stages_on_terminal(what) as show:
             yield show

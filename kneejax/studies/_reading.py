@@ -87,7 +87,6 @@ def objects_of(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """What the study names, for its record, and the objects that stand for it."""
     from kneejax.files import load_knee
-    from kneejax.parameters import with_values
 
     said: dict[str, Any] = {}
     objects: dict[str, Any] = {"set": {}, "flexion_deg": None}
@@ -112,7 +111,7 @@ def objects_of(
         said["patella"] = study.patella
     mistakes.check()
     with mistakes.gathered():
-        objects["knee"] = knee = with_values(knee, study.set)
+        objects["knee"] = knee = knee.replace(study.set)
     if any(isinstance(test, StudyTest) for test in study.tests):
         objects["tests"], said["tests"] = [], []
         for number, test in enumerate(study.tests):
@@ -161,12 +160,8 @@ def _read_poses(
 
 
 def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
-    """Start and prior of the parameters that are free, from what a cohort wrote.
-
-    Raises:
-        InputProblem: it is no such file, the study states a start that the file states too, or the
-            file is so old that the stiffness of a structure is the mean of its fibres.
-        UnknownParameter: the study frees what its knee does not have.
+    """Start and prior of the parameters that are free, from what a cohort wrote; refuses a start
+    that the study states too, and a file so old that a structure's stiffness is its fibres' mean.
     """
     from kneejax.parameters import MEANING, fibres_summed, select
 
@@ -194,16 +189,8 @@ def _prior_of_cohort(study: StudyFields, knee: Knee) -> dict[str, Any]:
 
 
 def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest:
-    """The test that a study names, from its table.
-
-    Args:
-        test: of it.
-        lines: of constant tension and muscles that the knee has (`Knee.pullable`); a table's column
-            of such a tension is added to it.
-
-    Raises:
-        InputProblem: a field or a table is not what it should be; likewise `WrongValue`.
-    """
+    """The test that a study names, from its table, in which a column may be the added tension of
+    `lines` (of constant tension, or muscles) that the knee has (`Knee.pullable`)."""
     from kneejax.experiments import MeasuredTest, against_load, weights_by_load
 
     table, counted_from = _table_of(test)
@@ -345,8 +332,7 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
     given, name = test.model_fields_set, test.file
     if os.path.isabs(name):
         if "load" in given:
-            expected = "no load of a published table: this one has columns of loads"
-            raise test.wrong("load", expected)
+            raise test.wrong("load", "no load of a published table: this one has columns of loads")
         unloaded = test.counted_from in WITHOUT_LOADS
         return read_lab_table(
             name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded,

@@ -134,8 +134,7 @@ def _prior(value: Any, info: ValidationInfo) -> Any:
         return reading.by_parameter(reading.deviation)(value)
     path = reading.folder_of(info) / value.strip()
     if not os.path.isfile(path):
-        expected = f"a mapping, or the prior.yaml of a cohort; not at {path}"
-        raise wrong(value, expected)
+        raise wrong(value, f"a mapping, or the prior.yaml of a cohort; not at {path}")
     return os.fspath(path)
 
 

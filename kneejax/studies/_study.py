@@ -114,9 +114,7 @@ class Study(StudyFields):
     @functools.cached_property
     def knee_at_start(self) -> Knee:
         """The knee where a search begins."""
-        from kneejax.parameters import with_values
-
-        return with_values(self.knee, dict(self.start))
+        return self.knee.replace(self.start)
 
     @functools.cached_property
     def limits(self) -> dict[str, tuple[float, float]]:
@@ -296,7 +294,7 @@ def _check_with_knee(study: Study, mistakes: Mistakes) -> None:
             parameters.select(study.knee, [name])
     mistakes.check()
     with mistakes.gathered():  # of these, too, a value may be impossible
-        parameters.with_values(study.knee, study.truth)
+        study.knee.replace(study.truth)
     with mistakes.gathered():
         knee, selection = study.knee_at_start, study.selection
         parameters.start_within(knee, selection, *np.reshape([*study.limits.values()], (-1, 2)).T)

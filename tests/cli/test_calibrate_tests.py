@@ -19,7 +19,7 @@ TRUTH = {"ACL.stiffness": 4000.0, "MCL.stiffness": 7000.0}
 def specimen(tmp_path_factory):
     """A made specimen's drawer, as its own laboratory recorded it, and a study of it."""
     folder = tmp_path_factory.mktemp("specimen")
-    knee = kj.with_values(kj.load_knee("four_ligament"), TRUTH)
+    knee = kj.load_knee("four_ligament").replace(TRUTH)
     (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, both=True, steps=3)
     (curves,) = kj.load_curves(knee, test)
     rows = np.random.default_rng(0)
@@ -90,7 +90,7 @@ def test_a_recommended_test_is_measured_and_added_to_the_study(specimen):
         rows = list(csv.DictReader(file))
     assert len(rows) == 2
     assert all(row["anterior_mm"] == "" and row["flexion_deg"] != "" for row in rows)
-    knee = kj.with_values(kj.load_knee("four_ligament"), TRUTH)
+    knee = kj.load_knee("four_ligament").replace(TRUTH)
     loads = {name: [float(row[name]) for row in rows] for name in rows[0] if name in NAMED_LOADS}
     flexion = [float(row["flexion_deg"]) for row in rows]
     measured = kj.passive_flexion(knee, flexion, [kj.load_of(**loads)]).to_table("grood-suntay")

@@ -4,7 +4,7 @@ import pytest
 
 from kneejax.cli import main
 from kneejax.cohorts import read_cohort
-from kneejax.files import bundled_files, knee_with, load_knee
+from kneejax.files import bundled_files, load_knee, said_of
 from kneejax.studies import read_plan, read_study
 
 READ = {"study": read_study, "knee": load_knee, "cohort": read_cohort, "plan": read_plan}
@@ -70,7 +70,8 @@ def test_parameters_are_listed_by_names_that_set_takes(capsys):
     knee = load_knee("four_ligament")
     for name, value in found.items():
         if "strain" not in name and "slack" not in name and value != "none":
-            knee_with(knee, {name: float(value)}, "--set")
+            with said_of("--set"):
+                knee.replace({name: float(value)})
 
 
 def test_fibres_of_a_structure_are_listed_on_demand(capsys):

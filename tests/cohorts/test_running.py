@@ -16,7 +16,7 @@ from kneejax.cli._results_folder import ResultsFolder, owned
 from kneejax.cohorts import read_cohort
 from kneejax.files import load_knee, write_poses, write_text
 from kneejax.inference import synthetic_motion
-from kneejax.parameters import UnsuitableData, with_values
+from kneejax.parameters import UnsuitableData
 from kneejax.studies import read_study, run_side_by_side
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
@@ -34,7 +34,7 @@ def cohort(tmp_path_factory):
     rows = ["name,measured.file,set.LCL.stiffness,set.*.reference_strain"]
     for k, (name, truth) in enumerate(zip(KNEES, TRUTHS, strict=True)):
         lcl = 5500.0 + 200.0 * k
-        knee = with_values(load_knee("four_ligament"), {"LCL.stiffness": lcl})
+        knee = load_knee("four_ligament").replace({"LCL.stiffness": lcl})
         table = synthetic_motion(knee, truth, FLEXION, noise_mm=0.02, noise_deg=0.02, seed=k)
         write_poses(folder / f"{name}.csv", table)
         rows.append(f"{name},{name}.csv,{lcl},")

@@ -37,7 +37,7 @@ def hand(begun):
 
 
 def motion(knee, values):
-    return np.asarray(kj.passive_flexion(kj.with_values(knee, values), FLEXION).to_table())
+    return np.asarray(kj.passive_flexion(knee.replace(values), FLEXION).to_table())
 
 
 def test_begins_at_the_knee_itself(knee, hand):

@@ -5,7 +5,7 @@ import kneejax as kj
 from kneejax.explorer import Setting, Solver, Subject
 from kneejax.files import load_knee_file
 from kneejax.mechanics import load_of
-from kneejax.parameters import cut, with_values
+from kneejax.parameters import cut
 from kneejax.statics import Status
 
 
@@ -46,7 +46,7 @@ def test_a_pose_is_that_of_passive_flexion(solver):
     solver.answer(Setting.of({"flexion_deg": 25.0}))  # begins elsewhere
     answer = solver.answer(LOADED)
     given = {k: x for k, x in LOADED.numbers if "." in k}
-    knee = with_values(solver.subject.knee, given)
+    knee = solver.subject.knee.replace(given)
     load = load_of(anterior_N=90.0, internal_Nm=2.0)
     motion = kj.passive_flexion(knee, [30.0], [load])
     expected = np.asarray(motion.to_table())[0, 1:]

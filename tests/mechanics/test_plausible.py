@@ -8,7 +8,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-import kneejax as kj
 from kneejax.mechanics import (
     NAMED_LOADS,
     RANGES,
@@ -52,14 +51,14 @@ def test_a_value_that_no_knee_has_is_not_set(knee, quantity, value):
     allowed = range_of_parameter(quantity)
     assume(not allowed.holds(value))
     with pytest.raises(Implausible, match=re.escape(f"ACL.{quantity}: {value:g}: expected ")):
-        kj.with_values(knee, {f"ACL.{quantity}": value})
+        knee.replace({f"ACL.{quantity}": value})
 
 
 @settings(max_examples=25, deadline=None)
 @given(stiffness=st.floats(1e-3, 1e7), strain=st.floats(-0.8, 0.5))
 def test_a_value_that_a_knee_may_have_is_set(knee, stiffness, strain):
     values = {"PCL.stiffness": stiffness, "LCL.reference_strain": strain}
-    changed = kj.with_values(knee, values)
+    changed = knee.replace(values)
     row = knee.ligaments.names.index("PCL")
     assert float(changed.ligaments.stiffness[row]) == pytest.approx(stiffness)
     assert float(changed.reference_strain()[3]) == pytest.approx(strain, abs=1e-12)
@@ -68,7 +67,7 @@ def test_a_value_that_a_knee_may_have_is_set(knee, stiffness, strain):
 def test_what_follows_from_a_value_is_checked_too(knee):
     """An attachment within its range, from which no ligament reaches its other end."""
     with pytest.raises(Implausible, match=r"MCL\.length: .* mm at the reference pose: expected"):
-        kj.with_values(knee, {"MCL.femoral_attachment.superior": 700.0})
+        knee.replace({"MCL.femoral_attachment.superior": 700.0})
 
 
 @pytest.mark.parametrize(

@@ -113,7 +113,7 @@ def test_what_is_not_there_is_named_with_the_nearest_that_is(knee):
     with pytest.raises(UnknownParameter, match="are one number"):
         select(knee, ["medial.tibial_surface.superior", "medial.tibial.frame.origin.superior"])
     with pytest.raises(Implausible, match="Pa are suspected"):
-        kj.with_values(knee, {"medial.youngs_modulus": 5e6})
+        knee.replace({"medial.youngs_modulus": 5e6})
 
 
 def test_every_parameter_has_bounds_and_a_width_of_its_prior(knee):
@@ -130,7 +130,7 @@ def test_muscles_and_the_patella_have_numbers_with_names():
     row = knee.muscles.names.index("vasint")
     given = {"vasint.tension": 50.0, "vasint.insertion.lateral": 3.0, "PTc.stiffness": 5000.0,
              "patellofemoral.layer_thickness": 5.0}  # fmt: skip
-    changed = kj.with_values(knee, given)
+    changed = knee.replace(given)
     assert changed.muscles.tension[row] == 50.0
     assert changed.muscles.tibial_attachment[row, 2] == 3.0
     assert changed.contacts[-1].layer_thickness == 5.0

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kneejax.mechanics import Knee
-from kneejax.parameters import UnknownParameter, select, with_values
+from kneejax.parameters import UnknownParameter, select
 
 
 @pytest.fixture
@@ -90,8 +90,30 @@ def test_setting_a_group_keeps_how_its_fibres_differ(bundled, quantity, value, k
 
 
 def test_a_single_fibre_takes_its_value_to_the_last_digit(bundled):
-    changed = with_values(bundled, {"ACL.stiffness": 1234.1})
+    changed = bundled.replace({"ACL.stiffness": 1234.1})
     assert float(changed.ligaments.stiffness[0]) == 1234.1
+
+
+def test_a_knee_with_other_numbers_is_differentiable(small_knee, central_difference):
+    names = ("ACL.stiffness", "ACL.femoral_attachment.superior", "MCL.reference_strain",
+             "medial.youngs_modulus")  # fmt: skip
+    start = np.asarray(select(small_knee, names).read(small_knee))
+    scale = np.maximum(np.abs(start), 0.1)
+
+    @jax.jit
+    def energy(values):
+        changed = small_knee.replace(dict(zip(names, values * scale, strict=True)))
+        modulus = changed.contacts[0].youngs_modulus
+        return changed.ligaments.energy(small_knee.at_reference) * modulus
+
+    exact = jax.jit(jax.grad(energy))(start / scale)
+    numeric = central_difference(energy, start / scale, 1e-3)
+    np.testing.assert_allclose(exact, numeric, rtol=1e-6)
+
+
+def test_a_name_that_a_knee_has_not_is_answered_with_the_nearest(small_knee):
+    with pytest.raises(UnknownParameter, match="did you mean 'ACL.stiffness'"):
+        small_knee.replace({"ACL.stifness": 300.0})
 
 
 def test_one_parameter_drives_the_energy_of_all_its_fibres(bundled, central_difference):
@@ -137,6 +159,6 @@ def test_the_nearest_name_is_one_that_would_be_right_there(bundled, name, said):
 def test_a_strain_is_that_of_the_moved_fibre_whatever_is_said_first(small_knee):
     values = {"ACL.reference_strain": 0.04, "ACL.femoral_attachment.superior": 6.0}
     for order in (values, dict(reversed(values.items()))):
-        knee = with_values(small_knee, order)
+        knee = small_knee.replace(order)
         selection = select(knee, list(values))
         np.testing.assert_allclose(selection.read(knee), [0.04, 6.0], rtol=1e-12)

@@ -20,7 +20,6 @@ from kneejax.parameters import (
     start_within,
     structure_range,
     sums_in_words,
-    with_values,
 )
 
 
@@ -73,7 +72,7 @@ def test_limits_of_a_known_ligament_hold_what_is_published_of_it(drawn, times, l
 @pytest.mark.parametrize(("value", "limits"), [(100.0, (25.0, 10000.0)), (300.0, (300.0, 10000.0)),
                                                (20000.0, (300.0, 80000.0))])  # fmt: skip
 def test_a_single_line_beyond_the_usual_limits_is_within_its_own(drawn, value, limits):
-    knee = with_values(drawn, {"LCL.stiffness": value})
+    knee = drawn.replace({"LCL.stiffness": value})
     assert structure_range(knee, ("LCL",), (300.0, 10000.0)) == limits
 
 
@@ -91,7 +90,7 @@ def test_a_value_nearer_to_one_fibre_than_to_the_structure_is_doubted(drawn, val
         "4,000 N in this knee; one fibre has 2,000 N in the mean"
     )
     with pytest.warns(DoubtfulValue) as found:
-        changed = with_values(drawn, {"cruciates.stiffness": value})
+        changed = drawn.replace({"cruciates.stiffness": value})
     assert [str(one.message) for one in found] == [said]
     assert float(changed.ligaments.stiffness[:2].sum()) == pytest.approx(value, rel=1e-14)
 
@@ -99,9 +98,9 @@ def test_a_value_nearer_to_one_fibre_than_to_the_structure_is_doubted(drawn, val
 def test_other_values_are_not(drawn):
     with warnings.catch_warnings(record=True) as found:
         warnings.simplefilter("always")
-        with_values(drawn, {"cruciates.stiffness": 2900.0, "LCL.stiffness": 100.0})
-        with_values(drawn, {"ACL.stiffness": 10.0, "cruciates.slack_length": 10.0})
-        with_values(drawn, {"cruciates.damping": 1.0})
+        drawn.replace({"cruciates.stiffness": 2900.0, "LCL.stiffness": 100.0})
+        drawn.replace({"ACL.stiffness": 10.0, "cruciates.slack_length": 10.0})
+        drawn.replace({"cruciates.damping": 1.0})
         doubt_prior(drawn, "cruciates.stiffness", 200.0)
         doubt_prior(drawn, "cruciates.stiffness", 99.0)
         doubt_prior(drawn, "LCL.stiffness", 1.0)

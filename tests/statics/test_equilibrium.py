@@ -198,7 +198,7 @@ def test_a_compartment_that_is_apart_is_apart_as_far_as_it_is(knee):
 def test_a_lax_knee_is_found_in_extension(knee):
     """Its surfaces are flat against each other there, and contact points are far to seek."""
     for strain in (0.02, 0.015, 0.0):
-        lax = kj.with_values(knee, {"MCL.reference_strain": strain})
+        lax = knee.replace({"MCL.reference_strain": strain})
         motion = kj.passive_flexion(lax, FLEXION / 10)
         assert np.asarray(motion.stable).all()
 
@@ -210,7 +210,7 @@ def test_a_lax_knee_is_found_in_extension(knee):
 def test_a_motion_does_not_jump_to_another_balance(knee, strain, most_deg):
     """With a lax MCL the extended knee also balances 20 degrees of internal rotation away, and
     searches on the way there end so: by 4 to 9 mm where strides are not held short."""
-    lax, flexion = kj.with_values(knee, {"MCL.reference_strain": strain}), FLEXION / 120 * most_deg
+    lax, flexion = knee.replace({"MCL.reference_strain": strain}), FLEXION / 120 * most_deg
     motion = kj.passive_flexion(lax, flexion)
     balanced = np.asarray(motion.equilibrium.converged)
     assert balanced.sum() > 8

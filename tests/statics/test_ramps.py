@@ -66,7 +66,7 @@ def test_a_pose_does_not_depend_on_the_other_angles(knee, chosen, base, seed):
 
 
 def test_a_lax_mcl_is_balanced_in_either_range(knee):
-    lax = kj.with_values(knee, {"MCL.reference_strain": -0.1})
+    lax = knee.replace({"MCL.reference_strain": -0.1})
     fine, coarse = (kj.passive_flexion(lax, np.arange(0.0, last, step))
                     for last, step in ((121.0, 5.0), (41.0, 10.0)))  # fmt: skip
     np.testing.assert_array_equal(np.asarray(fine.status)[:9:2], np.asarray(coarse.status))

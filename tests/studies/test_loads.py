@@ -33,7 +33,7 @@ def test_a_drawer_test_leads_back_to_the_ligament_that_made_it(drawer, knee):
     truth, asked, fit = drawer
     (estimate,) = fit.fit.estimates
     assert estimate.value == pytest.approx(truth["PCL.stiffness"], rel=1e-5)
-    moved = kj.passive_flexion(kj.with_values(knee, truth), FLEXION, asked.acting)
+    moved = kj.passive_flexion(knee.replace(truth), FLEXION, asked.acting)
     np.testing.assert_allclose(fit.measured, moved.to_table(), atol=1e-6)
     # The same flexion without and with the load are different poses.
     assert np.ptp(fit.measured[:3, 3]) > 1.0
@@ -45,7 +45,7 @@ def test_the_error_bar_is_that_of_the_load_cases(drawer, knee):
     value = truth["PCL.stiffness"]
 
     def poses(factor):
-        there = kj.with_values(knee, {"PCL.stiffness": factor * value})
+        there = knee.replace({"PCL.stiffness": factor * value})
         return np.asarray(kj.passive_flexion(there, FLEXION, asked.acting).to_table())
 
     slope = (poses(1.001) - poses(0.999))[:, 1:] / (0.002 * value)

@@ -167,6 +167,6 @@ def test_the_fingerprint_of_a_map_knows_study_and_question(study):
         (study, kj.Map(pair=PAIR, grid=(5, 5))),
         (study.replace(synthetic=made), question),
         (study.replace(failures=["dislocated"]), question),
-        (study.replace(knee=kj.with_values(study.knee, {"ACL.stiffness": 4000.0})), question),
+        (study.replace(knee=study.knee.replace({"ACL.stiffness": 4000.0})), question),
     ]  # fmt: skip
     assert all(studies.fingerprint(*other) != own for other in others)

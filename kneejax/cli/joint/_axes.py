@@ -47,28 +47,19 @@ _MIRROR = np.array([1.0, 1.0, -1.0])
 
 @dataclasses.dataclass(frozen=True)
 class FemurAxes:
-    """Axis points of a femur, in the frame of the poses.
+    """Axis points of a femur, in the frame of the poses."""
 
-    Attributes:
-        points: medial and lateral point of the extension, then of the flexion axis, shape
-            `(2, 2, 3)`, mm.
-        hinge: medial and lateral point of the hinge's axis, shape `(2, 3)`, mm.
-        hinge_source: what that axis goes through, in words.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
-        surface: points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
-        facets: the cylinders that were fitted to them.
-        regions: how the facets were chosen, in words.
-        doubts: sentences on facets that are none of a condyle.
-    """
-
+    # Medial and lateral point of the extension, then of the flexion axis, shape `(2, 2, 3)`, mm.
     points: np.ndarray
-    hinge: np.ndarray
-    hinge_source: str
+    hinge: np.ndarray  # medial and lateral point of the hinge's axis, shape `(2, 3)`, mm
+    hinge_source: str  # what that axis goes through, in words
+    # Medial, then lateral, shape `(2, 3)`, mm; None if they are not known.
     epicondyles: np.ndarray | None
+    # Points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
     surface: np.ndarray | None = None
-    facets: CondyleAxes | None = None
-    regions: str = ""
-    doubts: tuple[str, ...] = ()
+    facets: CondyleAxes | None = None  # the cylinders that were fitted to them
+    regions: str = ""  # how the facets were chosen, in words
+    doubts: tuple[str, ...] = ()  # sentences on facets that are none of a condyle
 
 
 #: Given the calibration poses, finds the axes: where the tibia is may matter.
@@ -76,11 +67,7 @@ FindAxes = Callable[[Pose], FemurAxes]
 
 
 def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
-    """Axis points by coordinates (`--axes`).
-
-    Raises:
-        InputProblem: of the file.
-    """
+    """Axis points by coordinates (`--axes`)."""
     found = read_axis_points(arguments.axes, side)
     given = _given_epicondyles(arguments, side)
     known = found.epicondyles if given is None else given
@@ -91,12 +78,8 @@ def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
 
 
 def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
-    """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`.
-
-    Raises:
-        InputProblem: of a mesh or the landmarks; where the bones touch, only when the axes are
-            sought.
-    """
+    """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`,
+    where that is found only when the axes are sought."""
     femur = read_mesh_points(arguments.femur, arguments.unit or "auto")
     points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
     epicondyles = _given_epicondyles(arguments, side)
@@ -131,11 +114,7 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
 
 
 def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
-    """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset.
-
-    Raises:
-        InputProblem: the knee has no condyles, or none with axes.
-    """
+    """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset."""
     try:
         points, normals = condyle_points(read.knee)
     except ValueError as error:

@@ -40,22 +40,16 @@ _SAME_FLEXION_DEG = 1e-3
 
 
 class Modelled(NamedTuple):
-    """What one model says.
+    """What one model says."""
 
-    Attributes:
-        measures: of each subject at its own flexions, shape `(subjects, n, 5)`; NaN without a pose.
-        curve: of each subject over `_over`, shape `(subjects, m, 5)`.
-        source: the files or names that it came from.
-        calibrated: of each flexion, whether a subject was measured just where its joint was
-            calibrated, shape `(n,)`.
-        doubts: sentences on poses that are missing or in doubt.
-    """
-
+    # Of each subject at its own flexions, shape `(subjects, n, 5)`; NaN without a pose.
     measures: np.ndarray
-    curve: np.ndarray
-    source: tuple[str, ...]
+    curve: np.ndarray  # of each subject over `_over`, shape `(subjects, m, 5)`
+    source: tuple[str, ...]  # the files or names that it came from
+    # Of each flexion, whether a subject was measured just where its joint was calibrated, shape
+    # `(n,)`.
     calibrated: np.ndarray
-    doubts: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()  # sentences on poses that are missing or in doubt
 
 
 def _over(flexion_deg: np.ndarray) -> np.ndarray:

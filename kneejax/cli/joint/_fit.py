@@ -49,15 +49,11 @@ _DOUBTFUL = 1e-6
 
 
 class ContactKnee(NamedTuple):
-    """A contact knee that was asked for.
+    """A contact knee that was asked for."""
 
-    Attributes:
-        knee: with the numbers of its calibration.
-        frame_offset: free coordinate -> what is added to its motion to compare it with the
-            measured one, mm or degrees; empty unless a calibration fitted it.
-    """
-
-    knee: Knee
+    knee: Knee  # with the numbers of its calibration
+    # Free coordinate -> what is added to its motion to compare it with the measured one, mm or
+    # degrees; empty unless a calibration fitted it.
     frame_offset: Mapping[str, float]
 
 
@@ -168,8 +164,7 @@ def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -
             expected = "a flexion with a converged equilibrium; choose by --at"
             if usable.any():
                 expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
-            place = f"pose at {angle:g} degrees"
-            raise InputProblem(arguments.knee, place, status.word, expected)
+            raise InputProblem(arguments.knee, f"pose at {angle:g} degrees", status.word, expected)
     found.table[:, 0] = angles
     return found._replace(at_deg=at)
 

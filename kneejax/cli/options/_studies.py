@@ -204,9 +204,7 @@ class Identify(
         prior=(Form("NAME=MEAN:SD, e.g. ACL.stiffness=4500:900"),),
         next_tests=(Form("K"),),
         candidates=(
-            Path,
-            File("a CSV table"),
-            "CSV of tests to choose from; a usual set otherwise",
+            Path, File("a CSV table"), "CSV of tests to choose from; a usual set otherwise"
         ),
     )
 ):

@@ -168,15 +168,8 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
 
 
 def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
-    """The muscles of a record; with the patellar tendon where the quadriceps pulls by it.
-
-    Args:
-        knee: as in `activity`.
-        record: likewise; of heads on the patella where the knee has one.
-
-    Returns:
-        Muscles, arrays end in instants.
-    """
+    """The muscles of a record, arrays end in instants; with the patellar tendon where the
+    quadriceps pulls by it."""
     if PATELLA in knee.bodies or not record.quadriceps_N.any():
         return record.muscles
     lines = [line for line in knee.lines if isinstance(line, ConstantTensionLine)]
@@ -192,12 +185,7 @@ def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
 
 
 def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, LoadCases]:
-    """A knee with muscles that are at rest, and the instants with what acts there.
-
-    Args:
-        knee: as in `activity`.
-        record: likewise; of heads on the patella where the knee has one.
-        muscles: see `muscles_over`.
+    """A knee with muscles (`muscles_over`) that are at rest, and the instants with what acts there.
     """
     pulls, every = [], knee.muscles
     if PATELLA in knee.bodies:

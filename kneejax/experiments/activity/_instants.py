@@ -48,22 +48,15 @@ _MISSED_MM = 2.0
 
 @dataclasses.dataclass
 class Instants:
-    """Balances of instants, as far as they are known.
+    """Balances of instants, as far as they are known."""
 
-    Attributes:
-        knee: that balances.
-        load_cases: the instants, in order of time.
-        nodes: fields of the balances, arrays begin with the instant.
-        reached: as in `Motion`.
-        near: balances of a like knee at the same instants, see `activity`; or none.
-        other: coordinates of a second stable balance, `(n, free)`; NaN where none is known.
-    """
-
-    knee: Knee
-    load_cases: LoadCases
-    nodes: dict[str, np.ndarray]
-    reached: np.ndarray
+    knee: Knee  # that balances
+    load_cases: LoadCases  # the instants, in order of time
+    nodes: dict[str, np.ndarray]  # fields of the balances, arrays begin with the instant
+    reached: np.ndarray  # as in `Motion`
+    # Balances of a like knee at the same instants, see `activity`; or none.
     near: Equilibrium | None = None
+    # Coordinates of a second stable balance, `(n, free)`; NaN where none is known.
     other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
@@ -74,14 +67,8 @@ class Instants:
         near: Equilibrium | None = None,
         before: Knee | None = None,
     ) -> Instants:
-        """Find them all.
-
-        Args:
-            knee: without a lane axis, its numbers known.
-            load_cases: as in the attributes.
-            near: likewise.
-            before: the knee that balances there.
-        """
+        """Find them all: of a knee without a lane axis, its numbers known; `before` is the knee
+        that balances at `near`."""
         count = len(load_cases)
         load_cases = jax.tree.map(np.asarray, load_cases.of(knee))
         found = cls(knee, load_cases, {}, np.full(count, np.nan), near)
@@ -229,10 +216,8 @@ class Instants:
     def _in_time(self, way: int) -> None:
         """Where an instant lies far from the one before, or has no balance: begin at that one.
 
-        A knee that may be in balance in two ways stays on the one that it is on.
-
-        Args:
-            way: 1 from the first on; -1 from the last backwards, where there is no balance only.
+        A knee that may be in balance in two ways stays on the one that it is on. The way is 1 from
+        the first on, or -1 from the last backwards, where there is no balance only.
         """
         q, units = self.nodes["q"], np.array(scales(self.load_cases.free))
 

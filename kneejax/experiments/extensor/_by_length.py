@@ -49,26 +49,15 @@ _STRIDE_MM, _MISSED_MM = 0.25, 2.0
 
 
 class OnCable(NamedTuple):
-    """Balances under a quadriceps of given length.
+    """Balances under a quadriceps of given length."""
 
-    Attributes:
-        equilibrium: poses of all bones; NaN where a search failed.
-        pull: of the cable, `(lanes,)`, N, which comes to what the heads have at rest.
-    """
-
-    equilibrium: Equilibrium
-    pull: Array
+    equilibrium: Equilibrium  # poses of all bones; NaN where a search failed
+    pull: Array  # of the cable, `(lanes,)`, N, which comes to what the heads have at rest
 
 
 def drawn(knee: Knee, load_cases: LoadCases, length: Array, expected: Array) -> Knee:
-    """A knee in lanes whose quadriceps hangs on a cable.
-
-    Args:
-        knee: of three bones.
-        load_cases: what is prescribed and acts besides.
-        length: of the quadriceps, `(lanes,)`, mm.
-        expected: pull at which the cable has that length, `(lanes,)`, N.
-    """
+    """A knee of three bones in lanes whose quadriceps hangs on a cable of that length, mm, under
+    the pull that is expected, N, `(lanes,)` each."""
     lanes = load_cases.load(add_lane_axis(knee))
     assert lanes.muscles is not None
     muscles = dataclasses.replace(lanes.muscles, cable=Cable(length, expected))
@@ -96,16 +85,10 @@ def balanced(knee: Knee, load_cases: LoadCases, length: np.ndarray, near: OnCabl
 def drawn_to(
     knee: Knee, load_cases: LoadCases, rest: np.ndarray, longer: np.ndarray, start: OnCable
 ) -> OnCable:
-    """Balances of quadriceps that are drawn from where they are at rest, in strides.
+    """Balances of quadriceps that are drawn from where they are at rest, `rest`, in strides, to be
+    so much longer, or shorter where it is negative, `(lanes,)`, mm.
 
     Each lane has strides of its own and depends on no other.
-
-    Args:
-        knee: of three bones.
-        load_cases: what is prescribed and acts besides.
-        rest: length at the start, `(lanes,)`, mm.
-        longer: by how much it is to be longer, or shorter where it is negative, `(lanes,)`, mm.
-        start: the balances there.
     """
     units = np.array(scales(load_cases.of(knee).free))[:, None]
     before, here, lost = start, start, np.zeros(len(longer), bool)

@@ -228,11 +228,7 @@ class Extensor:
 
 
 def needs_patella(knee: Knee) -> None:
-    """Refuse a knee that has no patella.
-
-    Raises:
-        ValueError: it has none, or no quadriceps.
-    """
+    """Refuse, by a ValueError, a knee that has no patella or no quadriceps."""
     if PATELLA not in knee.bodies or knee.muscles is None or not knee.muscles.quadriceps:
         raise ValueError(
             f"{knee.name} has no patella with a quadriceps: expected a knee read with its patella"
@@ -332,14 +328,8 @@ def _check_pull(pull: np.ndarray) -> None:
 
 
 def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
-    """All that is told of balances of a knee of three bones.
-
-    Args:
-        motion: the balances.
-        pull: of the quadriceps, `(poses,)`, N.
-        walked: `Extensor.walked`, as its searches found it.
-        weight: that bends the knee; weightless where none does.
-    """
+    """All that is told of balances of a knee of three bones, with the quadriceps' pull, `(poses,)`,
+    N; a weight that bends the knee is weightless where none does."""
     mechanics = evaluate(motion.knee, motion.equilibrium.state, motion.equilibrium.contact_points)
     xp = numpy_for(motion, weight)
     forces = xp.linalg.norm(mechanics.contact_force, axis=-1)

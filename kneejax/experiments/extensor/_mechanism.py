@@ -92,15 +92,8 @@ TENDON = "patellar tendon"
 
 
 def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarray]:
-    """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N.
-
-    Args:
-        motion: balances of a knee of three bones.
-        mechanics: ligaments and contacts there.
-
-    Returns:
-        Ligaments by name, the patellar tendon as one, the contacts, muscles and loads. They sum to
-        zero where the knee balances.
+    """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N: ligaments by
+    name, the patellar tendon as one, the contacts, muscles and loads, whose sum is zero in balance.
     """
     knee = motion.knee
     found = _pulls(knee, motion.load_cases, motion.equilibrium)
@@ -156,19 +149,14 @@ def _pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple
 
 
 class ByPull(NamedTuple):
-    """What a stronger quadriceps does at flexions that are held.
+    """What a stronger quadriceps does at flexions that are held."""
 
-    Attributes:
-        moment: about the flexion axis that holds them, `(poses,)`, N mm: that of extension.
-        arm: how fast it grows with the pull, `(poses,)`, mm. As both are mixed derivatives of one
-            energy, this is also how fast the quadriceps becomes longer with flexion while all that
-            is free stays balanced: the moment arm by virtual work.
-        q: how fast the free coordinates move with the pull, `(free, poses)`.
-    """
-
-    moment: Array
+    moment: Array  # about the flexion axis that holds them, `(poses,)`, N mm: that of extension
+    # How fast it grows with the pull, `(poses,)`, mm. As both are mixed derivatives of one energy,
+    # this is also how fast the quadriceps becomes longer with flexion while all that is free stays
+    # balanced: the moment arm by virtual work.
     arm: Array
-    q: Array
+    q: Array  # how fast the free coordinates move with the pull, `(free, poses)`
 
 
 def by_pull(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> ByPull:

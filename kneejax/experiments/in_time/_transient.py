@@ -249,14 +249,7 @@ def described(
     rest: Motion | None = None,
     from_rest_mm: float = float("nan"),
 ) -> Transient:
-    """A motion with its forces and energies.
-
-    Args:
-        found: the motion.
-        sizes: as in `Transient`; likewise the others.
-        rest: likewise.
-        from_rest_mm: likewise.
-    """
+    """A motion with its forces and energies, by what `Transient` says of them."""
     knee = found.moving.knee
     contact_points = jnp.nan_to_num(found.contact_points) if knee.patch_count else None
     mechanics = evaluate(knee, State.of({}, found.q.T, knee.bodies), contact_points)
@@ -265,16 +258,8 @@ def described(
 
 
 def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
-    """A function of time through given values, from where a coordinate is, without overshoot.
-
-    Args:
-        time_s: rising.
-        values: at these, rad or mm.
-        start: where it is; a way that begins elsewhere is moved there.
-
-    Raises:
-        ValueError: times that do not rise.
-    """
+    """A function of rising times through given values, rad or mm, without overshoot, moved to where
+    a coordinate is at the start."""
     from scipy.interpolate import PchipInterpolator
 
     times = rising(time_s)

@@ -14,9 +14,7 @@ from kneejax.numerics import WrongValue
 #: What a machine can move -> the coordinate that it prescribes. Its force is a named load then,
 #: whose work goes along that coordinate alone.
 MOVED_BY_MACHINE = {
-    "anterior": "drawer",
-    "internal_rotation": "internal_rotation",
-    "adduction": "adduction",
+    "anterior": "drawer", "internal_rotation": "internal_rotation", "adduction": "adduction"
 }
 #: Rotations that a machine can hold during a test.
 HELD = ("adduction", "internal_rotation")

@@ -19,23 +19,15 @@ _USUAL_DEG = tuple(range(0, 91, 15))
 
 @dataclasses.dataclass(frozen=True)
 class Ready:
-    """A kind of test.
+    """A kind of test."""
 
-    Attributes:
-        says: what is done, in a phrase.
-        full: load -> its share of the force or moment that is asked for, with its sense.
-        observed: see `LabTest`.
-        size: of that force, N, or moment, N m, where none is asked for.
-        flexion_deg: where no angles are asked for.
-        turns: whether a moment is asked for, not a force.
-    """
-
-    says: str
+    says: str  # what is done, in a phrase
+    # Load -> its share of the force or moment that is asked for, with its sense.
     full: Mapping[str, float]
-    observed: str
-    size: float = 100.0
-    flexion_deg: tuple[float, ...] = _USUAL_DEG
-    turns: bool = False
+    observed: str  # see `LabTest`
+    size: float = 100.0  # of that force, N, or moment, N m, where none is asked for
+    flexion_deg: tuple[float, ...] = _USUAL_DEG  # where no angles are asked for
+    turns: bool = False  # whether a moment is asked for, not a force
 
 
 #: Name of a test -> what it is.

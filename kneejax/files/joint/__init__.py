@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING
 from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
-    from kneejax.files.joint._export import JointExport as JointExport
-    from kneejax.files.joint._export import export_joint as export_joint
+    from kneejax.files.joint._file import JointExport as JointExport
     from kneejax.files.joint._file import JointFile as JointFile
+    from kneejax.files.joint._file import export_joint as export_joint
     from kneejax.files.joint._file import format_joint as format_joint
     from kneejax.files.joint._file import read_joint as read_joint
     from kneejax.files.joint._file import write_joint as write_joint

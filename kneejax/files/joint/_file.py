@@ -1,4 +1,4 @@
-"""Joint files: the axis points of a simple joint, in readable YAML."""
+"""Joint files: the axis points of a simple joint, in readable YAML, and the joint for OpenSim."""
 
 from __future__ import annotations
 
@@ -6,11 +6,14 @@ import dataclasses
 import os
 from typing import Annotated
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files import reading
+from kneejax.files.opensim import simm_splines, transform_axes
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
+from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
 from kneejax.mechanics import Range
 
@@ -161,3 +164,170 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
 
 def _mirror(side: str) -> np.ndarray:
     return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
+
+
+#: Splines leave less than this of every pose, degrees and mm.
+TOLERANCE = 5e-7
+#: The range of flexion in the file, degrees, unless calibration angles lie beyond it.
+RANGE_DEG = (-10.0, 140.0)
+
+# OpenSim takes knots nearer than 1e-7 rad for that far apart.
+_NEAREST = 1.2e-7
+_BLOCK = 512
+_WIDEST_DEG, _RATIO, _HALVINGS = 4.0, 2.0, 5
+_MODEL = """<?xml version="1.0" encoding="UTF-8"?>
+<OpenSimDocument Version="40000">
+  <Model name="{name}">
+    <length_units>meters</length_units>
+    <force_units>N</force_units>
+    <Ground name="ground"/>
+    <BodySet><objects>
+      <Body name="{femur}"><mass>1</mass><mass_center>0 0 0</mass_center>
+        <inertia>0.01 0.01 0.01 0 0 0</inertia></Body>
+      <Body name="{tibia}"><mass>1</mass><mass_center>0 0 0</mass_center>
+        <inertia>0.01 0.01 0.01 0 0 0</inertia></Body>
+    </objects></BodySet>
+    <JointSet><objects>
+      <WeldJoint name="ground_{femur}">
+        <socket_parent_frame>/ground</socket_parent_frame>
+        <socket_child_frame>/bodyset/{femur}</socket_child_frame>
+      </WeldJoint>
+{joint}
+    </objects></JointSet>
+  </Model>
+</OpenSimDocument>
+"""
+_JOINT = """      <CustomJoint name="knee_{s}">
+        <!-- {note} -->
+        <socket_parent_frame>/bodyset/{femur}</socket_parent_frame>
+        <socket_child_frame>/bodyset/{tibia}</socket_child_frame>
+        <coordinates>
+          <Coordinate name="{coordinate}">
+            <default_value>0</default_value>
+            <range>{low!r} {high!r}</range>
+            <clamped>true</clamped>
+          </Coordinate>
+        </coordinates>
+        <SpatialTransform>
+{axes}
+        </SpatialTransform>
+      </CustomJoint>"""
+
+
+@dataclasses.dataclass(frozen=True)
+class JointExport:
+    """A joint as OpenSim reads it.
+
+    Attributes:
+        snippet: the `CustomJoint` element, between bodies `femur_r` and `tibia_r` (or `_l`).
+        model: a whole model of those two bodies and the joint.
+        flexion_deg: knots of the splines, shape `(n,)`.
+        error: largest difference between splines and joint over the range, degrees and mm, shape
+            `(5,)`, in the order of `kneejax.geometry.FREE_COORDINATES`.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> from kneejax.files import export_joint
+        >>> "CustomJoint" in export_joint(JointFile(turning, "a hinge")).snippet
+        True
+    """
+
+    snippet: str
+    model: str
+    flexion_deg: np.ndarray
+    error: np.ndarray
+
+
+def export_joint(file: JointFile) -> JointExport:
+    """Write a joint as an OpenSim 4 CustomJoint with SimmSplines.
+
+    Rotations follow each other about Z (minus flexion), X (adduction), Y (internal rotation), as in
+    `kneejax.geometry.Pose`; translations are in femur axes, m. Knots crowd at the calibration
+    angles, where a moving axis begins, ends or turns, since a cubic spline has no corners; their
+    number is chosen by measuring what the splines leave.
+
+    Args:
+        file: the joint.
+
+    Returns:
+        The texts, and how well they meet the joint. `error` is above `TOLERANCE` only where corners
+        are so sharp that OpenSim cannot resolve them.
+
+    Example:
+        >>> import kneejax as kj
+        >>> pose = kj.Pose.from_table([0.0] * 6)
+        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
+        >>> found = export_joint(JointFile(turning, "a hinge"))
+        >>> bool(found.error.max() < 0.01)
+        True
+    """
+    bends = np.asarray(file.joint.flexion)
+    low = min(np.deg2rad(RANGE_DEG[0]), bends[0] - np.deg2rad(10.0))
+    high = max(np.deg2rad(RANGE_DEG[1]), bends[-1] + np.deg2rad(10.0))
+    error = np.full(5, np.inf)
+    for halving in range(_HALVINGS):
+        last = error.max()
+        knots = _knots(low, high, bends, np.deg2rad(_WIDEST_DEG) / 2**halving)
+        values = _free(file.joint, knots)
+        error = _error(file.joint, knots, values)
+        if error.max() < TOLERANCE or error.max() > 0.7 * last:
+            break
+    s = file.side[0]
+    names = {"femur": f"femur_{s}", "tibia": f"tibia_{s}"}
+    columns = dict(zip(FREE_COORDINATES, values.T, strict=True))
+    snippet = _JOINT.format(
+        s=s, note=_note(file), coordinate=f"knee_flexion_{s}", low=float(low), high=float(high),
+        axes=transform_axes(file.side, f"knee_flexion_{s}", knots, columns), **names,
+    )  # fmt: skip
+    model = _MODEL.format(name=_plain(file.name) or "joint", joint=snippet, **names)
+    return JointExport(snippet + "\n", model, np.rad2deg(knots), error)
+
+
+def _knots(low: float, high: float, bends: np.ndarray, widest: float) -> np.ndarray:
+    """Knots no wider apart than `widest`, ever nearer towards every bend."""
+    ends = np.r_[low, bends, high] if len(bends) > 1 else np.array([low, high])
+    knots = [ends]
+    for i, (left, right) in enumerate(zip(ends, ends[1:], strict=False)):
+        # The range's own ends are no bends.
+        away = [_graded(right - left, widest, last < 1) for last in (i, len(ends) - 2 - i)]
+        knots += [left + away[0], right - away[1], [0.5 * (left + right)]]
+    return np.unique(np.concatenate(knots))
+
+
+def _graded(width: float, widest: float, even: bool) -> np.ndarray:
+    """Distances from a bend, doubling up to `widest`, to nearly half an interval; or even ones."""
+    away = [widest if even else _NEAREST]
+    while away[-1] < 0.5 * width:
+        away.append(away[-1] + min(away[-1] * (_RATIO - 1.0), widest))
+    return np.array(away[:-1])[: None if len(away) > 1 else 0]
+
+
+_state = jax.jit(lambda joint, flexion: State({TIBIA: joint.pose(flexion)}).at(FREE_COORDINATES).T)
+
+
+def _free(joint: Joint, flexion: np.ndarray) -> np.ndarray:
+    """The five free coordinates as OpenSim has them, rad and m, shape `(n, 5)`."""
+    # In blocks of one length: compiled once.
+    blocks = np.pad(flexion, (0, -len(flexion) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
+    found = np.concatenate([np.asarray(_state(joint, block)) for block in blocks])
+    return found[: len(flexion)] * [1.0, 1.0, 1e-3, 1e-3, 1e-3]
+
+
+def _error(joint: Joint, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Largest difference at three places of every interval, degrees and mm."""
+    width = np.diff(knots)[:, None]
+    places = (knots[:-1, None] + width * [0.2, 0.5, 0.8]).ravel()
+    apart = np.abs(simm_splines(knots, values, places) - _free(joint, places)).max(axis=0)
+    return apart * np.r_[np.rad2deg([1.0, 1.0]), 1e3, 1e3, 1e3]
+
+
+def _note(file: JointFile) -> str:
+    angles = ", ".join(f"{x:.4g}" for x in np.rad2deg(np.asarray(file.joint.flexion)))
+    return f"{_plain(file.name)}: a kneejax joint calibrated at {angles} degrees of flexion"
+
+
+def _plain(text: str) -> str:
+    """Text that may stand in a comment and in an attribute."""
+    return "".join(c for c in text if c.isalnum() or c in " _.,()").strip()

@@ -186,8 +186,7 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
     for name, options in (("axis", known), ("side", SIDES)):
         for place, word in table.cells(name):
             if word not in options:
-                expected = f"one of {', '.join(options)}"
-                table.mistakes.append(InputProblem(file, place, word, expected, options))
+                table.mistakes.append(InputProblem(file, place, word, options))
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
     for row, ((_, axis), (_, side)) in enumerate(

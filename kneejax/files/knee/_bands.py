@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from kneejax import mechanics
 from kneejax.files import reading
-from kneejax.files.knee._parts import Mirrored, Point, Sourced, mirrored_points
+from kneejax.files.knee._parts import POINTS, Point, Sourced
 from kneejax.files.reading import Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import Placement, Vector
 from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
@@ -28,17 +28,14 @@ class Area(Part):
     """Where a band is attached, in its bone's frame: an ellipse, or an outline."""
 
     centre_mm: Point | None = None
-    half_axes_mm: Annotated[Any, reads(_half_axes), Mirrored(mirrored_points)] = None
-    outline_mm: Annotated[
-        Any, reads(reading.rows, 3, RANGES["point_mm"]), Mirrored(mirrored_points)
-    ] = None
+    half_axes_mm: Annotated[Any, reads(_half_axes), POINTS] = None
+    outline_mm: Annotated[Any, reads(reading.rows, 3, RANGES["point_mm"]), POINTS] = None
 
     @model_validator(mode="after")
     def _check_area(self) -> Area:
         given = [name for name in type(self).model_fields if getattr(self, name) is not None]
         if given not in ([*_ELLIPSE], ["outline_mm"]):
-            expected = f"{' and '.join(_ELLIPSE)}, or outline_mm"
-            raise wrong(", ".join(given) or "none", expected)
+            raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
         try:
             self.ellipse()
         except ValueError as problem:
@@ -94,15 +91,10 @@ def fibre_names(name: str, band: Band) -> tuple[str, ...]:
 def drawn(
     document: dict[str, Any], bands: Mapping[str, Band], tibia: Placement
 ) -> dict[str, Any]:
-    """A knee document whose bands are fibres, each band a group.
+    """A knee document whose bands (its section `bands`, read) are fibres, each band a group.
 
     Half diameters that are given belong to each other, first to first; those of an outline are
-    chosen so that the band is twisted least at the reference pose.
-
-    Args:
-        document: content of a knee file.
-        bands: its section `bands`, read.
-        tibia: where the tibia is at the reference pose.
+    chosen so that the band is twisted least at the reference pose, where the tibia is at `tibia`.
     """
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
     for name, band in bands.items():

@@ -278,11 +278,8 @@ def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
 
 
 def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:
-    """The document with the section itself where it says that it is the same as another knee's.
-
-    Args:
-        document: content of a knee file with a section `patella`, of either side.
-    """
+    """The document of a knee with a patella, with the section itself where it says that it is the
+    same as another knee's."""
     same_as = document["patella"].get("same_as")
     if same_as is None:
         return document

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
+import fnmatch
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from kneejax import geometry, mechanics
+from kneejax.files.knee import _parts as parts
+from kneejax.files.knee import _surfaces as surfaces
 from kneejax.files.knee._bands import drawn
-from kneejax.files.knee._building import knee_of, knee_with_patella, pose_of
 from kneejax.files.knee._document import (
+    KneeDocument,
+    Patella,
     check_knee,
     mirror_document,
     mirror_part,
@@ -19,8 +26,8 @@ from kneejax.files.knee._document import (
 )
 from kneejax.files.knee._surfaces import build_surface
 from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
-from kneejax.geometry import Surface
-from kneejax.mechanics import Knee
+from kneejax.geometry import FEMUR, PATELLA, TIBIA, Surface
+from kneejax.mechanics import RANGES, Implausible, Knee
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +84,7 @@ class KneeFile:
             raise InputProblem(self.path, "patella", "missing", "this section, in a knee file")
         document, side = with_own_patella(self.document), self.document["side"]
         right = check_knee(mirror_document(document) if side == "left" else document, self.path)
-        return knee_with_patella(right, side, str(self.path), tension_N or {})
+        return _built(right, side, str(self.path), tension_N or {})
 
     @property
     def adaptations(self) -> tuple[dict[str, Any], ...]:
@@ -136,7 +143,7 @@ def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFi
     right = read
     if read.side == "left":
         right = check_knee(mirror_document(document), path)
-    knee = knee_of(right, read.side, os.fspath(path))
+    knee = _built(right, read.side, os.fspath(path))
     return KneeFile(knee, read.sources(), read.description, Path(path), document)
 
 
@@ -164,3 +171,198 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: 
     build_knee(plain, path)
     head = "".join(f"# {line}\n" for line in comment.splitlines())
     write_text(path, head + format_yaml(plain))
+
+
+class Way(NamedTuple):
+    """A part that may have via points and a wrap, the bones that it joins, and known wraps."""
+
+    part: parts.Ligament | parts.Muscle
+    bones: geometry.Pair
+    wraps: Mapping[str, surfaces.Obstacle]
+
+
+def _built(
+    document: KneeDocument, side: str, file: str, tension_N: Mapping[str, float] | None = None
+) -> Knee:
+    """The knee of a document of a right one, as which a knee of that side is read; of three bones
+    where muscles' tensions are given, then without the lines that stand for a patella."""
+    ways, contacts = _ways(document.ligaments, document.wraps), dict[str, surfaces.ContactPart]()
+    contacts |= document.contacts
+    poses, patella = {TIBIA: document.reference_pose}, document.patella
+    if tension_N is not None:
+        assert isinstance(patella, Patella)
+        poses[PATELLA] = patella.reference_pose
+        ways |= _ways(patella.ligaments, patella.wraps)
+        contacts |= patella.contacts
+    state = geometry.State({bone: pose_of(pose) for bone, pose in poses.items()})
+    muscles = None if tension_N is None else _muscles(patella, state, file, tension_N)
+    lines = document.lines.items() if tension_N is None else ()
+    names = tuple(ways)
+
+    def members(patterns: Iterable[str]) -> tuple[str, ...]:
+        return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
+
+    return Knee(
+        ligaments=_ligaments(ways, state, file),
+        contacts=tuple(part.built() for part in contacts.values()),
+        loads=tuple(part.built(name=name) for name, part in document.loads.items()),
+        lines=tuple(part.built(name=name) for name, part in lines),
+        reference_pose=state.tibia,
+        contact_names=tuple(contacts),
+        groups=tuple((name, members(rows)) for name, rows in document.groups.items()),
+        name=document.name,
+        side=side,
+        other_bones={bone: pose for bone, pose in state.poses.items() if bone != TIBIA},
+        muscles=muscles,
+    )
+
+
+def _floats(numbers: Any) -> np.ndarray:
+    return np.array(numbers, float)
+
+
+def pose_of(stated: Any) -> geometry.Pose:
+    """A pose of a document."""
+    return geometry.Pose.from_table([x for name, x in stated if name != "source"])
+
+
+def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> dict[str, Way]:
+    return {
+        name: Way(part, (parts.ENDS[part.ends[0]], parts.ENDS[part.ends[1]]), wraps)
+        for name, part in ligaments.items()
+    }
+
+
+def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechanics.Ligaments:
+    """All fibres; those of the patella must not be torn at the reference poses."""
+    ligaments: list[Any] = [way.part for way in ways.values()]
+    usual = mechanics.usual_failure_strain(tuple(ways))
+    tears = [usual[row] if one.failure_strain is None else one.failure_strain
+             for row, one in enumerate(ligaments)]  # fmt: skip
+
+    def column(name: str) -> np.ndarray:
+        return _floats([getattr(part, name) for part in ligaments])
+
+    def fibres(slack: np.ndarray) -> mechanics.Ligaments:
+        return mechanics.Ligaments(
+            _floats([getattr(part, part.ends[0]) for part in ligaments]),
+            _floats([getattr(part, part.ends[1]) for part in ligaments]),
+            column("stiffness_N"),
+            slack,
+            # Of the law of Blankevoort; the other has none, and any number will do.
+            _floats([0.06 if x.transition_strain is None else x.transition_strain
+                     for x in ligaments]),
+            column("transition_width"),
+            tuple(ways),
+            _courses([*ways.values()]),
+            _floats(tears),
+            damping=column("damping_N_s"),
+            area=column("area_mm2"),
+            laws=tuple(part.law for part in ligaments),
+            bodies=tuple(way.bones for way in ways.values()),
+        )
+
+    unloaded = fibres(np.ones(len(ligaments)))
+    inside, lengths = mechanics.at_reference(unloaded, state, detour_counts(ligaments))
+    lengths = np.asarray(lengths)
+    slack = [slack_length(*pair) for pair in zip(ligaments, lengths.tolist(), strict=True)]
+    found = fibres(np.array(slack))
+    try:
+        mechanics.check_fibres(found, inside, lengths)
+    except Implausible as problem:
+        raise _at_its_place(problem, ways[problem.fibre].part, file) from None
+    if PATELLA in state.poses:
+        strains = lengths / np.asarray(found.slack_length) - 1.0
+        for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
+            if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
+                given = part.slack_field
+                expected = (
+                    f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference "
+                    f"poses: strained by {100.0 * strains[row]:.0f} % it would be torn"
+                )
+                place = f"patella.ligaments.{name}.{given}"
+                raise InputProblem(file, place, getattr(part, given), expected)
+    return found
+
+
+def _at_its_place(problem: Implausible, part: Any, file: str) -> InputProblem:
+    """What is wrong with a fibre, said of the field that gave it."""
+    section = "ligaments" if part.patellar_attachment_mm is None else "patella.ligaments"
+    place, value, expected = f"{section}.{problem.fibre}", problem.value, problem.expected
+    if problem.quantity == "wrap":
+        place, value = f"{place}.wrap", part.wrap
+    elif problem.quantity == "slack_length":
+        given = part.slack_field
+        place, value = f"{place}.{given}", getattr(part, given)
+        expected = f"a value that gives a slack length {expected}"
+    return InputProblem(file, place, value, expected)
+
+
+def _courses(ways: list[Way]) -> list[mechanics.Course]:
+    """What is not straight, together where bones and obstacle are the same."""
+    kinds: dict[tuple, list[int]] = {}
+    for row, way in enumerate(ways):
+        bones = tuple(via.bone for via in way.part.via_points)
+        if bones or way.part.wrap is not None:
+            section = id(way.wraps) if way.part.wrap is not None else 0
+            kinds.setdefault((way.bones, bones, way.part.wrap, section), []).append(row)
+    courses = []
+    for (pair, bones, name, _), rows in kinds.items():
+        via = [[ways[row].part.via_points[k].point_mm for row in rows] for k in range(len(bones))]
+        points = np.array(via, float) if bones else None
+        wrap = ways[rows[0]].wraps[name] if name else None
+        bone = wrap.bone if wrap else pair[1]
+        obstacle = wrap.built() if wrap else None
+        courses.append(mechanics.Course(rows, points, bones, obstacle, bone, pair))
+    return courses
+
+
+def _muscles(
+    patella: Patella, state: geometry.State, file: str, tension_N: Mapping[str, float]
+) -> mechanics.Muscles:
+    """Muscles that pull."""
+    known = patella.muscles
+    for name, tension in tension_N.items():
+        if name not in known:
+            raise InputProblem(file, "patella.muscles", name, known)
+        if not RANGES["tension_N"].holds(tension):
+            expected = RANGES["tension_N"].expected(tension)
+            raise InputProblem(file, f"tension of {name}", f"{tension:g} N", expected)
+    tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
+    names = tuple(name for name, tension in tensions.items() if tension > 0)
+    ways = [Way(known[x], (FEMUR, known[x].insertion_bone), patella.wraps) for x in names]
+    muscles = mechanics.Muscles(
+        [known[name].origin_mm for name in names],
+        [known[name].insertion_mm for name in names],
+        [tensions[name] for name in names],
+        names,
+        _courses(ways),
+        tuple(way.bones for way in ways),
+    )
+    for row in np.flatnonzero(np.asarray(muscles.ends_inside(state))):
+        expected = f"an origin, via points and an insertion outside {ways[row].part.wrap}"
+        place = f"patella.muscles.{names[row]}.wrap"
+        raise InputProblem(file, place, "an end inside what the muscle goes around", expected)
+    return muscles
+
+
+def detour_counts(ligaments: Iterable[parts.Ligament]) -> bool:
+    """Whether a slack length depends on the way that a fibre takes at the reference pose."""
+    return any(
+        (part.wrap is not None or part.via_points) and part.slack_length_mm is None
+        for part in ligaments
+    )
+
+
+def slack_length(part: parts.Ligament, length: float) -> float:
+    """The slack length of a ligament that is so long at the reference pose, mm."""
+    if part.slack_length_mm is not None:
+        return float(part.slack_length_mm)
+    if part.reference_strain is not None:
+        return float(mechanics.ligament_law.slack_length_from_strain(length, part.reference_strain))
+    values = part.reference_force_N, part.stiffness_N
+    if part.law == mechanics.NEO_HOOKEAN:
+        law = mechanics.neo_hookean_law
+        return float(law.slack_length_from_force(length, *values, part.transition_width))
+    corners = part.transition_strain, part.transition_width
+    return float(mechanics.ligament_law.slack_length_from_force(length, *values, *corners))

@@ -17,24 +17,14 @@ from typing import Annotated, Any, ClassVar, TypeVar, get_args
 import numpy as np
 from pydantic import BeforeValidator, model_validator
 
+from kneejax import mechanics
 from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Number, Part, Text, entries, one_of, reads, text, wrong
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
-from kneejax.mechanics import (
-    AXES,
-    BLANKEVOORT,
-    BONES,
-    LIGAMENT_LAWS,
-    RANGES,
-    ConstantTensionLine,
-    Load,
-)
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
-    "femoral_attachment_mm": FEMUR,
-    "patellar_attachment_mm": PATELLA,
-    "tibial_attachment_mm": TIBIA,
+    "femoral_attachment_mm": FEMUR, "patellar_attachment_mm": PATELLA, "tibial_attachment_mm": TIBIA
 }
 #: The ways to give a slack length; a ligament has exactly one.
 SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
@@ -112,42 +102,35 @@ def negative(x: float) -> float:
     return 0.0 - x if x == 0 else -x
 
 
-def _point(x: Any, _: Any) -> list[float]:
-    return [x[0], x[1], negative(x[2])]
+def signed(*signs: int) -> Mirrored:
+    """Of so many numbers, or of each row of a table, the image has these signs."""
+
+    def image(x: Any, part: Any) -> list:
+        if not isinstance(x[0], int | float):
+            return [image(row, part) for row in x]
+        return [negative(one) if sign < 0 else one for one, sign in zip(x, signs, strict=True)]
+
+    return Mirrored(image)
 
 
-def mirrored_points(x: Any, _: Any) -> list[list[float]]:
-    """Points of the mirrored knee."""
-    return [_point(one, _) for one in x]
-
-
-def turned(x: Any, _: Any) -> list[float]:
-    """A moment, or a rotation about three axes, of the mirrored knee."""
-    return [negative(x[0]), negative(x[1]), x[2]]
+#: Of points and forces; of moments, and of rotations about three axes.
+POINTS, TURNS = signed(1, 1, -1), signed(-1, -1, 1)
 
 
 _texts = reading.mapping_of(lambda value, _: text(value), "a text for each field")
 
 
-def _source(value: Any) -> Any:
-    return _texts(value) if isinstance(value, dict) else text(value)
-
-
 Vector = tuple[float, float, float]
-Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), Mirrored(_point)]
-Force = Annotated[Vector, reading.numbers_within(3, "force_N"), Mirrored(_point)]
-Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), Mirrored(turned)]
+Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), POINTS]
+Force = Annotated[Vector, reading.numbers_within(3, "force_N"), POINTS]
+Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), TURNS]
 
 
 class Sourced(Part):
-    """A part with the source of its numbers: a text, or one for each field.
+    """A part with the source of its numbers: a text, or one for each field."""
 
-    Attributes:
-        makes: the class of what is built of it.
-    """
-
-    makes: ClassVar[Callable[..., Any]]
-    source: Annotated[Any, reads(_source)]
+    makes: ClassVar[Callable[..., Any]]  # the class of what is built of it
+    source: Annotated[Any, reads(lambda x: (_texts if isinstance(x, dict) else text)(x))]
 
     @classmethod
     def __pydantic_init_subclass__(cls, **more: Any) -> None:
@@ -216,7 +199,7 @@ class Ligament(Course):
     patellar_attachment_mm: Point | None = None
     tibial_attachment_mm: Point | None = None
     wrap: Wrap = None
-    law: Annotated[str, one_of(LIGAMENT_LAWS), WORD] = BLANKEVOORT
+    law: Annotated[str, one_of(mechanics.LIGAMENT_LAWS), WORD] = mechanics.BLANKEVOORT
     stiffness_N: Number
     area_mm2: Number = 0.0
     reference_strain: Number | None = None
@@ -247,9 +230,8 @@ class Ligament(Course):
             mistakes.append(wrong(", ".join(given) or "none", expected))
         ends = [name for name in ENDS if getattr(self, name) is not None]
         if len(ends) != 2:
-            expected = f"two of {', '.join(ENDS)}"
-            mistakes.append(wrong(", ".join(ends) or "none", expected))
-        if self.law == BLANKEVOORT and self.transition_strain is None:
+            mistakes.append(wrong(", ".join(ends) or "none", f"two of {', '.join(ENDS)}"))
+        if self.law == mechanics.BLANKEVOORT and self.transition_strain is None:
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():
             self.check_bones(tuple(ENDS[end] for end in ends))
@@ -275,12 +257,10 @@ class LigamentOfTwo(Ligament):
 class Line(Sourced):
     """A line of constant tension."""
 
-    makes = ConstantTensionLine
+    makes = mechanics.ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[
-        Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), Mirrored(mirrored_points)
-    ]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, mechanics.RANGES["coefficient_mm"]), POINTS]
 
 
 class Muscle(Course):
@@ -302,12 +282,12 @@ class Muscle(Course):
 class LoadOfFile(Sourced):
     """A force and a moment."""
 
-    makes = Load
+    makes = mechanics.Load
     force_N: Force | None = None
     moment_Nmm: Moment | None = None
     point_mm: Point | None = None
-    axes: Annotated[str, one_of(AXES), WORD]
-    point_in: Annotated[str, one_of(BONES), WORD] = TIBIA
+    axes: Annotated[str, one_of(mechanics.AXES), WORD]
+    point_in: Annotated[str, one_of(mechanics.BONES), WORD] = TIBIA
 
     @model_validator(mode="after")
     def _check_load(self) -> LoadOfFile:

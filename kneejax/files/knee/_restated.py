@@ -10,27 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from kneejax import mechanics
 from kneejax.files.knee import _parts as parts
-from kneejax.files.knee._building import detour_counts, slack_length
+from kneejax.files.knee import _surfaces as surfaces
 from kneejax.files.knee._document import mirror_document, with_own_patella
-from kneejax.files.knee._surfaces import (
-    FACES,
-    OBSTACLES,
-    SURFACES,
-    ContactPart,
-    RingPart,
-    Surface,
-)
+from kneejax.files.knee._file import detour_counts, slack_length
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
-from kneejax.mechanics import (
-    NEO_HOOKEAN,
-    RANGES,
-    Fibres,
-    Knee,
-    at_reference,
-    usual_failure_strain,
-)
 
 #: Fields of a fibre whose numbers stand in an array of fibres.
 _OF_FIBRE = ("stiffness_N", "area_mm2", "transition_strain", "transition_width",
@@ -41,7 +27,7 @@ _STRAIGHT = ("femoral_attachment_mm", "tibial_attachment_mm", *_OF_FIBRE)
 _LAST_DIGITS = 500.0
 
 
-def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any]:
+def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dict[str, Any]:
     """A knee document with the numbers of a knee.
 
     Only numbers that are others than those of the document are written, in the document's own
@@ -60,9 +46,8 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 
     Example:
         >>> from kneejax.files import load_knee_file
-        >>> from kneejax.parameters import with_values
         >>> read = load_knee_file("four_ligament")
-        >>> stiff = with_values(read.knee, {"ACL.stiffness": 5000.0})
+        >>> stiff = read.knee.replace({"ACL.stiffness": 5000.0})
         >>> ligament = restated(read.document, stiff, "our robot")["ligaments"]["ACL"]
         >>> ligament["stiffness_N"], ligament["source"]["stiffness_N"]
         (5000.0, 'our robot')
@@ -77,12 +62,12 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
     _courses(sections, parts.Ligament, knee.ligaments, source)
     contacts = [part for section in sections for part in section["contacts"].values()]
     for part, contact in zip(contacts, knee.contacts, strict=True):
-        _state(part, contact, ContactPart, source)
-        if "ring" in part and _put(part["ring"], _numbers_of(contact.ring, RingPart)):
-            _say(part, ContactPart, ["ring"], source)
-        faces = [face for face in FACES if face in part]
+        _state(part, contact, surfaces.ContactPart, source)
+        if "ring" in part and _put(part["ring"], _numbers_of(contact.ring, surfaces.RingPart)):
+            _say(part, surfaces.ContactPart, ["ring"], source)
+        faces = [face for face in surfaces.FACES if face in part]
         for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
-            _state(part[field], surface, SURFACES[part[field]["kind"]], source)
+            _state(part[field], surface, surfaces.SURFACES[part[field]["kind"]], source)
     still = dict.fromkeys(parts.attributes(parts.LoadOfFile), (0.0, 0.0, 0.0))
     for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
         _state(part, load, parts.LoadOfFile, source, still)
@@ -102,12 +87,9 @@ def restated(document: dict[str, Any], knee: Knee, source: str) -> dict[str, Any
 
 
 def reconstructed(
-    document: dict[str, Any],
-    knee: Knee,
-    torn: Sequence[str],
-    grafts: Sequence[str],
+    document: dict[str, Any], knee: mechanics.Knee, torn: Sequence[str], grafts: Sequence[str],
     source: str,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """A knee document without its torn fibres, and with grafts.
 
     Args:
@@ -153,18 +135,18 @@ def reconstructed(
     return mirror_document(right) if left else right
 
 
-def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> None:
+def _fibres(ligaments: dict[str, dict[str, Any]], knee: mechanics.Knee, source: str) -> None:
     fibres = knee.ligaments
     models = [parts.Ligament.model_construct(**one) for one in ligaments.values()]
-    _, lengths = at_reference(fibres, knee.at_reference, detour_counts(models))
+    _, lengths = mechanics.at_reference(fibres, knee.at_reference, detour_counts(models))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
     numbers = {field: np.asarray(getattr(fibres, parts.quantity(field))) for field in _OF_FIBRE}
-    usual = usual_failure_strain(tuple(ligaments))
+    usual = mechanics.usual_failure_strain(tuple(ligaments))
     for row, (part, model) in enumerate(zip(ligaments.values(), models, strict=True)):
         found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
         found |= {field: values[row] for field, values in numbers.items()}
-        if model.law == NEO_HOOKEAN:
+        if model.law == mechanics.NEO_HOOKEAN:
             del found["transition_strain"]
         others = {"failure_strain": usual[row], "damping_N_s": 0.0, "area_mm2": 0.0}
         changed = _put(part, found, others)
@@ -174,7 +156,7 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> No
             given = model.slack_field
             del part[given]
             strain = float(lengths[row] / slack[row] - 1.0)
-            if given == "reference_strain" and RANGES[given].holds(strain):
+            if given == "reference_strain" and mechanics.RANGES[given].holds(strain):
                 part[given] = strain
             else:
                 given = "slack_length_mm"
@@ -184,7 +166,7 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: Knee, source: str) -> No
 
 
 def _courses(
-    sections: list[dict[str, Any]], model: type[parts.Course], among: Fibres, source: str
+    sections: list[dict[str, Any]], model: type[parts.Course], among: mechanics.Fibres, source: str
 ) -> None:
     """Via points, and what fibres go around, each in its own section."""
     kind = "ligaments" if model is parts.Ligament else "muscles"
@@ -203,7 +185,7 @@ def _courses(
         place = home[fibres[0]]
         section, name = sections[place], sections[place][kind][fibres[0]]["wrap"]
         wrap = copy.deepcopy(before[place][name])
-        _state(wrap, course.obstacle, OBSTACLES[wrap["kind"]], source)
+        _state(wrap, course.obstacle, surfaces.OBSTACLES[wrap["kind"]], source)
         if (place, name) in stated and wrap != section["wraps"][name]:
             name = f"{name}_{fibres[0]}"
             for fibre in fibres:
@@ -254,7 +236,7 @@ def _say(part: dict[str, Any], model: type[Part], changed: list[str], source: st
     if not changed:
         return
     said = part["source"]
-    if issubclass(model, Surface):  # it has one text
+    if issubclass(model, surfaces.Surface):  # it has one text
         part["source"] = f"{said}; {', '.join(changed)}: {source}"
         return
     if not isinstance(said, dict):

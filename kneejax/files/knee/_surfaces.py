@@ -47,10 +47,6 @@ def _swapped(x: Any, _: Any) -> list[float]:
     return [parts.negative(x[1]), parts.negative(x[0])]
 
 
-def _outlined(x: Any, _: Any) -> list[list[float]]:
-    return [[a, parts.negative(b)] for a, b in x]
-
-
 def _extent(value: Any) -> tuple[float, float]:
     lower, upper = reading.interval(value, RANGES["point_mm"])
     width = RANGES["size_mm"]
@@ -74,7 +70,7 @@ def _outline(value: Any) -> list[tuple[float, ...]]:
 
 
 Origin = Annotated[Point, Gives("frame.origin")]
-Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), Mirrored(parts.turned)]
+Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), parts.TURNS]
 Rotation = Annotated[Turn | None, Gives("frame.rotation")]
 Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
 Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
@@ -148,7 +144,7 @@ class Plateau(Surface):
     origin_mm: Origin
     rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
-    outline_mm: Annotated[Any, reads(_outline), Mirrored(_outlined)] = None
+    outline_mm: Annotated[Any, reads(_outline), parts.signed(1, -1)] = None
     anterior_mm: Annotated[tuple[float, float], reads(_extent), Gives("x")]
     lateral_mm: Annotated[Extent, Gives("z")]
     coefficients_mm: Table
@@ -250,10 +246,6 @@ def _horns(value: Any) -> tuple[float, float]:
     return begin, end
 
 
-def _middle(x: Any, _: Any) -> list[float]:
-    return [x[0], parts.negative(x[1])]
-
-
 class RingPart(Part):
     """What holds a meniscus from horn to horn; without it a rim stands still."""
 
@@ -262,7 +254,7 @@ class RingPart(Part):
     horn_stiffness_N_per_mm: Number
     coronary_stiffness_N_per_mm: Number
     middle_mm: Annotated[
-        tuple[float, float], reading.numbers_within(2, "point_mm"), Mirrored(_middle)
+        tuple[float, float], reading.numbers_within(2, "point_mm"), parts.signed(1, -1)
     ]
     horns_deg: Annotated[tuple[float, float], reads(_horns), Mirrored(_swapped)]
     sections: Annotated[int, reads(reading.whole, 2, 60), APART] = 12

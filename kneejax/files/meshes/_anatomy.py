@@ -74,10 +74,7 @@ def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
     """Find the transverse axis and the notch in sheets of the femoral cartilage, unless they are
-    given; `findings` gets sentences.
-
-    Raises:
-        InputProblem: the mesh has not the size or the place of a femur's cartilage.
+    given; `findings` gets sentences. Raises where the mesh has not the size or place of a femur's.
     """
     name = sheets[0].name
     points = np.concatenate([sheet.corners()[0] for sheet in sheets])
@@ -112,13 +109,10 @@ def find_plateaus(
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:
     """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
-    upwards.
+    upwards: at the lateral place `split_mm`, tibia frame, where it is given.
 
-    `tibia` is the pose in the femur at which the meshes meet, `split_mm` the lateral place, tibia
-    frame, at which the compartments part, where it is given.
-
-    Raises:
-        InputProblem: the meshes do not meet, or both parts lie on one side of the notch.
+    `tibia` is the pose in the femur at which the meshes meet; raises where they do not, or both
+    parts lie on one side of the notch.
     """
     name = sheets[0].name
     facing = [

@@ -88,12 +88,8 @@ def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     """Repair a mesh, which findings call by a name, and take it apart into connected sheets.
 
-    Returns:
-        Sheets, the largest first, without fragments of less than a twentieth of the area; and what
-        was found and repaired, one sentence each.
-
-    Raises:
-        InputProblem: the mesh is beyond repair.
+    Gives sheets, the largest first, without fragments of less than a twentieth of the area, and a
+    sentence for each thing that was found and repaired; raises of a mesh beyond repair.
     """
     findings: list[str] = []
     named = Path(name).name
@@ -102,8 +98,7 @@ def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
     points, faces = _cleaned(mesh, name, findings)
     pairs, same_way, open_edges, branching = _edges(faces)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
-        value = f"{branching} with more than two triangles"
-        raise InputProblem(name, "edges", value, "a surface")
+        raise InputProblem(name, "edges", f"{branching} with more than two triangles", "a surface")
     if branching:
         findings.append(f"{named}: {counted(branching, 'edge')} of more than two triangles, kept.")
     part, flip = _connected(len(faces), pairs, same_way)

@@ -119,8 +119,7 @@ class MeshOptions:
         for name, value, known in (("law", self.law, cartilage_law.LAWS),
                                    ("thickness", self.thickness, THICKNESSES)):
             if value not in known:
-                expected = f"one of {', '.join(known)}"
-                raise InputProblem(f"--{name}", name, value, expected, known)
+                raise InputProblem(f"--{name}", name, value, known)
         for option, what, field in (
             ("--modulus", "Young's modulus", "youngs_modulus_MPa"),
             ("--poisson-ratio", "Poisson's ratio", "poisson_ratio"),

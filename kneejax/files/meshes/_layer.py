@@ -45,11 +45,8 @@ def find_layer(
     findings: list[str],
 ) -> Layer:
     """Measure the layer of a compartment between the surfaces of the bones, where they are known:
-    `constant`, or a `field` over the plateau's parameters.
-
-    Raises:
-        InputProblem: cartilage lies below its bone.
-    """
+    `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
+    bone."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
     # Points of the condyle's contact region with their normals.
@@ -155,19 +152,15 @@ def distances_along(
 
 
 def thickness(cartilage: Cloud, bone: list[Sheet], what: str) -> np.ndarray:
-    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below.
-
-    Raises:
-        InputProblem: no bone lies below most of it, or it lies below the bone's surface.
-    """
+    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below. Raises where none
+    lies below most of it, or it lies below the bone's surface."""
     found = distances_along(cartilage.points, -cartilage.normals, bone)
     known = np.isfinite(found)
     name = bone[0].name
     share = float(np.average(known, weights=cartilage.areas))
     if share < 0.5:
         expected = f"bone below the {what} cartilage; do both meshes have one frame?"
-        value = f"below {100 * share:.0f} % of the cartilage"
-        raise InputProblem(name, "place", value, expected)
+        raise InputProblem(name, "place", f"below {100 * share:.0f} % of the cartilage", expected)
     below = float(np.average(found[known] < -TOUCHING_MM, weights=cartilage.areas[known]))
     if below > MOST_NEGATIVE:
         expected = f"a {what} cartilage thicker than zero, above its bone"

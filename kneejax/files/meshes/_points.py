@@ -76,8 +76,7 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
     """
     path = Path(path)
     if unit not in MESH_UNITS:
-        expected = f"one of {', '.join(MESH_UNITS)}"
-        raise InputProblem(path, "unit", unit, expected, MESH_UNITS)
+        raise InputProblem(path, "unit", unit, MESH_UNITS)
     data = read_bytes(path, "a triangle mesh")
     if path.suffix.lower() not in MESH_ENDINGS:
         expected = f"a triangle mesh ending in {', '.join(MESH_ENDINGS)}"

@@ -42,25 +42,15 @@ _BACKWARDS = (0.0, 0.0, 0.5 * np.pi)
 
 @dataclasses.dataclass(frozen=True)
 class FitQuality:
-    """What a fit leaves over in the contact region, mm.
+    """What a fit leaves over in the contact region, mm."""
 
-    Attributes:
-        rms: root of the area-weighted mean square normal distance.
-        maximum: largest distance.
-        mean: area-weighted mean distance, positive where points lie outside the fit.
-        patch_rms: root mean square of the means over patches of `PATCH_MM`.
-        patch_maximum: largest of those means.
-        everywhere_rms: `rms` over the whole fitted region.
-        held_out_rms: over the whole fitted region, of points that were held out.
-    """
-
-    rms: float
-    maximum: float
-    mean: float
-    patch_rms: float
-    patch_maximum: float
-    everywhere_rms: float
-    held_out_rms: float
+    rms: float  # root of the area-weighted mean square normal distance
+    maximum: float  # largest distance
+    mean: float  # area-weighted mean distance, positive where points lie outside the fit
+    patch_rms: float  # root mean square of the means over patches of `PATCH_MM`
+    patch_maximum: float  # largest of those means
+    everywhere_rms: float  # `rms` over the whole fitted region
+    held_out_rms: float  # over the whole fitted region, of points that were held out
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,11 +126,8 @@ def fit_patella(
 ) -> SplineFit[Plateau]:
     """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
 
-    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral.
-
-    Raises:
-        InputProblem: the mesh has not the size of a patella's cartilage, does not face backwards,
-            or consists of several sheets.
+    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
+    where they are no patella's cartilage that faces backwards, in one sheet.
     """
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))

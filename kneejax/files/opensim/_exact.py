@@ -31,7 +31,7 @@ def read_decimal(word: str) -> Decimal:
     if x is None or not math.isfinite(x):
         raise ValueError(word)
     exact = Decimal(word.strip())
-    printed = len(_digits(exact)) == 17 and exact == Decimal(f"{x:.17g}")
+    printed = len(exact.as_tuple().digits) == 17 and exact == Decimal(f"{x:.17g}")
     return Decimal(repr(x)) if printed else exact
 
 
@@ -104,11 +104,6 @@ def radians(x: float) -> Decimal:
     return angle
 
 
-def _digits(value: Decimal) -> tuple[int, ...]:
-    digits = value.as_tuple().digits
-    return digits if any(digits) else (0,)
-
-
 def decimals(values: np.ndarray) -> Point:
     """The numbers that doubles are printed as."""
     return np.array([Decimal(repr(float(x) + 0.0)) for x in values], object)
@@ -120,15 +115,11 @@ MIRROR = {"r": np.eye(3), "l": np.diag([1.0, 1.0, -1.0])}
 
 
 class Rigid(NamedTuple):
-    """Motions `x -> turn x + shift`, m, one or one an instant.
+    """Motions `x -> turn x + shift`, m, one or one an instant."""
 
-    Attributes:
-        turn: `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
-        shift: `(..., 3)`: doubles, or decimals.
-    """
-
+    # `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
     turn: np.ndarray | None = None
-    shift: np.ndarray = ORIGIN
+    shift: np.ndarray = ORIGIN  # `(..., 3)`: doubles, or decimals
 
     @classmethod
     def of(cls, translation: Point, angles: Point) -> Rigid:

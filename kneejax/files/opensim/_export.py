@@ -12,19 +12,8 @@ import numpy as np
 
 from kneejax.files._knees import load_knee_file
 from kneejax.files.knee import KneeFile
+from kneejax.files.opensim import _exact as exact
 from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
-from kneejax.files.opensim._exact import (
-    METRES_TO_MM,
-    Rigid,
-    angles_xyz,
-    decimals,
-    metres,
-    millimetres,
-    radians,
-    turn_xyz,
-    unshifted,
-    write_decimal,
-)
 from kneejax.files.opensim._frames import SAME
 from kneejax.files.opensim._import import OsimImport, import_osim
 from kneejax.files.opensim._knee import SIDES
@@ -184,7 +173,7 @@ class _Export:
                 computed = field not in entry and abs(new - old[field]) <= _ROUNDING * old[field]
                 if new == old[field] or computed:
                     continue
-                number = unshifted(new, METRES_TO_MM if length else 0)
+                number = exact.unshifted(new, exact.METRES_TO_MM if length else 0)
                 _write(ligament.element, tag, [number], [0])
                 self.say(f"{name}.{field}", old[field], new)
             points, was = ([x["femoral_attachment_mm"], *x.get("via_points", ()),
@@ -229,7 +218,7 @@ class _Export:
             for field, tag, _ in WRAP_KINDS[wrap.element.tag][1]:
                 new, was = (np.ravel(x[field]).tolist() for x in (entry, old))
                 changed = [i for i, (x, y) in enumerate(zip(new, was, strict=True)) if x != y]
-                _write(wrap.element, tag, metres(new), changed)
+                _write(wrap.element, tag, exact.metres(new), changed)
                 self.say(f"{name}.{field}", old[field], entry[field])
 
     def replace_fibres(self) -> None:
@@ -268,17 +257,18 @@ class _Export:
         via = [(one["bone"], one["point_mm"]) for one in entry.get("via_points", ())]
         ends = (FEMUR, entry["femoral_attachment_mm"]), (TIBIA, entry["tibial_attachment_mm"])
         for number, (bone, point) in enumerate((ends[0], *via, ends[1]), start=1):
-            location = self.base.knee.rigid[bodies[bone]][1].point_back(metres(point))
+            location = self.base.knee.rigid[bodies[bone]][1].point_back(exact.metres(point))
             one = etree.SubElement(objects, "PathPoint", name=f"{name}-P{number}")
             etree.SubElement(one, on_body).text = prefix + bodies[bone]
-            etree.SubElement(one, "location").text = " ".join(map(write_decimal, location))
+            etree.SubElement(one, "location").text = " ".join(map(exact.write_decimal, location))
         if "wrap" in entry:
             objects = etree.SubElement(etree.SubElement(path, "PathWrapSet"), "objects")
             wrap = etree.SubElement(etree.SubElement(objects, "PathWrap"), "wrap_object")
             wrap.text = self.key("wraps", entry["wrap"])
         for field, (tag, *_) in NUMBERS.items():
-            places = METRES_TO_MM if field == "slack_length_mm" else 0
-            etree.SubElement(fibre, tag).text = write_decimal(unshifted(entry[field], places))
+            places = exact.METRES_TO_MM if field == "slack_length_mm" else 0
+            number = exact.unshifted(entry[field], places)
+            etree.SubElement(fibre, tag).text = exact.write_decimal(number)
         etree.indent(fibre, space="\t")
         return fibre
 
@@ -327,30 +317,31 @@ class _Export:
 
 def _write(parent: Element, tag: str, every: Sequence[Decimal], changed) -> None:
     """Write those numbers of a child that changed, by their places; all if it has none yet."""
-    leaf, words = parent.child(tag), [write_decimal(value) for value in every]
+    leaf, words = parent.child(tag), [exact.write_decimal(value) for value in every]
     if changed and leaf is None:
         parent.add(tag, " ".join(words))
     elif changed and leaf is not None:
         leaf.set_words(words, changed)
 
 
-def _write_vector(parent: Element, tag: str, carrier: Rigid, old, new, turns=False) -> None:
+def _write_vector(parent: Element, tag: str, carrier: exact.Rigid, old, new, turns=False) -> None:
     """Move a point, mm, or turn what has three angles, degrees, which a child states in
     coordinates that `carrier` takes to the bone's."""
     changed = [i for i in range(3) if float(new[i]) != old[i]]
     if not changed:
         return
     if carrier.turn is None:
-        inner = [radians(float(x)) for x in new] if turns else carrier.point_back(metres(new))
+        there = [exact.radians(float(x)) for x in new] if turns else exact.metres(new)
+        inner = there if turns else carrier.point_back(there)
         stated = parent.point(tag)
         inner = [inner[i] if i in changed else stated[i] for i in range(3)]
         return _write(parent, tag, inner, changed)
     back = carrier.matrix.T
     if turns:
-        inner = decimals(angles_xyz(back @ turn_xyz(np.deg2rad(new))))
+        inner = exact.decimals(exact.angles_xyz(back @ exact.turn_xyz(np.deg2rad(new))))
     else:
-        inner = carrier.point_back(metres(new))
+        inner = carrier.point_back(exact.metres(new))
         for _ in range(3):  # a rounding of the way there is taken back
-            there = millimetres(carrier.point(inner))
-            inner = decimals(inner.astype(float) + back @ np.subtract(new, there) / 1e3)
+            there = exact.millimetres(carrier.point(inner))
+            inner = exact.decimals(inner.astype(float) + back @ np.subtract(new, there) / 1e3)
     _write(parent, tag, inner, range(3))

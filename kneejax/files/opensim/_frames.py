@@ -56,10 +56,7 @@ def anatomical(
     """The knee with its bones' axes as they should be, and the rotation from the model's axes.
 
     `ligaments` are those between femur and tibia. The knee gets a finding where it was turned, and
-    doubts where that is unsure.
-
-    Raises:
-        InputProblem: the axes are others, and which is unclear.
+    doubts where that is unsure; raises where the axes are others and it is unclear which.
     """
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
@@ -95,8 +92,7 @@ def anatomical(
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
-    expected = f"bodies with {_WANTED}"
-    raise knee.joints[0].element.problem("axes", "; ".join(found), expected)
+    raise knee.joints[0].element.problem("axes", "; ".join(found), f"bodies with {_WANTED}")
 
 
 def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKneeJoint:
@@ -271,22 +267,20 @@ SAME = Registration(np.zeros(3), np.zeros(3), True, ())
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
-    """Register a model's bones to those of a knee, by one of `FRAMES`.
+    """Register a model's bones to those of a knee, by one of `FRAMES`; raises where it is none of
+    them, or the model's axes are others.
 
     Where the knee was made of this model, as its document says, the frames are the same. Otherwise
     axes are taken by their names, anterior, superior, lateral, and the middle of the model's
     flexion axis (from 20 to 60 degrees) comes to lie on the middle of the knee's flexion facets.
     Sizes are not changed.
-
-    Raises:
-        InputProblem: `frames` is none of them, or the model's axes are others.
     """
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
         raise bones.joints[0].element.problem("axes", axes.unusual[-1], expected)
     if frames not in FRAMES:
-        raise InputProblem("--frames", "frames", frames, f"one of {', '.join(FRAMES)}", FRAMES)
+        raise InputProblem("--frames", "frames", frames, FRAMES)
     # A knee says that it was imported from this model, or its patella that it was.
     origin, muscles = document.get("imported_from", {}), document.get("patella", {}).get("muscles")
     if origin:
@@ -353,10 +347,7 @@ def registered(
 
 
 def flexion_coordinate(bones: OsimKneeJoint) -> str:
-    """The coordinate that bends a model's knee: the first angle of its joints.
-
-    Raises:
-        InputProblem: nothing turns there.
+    """The coordinate that bends a model's knee: the first angle of its joints; raises without one.
     """
     angles = turning(bones.joints)
     names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]

@@ -60,13 +60,8 @@ class ExternalLoads:
 def read_external_loads(
     path: str | os.PathLike[str], model: Model, called: Mapping[str, str] | None = None
 ) -> ExternalLoads:
-    """Read which force acts on which body of a model, and the table that it names.
-
-    The table is sought beside the file; `called` says by which names the file has bodies.
-
-    Raises:
-        InputProblem: the file or its table cannot be read, or a body or column does not exist.
-    """
+    """Read which force acts on which body of a model, and the table that it names, which is sought
+    beside the file; `called` says by which names the file has bodies."""
     file, back = parse_xml(path, KIND), {own: name for name, own in (called or {}).items()}
     top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
     if top is None:
@@ -152,14 +147,9 @@ def on_bodies(
 def place_doubts(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> Iterator[str]:
-    """Sentences on forces that cannot be those of the body that they are said to act on.
-
-    Their size or torque is no person's, or their point lies farther from the body than a foot is
-    long.
-
-    Raises:
-        InputProblem: a point is so far away that it must be in another unit.
-    """
+    """Sentences on forces that cannot be those of the body that they are said to act on: their size
+    or torque is no person's, or their point lies farther from the body than a foot is long. Raises
+    where it is so far away that it must be in another unit."""
     file, inside = Path(loads.table.file).name, loads.table.time
     for one in loads.forces:
         if one.body not in bodies:

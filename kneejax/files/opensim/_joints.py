@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.opensim._exact import Rigid, decimals, turn_about
-from kneejax.files.opensim._functions import describe, evaluate, function_of
-from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim._model import GROUND, Model, describe, evaluate, function_of
 from kneejax.files.opensim._xml import Element
 from kneejax.files.tables import Storage, last_word
 
@@ -192,11 +191,7 @@ def placed(
 
 def moved(model: Model, values: Mapping[str, Any]) -> Movement:
     """Bodies of a model at coordinates, rad or m, all of one shape; others follow these where they
-    are coupled to them, and have their defaults where not. Without any, all have these.
-
-    Raises:
-        InputProblem: a joint moves by a function that is not known.
-    """
+    are coupled to them, and have their defaults where not. Without any, all have these."""
     joints = read_joints(model)
     shape = np.shape(next(iter(values.values()))) if values else ()
     known = coordinates_of(joints)
@@ -243,12 +238,7 @@ def couplers(model: Model) -> Iterator[tuple[Element, str, tuple[str, ...]]]:
 
 
 def read_joints(model: Model) -> list[Joint]:
-    """Every joint of a model, its coordinates at defaults that obey the couplers.
-
-    Raises:
-        InputProblem: a joint names a body or frame that does not exist, or its numbers are not
-            numbers.
-    """
+    """Every joint of a model, its coordinates at defaults that obey the couplers."""
     if model.joints is None:
         joints = [_joint(model, element) for element in model.elements
                   if element.tag.endswith("Joint") and element.tag != "Joint"]

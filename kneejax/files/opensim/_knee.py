@@ -89,9 +89,6 @@ def find_knee(
     It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
     the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed;
     where a person may name these (`may_be_named`), errors say how.
-
-    Raises:
-        InputProblem: the model has no such knee, several, or not those bodies.
     """
     if side not in SIDES:
         raise InputProblem(model.file.path, "--side", side, "r or l")
@@ -187,11 +184,8 @@ def with_pelvis_and_foot(
 ) -> OsimKneeJoint:
     """The knee with the bodies above the femur and below the tibia as parts of these bones.
 
-    What comes from the pelvis begins at a point of the femur then, which is that of one pose of
-    the hip: `at` has coordinates of hip or foot, degrees or mm; others are at their defaults.
-
-    Raises:
-        InputProblem: a coordinate that no joint of hip or foot has, or one out of its range.
+    What comes from the pelvis begins at a point of the femur then, which is that of one pose of the
+    hip: `at` has coordinates of hip or foot, degrees or mm; others are at their defaults.
     """
     joints = read_joints(model)
     # The femur carries the pelvis where the tibia carries the femur.
@@ -233,11 +227,7 @@ def with_pelvis_and_foot(
 
 
 def _guess(
-    model: Model,
-    joints: list[Joint],
-    side: str,
-    findings: list[str],
-    may_be_named: bool,
+    model: Model, joints: list[Joint], side: str, findings: list[str], may_be_named: bool
 ) -> list[Joint]:
     def words(joint: Joint) -> str:
         return " ".join((joint.name, joint.child, *(c.name for c in joint.coordinates)))

@@ -10,19 +10,10 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import ENDS
+from kneejax.files.opensim import _paths as paths
 from kneejax.files.opensim._exact import METRES_TO_MM, shifted
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._paths import (
-    Counted,
-    OsimPath,
-    OsimPoint,
-    OsimWrap,
-    in_order,
-    path_objects,
-    path_points,
-    read_wraps,
-)
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import counted
 from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
@@ -41,7 +32,7 @@ NUMBERS = {
     "damping_N_s": ("damping_coefficient", "0.003", ""),
 }
 @dataclasses.dataclass(frozen=True)
-class OsimLigament(OsimPath):
+class OsimLigament(paths.OsimPath):
     """A fibre that spans the knee."""
 
     # field of a knee file -> number of the model, in SI
@@ -93,13 +84,9 @@ class _Unsupported(Exception):
 
 
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres: those of the knee, and the others with the reason.
-
-    Raises:
-        InputProblem: the model has no fibre at all, a fibre names a body or wrap object that does
-            not exist, or has numbers that are none.
+    """Sort a model's fibres: those of the knee, and the others with the reason; raises without any.
     """
-    found, keys, wraps = Found(), Counted(), read_wraps(model)
+    found, keys, wraps = Found(), paths.Counted(), paths.read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
         others = collections.Counter(
@@ -128,12 +115,12 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     return found
 
 
-def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPoint, ...]:
+def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[paths.OsimPoint, ...]:
     """Points from the first of two bones to the second."""
     if element.child("GeometryPath") is None:
         kinds = ", ".join(c.tag for c in element.children if c.tag.endswith("Path")) or "none"
         raise _Unsupported(f"its path is no GeometryPath ({kinds})")
-    points = path_points(model, element)
+    points = paths.path_points(model, element)
     if len(points) < 2:
         raise _Unsupported(f"its path has {counted(len(points), 'point')}")
     strange = [*dict.fromkeys(x.body for x in points if x.body not in knee.rigid)]
@@ -151,16 +138,16 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[OsimPo
             raise _Unsupported(f"its point {point.element.name} is a {point.element.tag}")
     if ends[0] == ends[-1]:
         raise _Unsupported(f"begins and ends on the {ends[0]}")
-    return tuple(points if in_order(ends[0], ends[-1]) else reversed(points))
+    return tuple(points if paths.in_order(ends[0], ends[-1]) else reversed(points))
 
 
 def _wrap(
-    element: Element, points: int, wraps: list[OsimWrap], knee: OsimKneeJoint, notes: list[str],
-    key: str,
-) -> OsimWrap | None:  # fmt: skip
+    element: Element, points: int, wraps: list[paths.OsimWrap], knee: OsimKneeJoint,
+    notes: list[str], key: str,
+) -> paths.OsimWrap | None:  # fmt: skip
     """What a fibre goes around."""
-    found: list[OsimWrap] = []
-    for path_wrap in path_objects(element, "PathWrapSet"):
+    found: list[paths.OsimWrap] = []
+    for path_wrap in paths.path_objects(element, "PathWrapSet"):
         name = path_wrap.last_word("wrap_object")
         same = [wrap for wrap in wraps if wrap.element.name == name]
         if not same:

@@ -7,19 +7,10 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from kneejax.files.opensim import _paths as paths
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import OsimLigament
 from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._paths import (
-    WRAP_KINDS,
-    OsimPath,
-    OsimWrap,
-    file_names,
-    in_order,
-    path_objects,
-    path_points,
-    read_wraps,
-)
 from kneejax.files.opensim._xml import Element
 from kneejax.geometry import BODIES, FEMUR, PATELLA
 
@@ -36,14 +27,14 @@ class PatellaSection:
     # quadriceps
     document: dict[str, Any]
     notes: tuple[str, ...]  # what was assumed or left out, a sentence each
-    muscles: tuple[OsimPath, ...] = ()  # that it has
+    muscles: tuple[paths.OsimPath, ...] = ()  # that it has
     doubts: tuple[str, ...] = ()  # where it is not the model's
 
 
-def wrap_names(fibres: Sequence[OsimPath]) -> list[tuple[OsimWrap, str]]:
+def wrap_names(fibres: Sequence[paths.OsimPath]) -> list[tuple[paths.OsimWrap, str]]:
     """What fibres or muscles go around, each once, with its name in a knee file."""
     used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}
-    return [*zip(used.values(), file_names((w.key for w in used.values()), "W"), strict=True)]
+    return [*zip(used.values(), paths.file_names((w.key for w in used.values()), "W"), strict=True)]
 
 
 def read_patella(
@@ -67,7 +58,7 @@ def read_patella(
             + ": what comes from there begins or ends at a fixed point of the femur or the tibia."
         )
     names = {wrap.element: name for wrap, name in wrap_names(every)}
-    keys = file_names((x.key for x in beside), "L")
+    keys = paths.file_names((x.key for x in beside), "L")
     ligaments = {name: one.document(whole, file, names)
                  for name, one in zip(keys, beside, strict=True)}
     strongest = {m.element: m.element.number("max_isometric_force", "1000") for m in muscles
@@ -77,7 +68,7 @@ def read_patella(
         lacks = "a patella" if not whole.patella else "muscles" if held else "its ligaments"
         return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
     entries = {}
-    for name, muscle in zip(file_names([m.key for m in muscles], "M"), muscles, strict=True):
+    for name, muscle in zip(paths.file_names([m.key for m in muscles], "M"), muscles, strict=True):
         entries[name] = entry = _entry(muscle, whole, file)
         if muscle.element in strongest:
             share = strongest[muscle.element] / sum(strongest.values())
@@ -100,7 +91,7 @@ def read_patella(
         "muscles": entries,
     }
     used = {part.get("wrap") for part in (*ligaments.values(), *entries.values())}
-    wraps = {names[wrap.element]: wrap for wrap in read_wraps(model) if wrap.element in names}
+    wraps = {names[wrap.element]: wrap for wrap in paths.read_wraps(model) if wrap.element in names}
     if used & {*wraps}:
         document["wraps"] = {name: wraps[name].document(whole, file) for name in names.values()
                              if name in used}
@@ -109,19 +100,19 @@ def read_patella(
 
 def _muscles(
     model: Model, knee: OsimKneeJoint, notes: list[str], doubts: list[str]
-) -> list[OsimPath]:
+) -> list[paths.OsimPath]:
     """Muscles from the femur, or the pelvis above it, to the patella, the tibia or the foot.
 
     `notes` gets a sentence for what was left out or assumed, `doubts` for a path that is not the
     model's.
     """
-    wraps, found = read_wraps(model), []
+    wraps, found = paths.read_wraps(model), []
     for element in model.muscles():
-        points = path_points(model, element) if element.applied else []
+        points = paths.path_points(model, element) if element.applied else []
         bones = [knee.bone_of(point.body) for point in points]
         if not all(bones) or len(set(bones)) < 2:
             continue
-        if not in_order(bones[0], bones[-1]):
+        if not paths.in_order(bones[0], bones[-1]):
             points, bones = points[::-1], bones[::-1]
         straight = all(point.element.tag == "PathPoint" for point in points)
         if len(set(bones)) > 2 or bones[0] != FEMUR or not straight:
@@ -130,20 +121,20 @@ def _muscles(
             continue
         wrap = wrap_of(element, wraps, knee, (bones[0], bones[-1]), doubts)
         name = re.sub(r"_[rl]$", "", element.name)
-        found.append(OsimPath(element, name, tuple(points), wrap))
+        found.append(paths.OsimPath(element, name, tuple(points), wrap))
     return found
 
 
 def wrap_of(
-    element: Element, wraps: list[OsimWrap], knee: OsimKneeJoint, bones: tuple[str, str],
+    element: Element, wraps: list[paths.OsimWrap], knee: OsimKneeJoint, bones: tuple[str, str],
     notes: list[str],
-) -> OsimWrap | None:  # fmt: skip
+) -> paths.OsimWrap | None:  # fmt: skip
     """The obstacle of a muscle on one of the two bones that it joins; `notes` gets a sentence for
     what was left out or assumed."""
-    names = [one.last_word("wrap_object") for one in path_objects(element, "PathWrapSet")]
+    names = [one.last_word("wrap_object") for one in paths.path_objects(element, "PathWrapSet")]
     found = [
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active
-        and knee.bone_of(wrap.body) in bones and wrap.element.tag in WRAP_KINDS
+        and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS
     ]
     if not found:
         return None
@@ -158,7 +149,7 @@ def wrap_of(
     return found[0]
 
 
-def _entry(muscle: OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
+def _entry(muscle: paths.OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
     bones = [knee.bone_of(point.body) for point in muscle.points]
     # What runs along a bone does not change its length: it begins and ends where it leaves one.
     begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1

@@ -9,16 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import (
-    ORIGIN,
-    Point,
-    Rigid,
-    angles_xyz,
-    decimals,
-    degrees,
-    millimetres,
-    turn_xyz,
-)
+from kneejax.files.opensim import _exact as exact
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._xml import Element
@@ -42,9 +33,9 @@ class _Carried:
 
     element: Element
     body: str
-    frame: Rigid  # from the coordinates that it is stated in to the body's
+    frame: exact.Rigid  # from the coordinates that it is stated in to the body's
 
-    def carrier_in_bone(self, knee: OsimKneeJoint) -> Rigid:
+    def carrier_in_bone(self, knee: OsimKneeJoint) -> exact.Rigid:
         """The motion from the coordinates that it is stated in to its bone's."""
         return knee.rigid[self.body][1].after(self.frame)
 
@@ -53,9 +44,9 @@ class _Carried:
 class OsimPoint(_Carried):
     """A point of a path."""
 
-    location: Point  # m, as stated
+    location: exact.Point  # m, as stated
 
-    def in_bone(self, knee: OsimKneeJoint) -> Point:
+    def in_bone(self, knee: OsimKneeJoint) -> exact.Point:
         """The point in its bone's frame, m."""
         return self.carrier_in_bone(knee).point(self.location)
 
@@ -96,19 +87,19 @@ class OsimWrap(_Carried):
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
         if carrier.turn is not None:
-            turn = decimals(angles_xyz(carrier.turn @ turn_xyz(turn)))
+            turn = exact.decimals(exact.angles_xyz(carrier.turn @ exact.turn_xyz(turn)))
         document: dict[str, Any] = {
             "kind": kind,
             "bone": knee.bone_of(self.body),
-            "center_mm": millimetres(carrier.point(self.element.point("translation"))),
+            "center_mm": exact.millimetres(carrier.point(self.element.point("translation"))),
         }
-        angles = [degrees(x) for x in turn]
+        angles = [exact.degrees(x) for x in turn]
         document |= {"rotation_deg": angles} if any(angles) else {}
         for field, tag, count in sizes:
             values = self.element.numbers(tag, count)
             if min(values) <= 0:
                 raise self.element.problem(tag, self.element.word(tag), "sizes above 0 m")
-            lengths = millimetres(values)
+            lengths = exact.millimetres(values)
             document[field] = lengths if count > 1 else lengths[0]
         document |= {"side": self.side} if self.side else {}
         return document | {"source": f"{file}, {self.element.tag} {self.key} of {self.body}"}
@@ -123,7 +114,7 @@ class OsimWrap(_Carried):
         """
         entry, found = self.document(knee, ""), (0.0, None)
         back = knee.in_femur[entry["bone"]].inverse()
-        turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
+        turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
         for point in points:
             x = 1e3 * back.point(point.in_femur(knee)) - np.asarray(entry["center_mm"], float)
             x = turn.T @ x
@@ -152,7 +143,8 @@ class OsimPath:
     def ends(self, knee: OsimKneeJoint, begin: int = 0, end: int = -1) -> tuple[Any, Any, dict]:
         """Bone and place, mm, of a point near its femur's end, and of one near the other; what a
         knee file says of those between them."""
-        places = [(knee.bone_of(one.body), millimetres(one.in_bone(knee))) for one in self.points]
+        places = [(knee.bone_of(one.body), exact.millimetres(one.in_bone(knee)))
+                  for one in self.points]
         places = places[begin : len(places) + end + 1]
         via = [{"bone": bone, "point_mm": place} for bone, place in places[1:-1]]
         return places[0], places[-1], {"via_points": via} if via else {}
@@ -170,11 +162,12 @@ def path_points(model: Model, element: Element) -> list[OsimPoint]:
     found = []
     for point in path_objects(element, "PathPointSet"):
         if point.child("body") is not None:
-            body, frame = model.body_of(point, "body"), Rigid()
+            body, frame = model.body_of(point, "body"), exact.Rigid()
         else:
             body, frame = model.socket(point, "parent_frame")
         moving = point.tag == "MovingPathPoint"
-        found.append(OsimPoint(point, body, frame, ORIGIN if moving else point.point("location")))
+        at = exact.ORIGIN if moving else point.point("location")
+        found.append(OsimPoint(point, body, frame, at))
     return found
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
-from kneejax.files.opensim._functions import evaluate
 from kneejax.files.opensim._ground import (
     ExternalLoads,
     of_contacts,
@@ -31,7 +30,7 @@ from kneejax.files.opensim._joints import (
     turning,
 )
 from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
-from kneejax.files.opensim._model import GROUND, Model, read_model
+from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
 from kneejax.files.opensim._record_muscles import recorded_muscles
 from kneejax.files.reading import InputProblem, nearest_name
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage

@@ -10,10 +10,10 @@ import numpy as np
 from kneejax.files.knee import build_obstacle
 from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, turn_xyz
 from kneejax.files.opensim._frames import Registration
-from kneejax.files.opensim._functions import evaluate, function_of
 from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._ligaments import KIND
+from kneejax.files.opensim._model import evaluate, function_of
 from kneejax.files.opensim._patella import wrap_of
 from kneejax.files.opensim._paths import OsimPoint, path_points, read_wraps
 from kneejax.files.opensim._xml import Element
@@ -124,8 +124,7 @@ def check_tensions(muscles: set[str], table: Storage) -> None:
         expected = "muscle forces, N, 0 or more: muscles pull"
         raise InputProblem(table.file, least, f"{low:g}", expected)
     if not RANGES["tension_N"].holds(max(high, 0.0)):
-        expected = f"muscle forces, {RANGES['tension_N']}"
-        raise InputProblem(table.file, most, f"{high:g}", expected)
+        raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
 
 
 def recorded_muscles(

@@ -195,12 +195,8 @@ class XmlFile:
 
 
 def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None) -> XmlFile:
-    """Parse a file that should be of a kind, or its bytes.
-
-    Raises:
-        InputProblem: it cannot be read or is not well-formed XML (with line and column), or has
-            entities of its own.
-    """
+    """Parse a file that should be of a kind, or its bytes; what is not well-formed is refused with
+    line and column, and so are entities of its own."""
     original = read_bytes(path, kind) if data is None else data
     text, encoding = _decoded(original, path, kind)
     if "<!ENTITY" in text:

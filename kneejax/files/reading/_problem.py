@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 #: Characters of a value, of a place and of what is expected that are shown at most.
@@ -42,7 +42,7 @@ class InputProblem(ValueError):
         file: str | os.PathLike[str],
         field: str,
         value: Any,
-        expected: str,
+        expected: str | Collection[str],
         nearest: str | Iterable[str] | None = None,
     ):
         """Make the line.
@@ -51,10 +51,13 @@ class InputProblem(ValueError):
             file: the file (or the option) the input came from.
             field: the place in it.
             value: what stands there; a text is shown as it is, anything else by its `repr`.
-            expected: what should stand there, without the word "expected".
+            expected: what should stand there, without the word "expected"; or the names of which
+                one should, which are the known ones then.
             nearest: a name to suggest, or the known names, of which the one most like `value` is
                 suggested if any is.
         """
+        if not isinstance(expected, str):
+            expected, nearest = f"one of {', '.join(expected)}", nearest or expected
         if nearest is not None and not isinstance(nearest, str):
             nearest = nearest_name(value, nearest) if isinstance(value, str) else None
         self.file = os.fspath(file)
@@ -94,8 +97,9 @@ class InputProblems(InputProblem):
 
 
 def wrong(
-    value: Any, expected: str, nearest: str | Iterable[str] | None = None, at: str = ""
-) -> InputProblem:
+    value: Any, expected: str | Collection[str], nearest: str | Iterable[str] | None = None,
+    at: str = "",
+) -> InputProblem:  # fmt: skip
     """The error that says what was expected of a value, whose file its reader knows."""
     return InputProblem("", at, value, expected, nearest)
 

@@ -57,7 +57,7 @@ def choice(value: Any, options: Iterable[str]) -> str:
     """One of several texts."""
     options = tuple(options)
     if not isinstance(value, str) or value not in options:
-        raise wrong(value, f"one of {', '.join(options)}", options)
+        raise wrong(value, options)
     return value
 
 

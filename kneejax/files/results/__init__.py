@@ -11,6 +11,6 @@ if TYPE_CHECKING:
     from kneejax.files.results._checkpoints import PARTS as PARTS
     from kneejax.files.results._checkpoints import Checkpoints as Checkpoints
     from kneejax.files.results._checkpoints import parts_of as parts_of
-    from kneejax.files.results._netcdf import write_netcdf as write_netcdf
+    from kneejax.files.results._checkpoints import write_netcdf as write_netcdf
 else:
     lazy_imports(globals())

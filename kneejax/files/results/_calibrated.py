@@ -82,7 +82,7 @@ def _estimate(value: Any, name: str) -> Estimate:
 def _coordinate(name: str) -> str:
     """The name of a free coordinate, perhaps with its unit, as in older files."""
     if name.removesuffix("_deg").removesuffix("_mm") not in FREE_COORDINATES:
-        raise wrong(name, f"one of {', '.join(FREE_COORDINATES)}", FREE_COORDINATES)
+        raise wrong(name, FREE_COORDINATES)
     return name
 
 

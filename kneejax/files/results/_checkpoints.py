@@ -1,4 +1,4 @@
-"""Finished parts of long work, kept until the whole is done."""
+"""Finished parts of long work, kept until the whole is done, and data sets as netCDF files."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ import json
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kneejax._whole_files import read_json, read_sealed, undamaged, write_checked, write_sealed
-from kneejax.files.reading import InputProblem
+from kneejax.files.reading import InputProblem, write_bytes
+
+if TYPE_CHECKING:
+    from xarray import Dataset
 
 #: In a folder of results: of which study its parts are, and the folder of these.
 CLAIM, PARTS = "study.json", "parts"
@@ -110,3 +113,22 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
         if key in before and before[key] != json.loads(json.dumps(now[key])):
             return f"its {key} is {before[key]}, not {now[key]}"
     return "it was made from other data"
+
+
+def write_netcdf(path: str | os.PathLike[str], dataset: Dataset) -> Path:
+    """Write a data set as netCDF 4, completely or not at all.
+
+    Args:
+        path: where; folders are made.
+        dataset: with coordinates and units (`ParameterMap.to_dataset`).
+
+    Returns:
+        The path.
+
+    Raises:
+        InputProblem: the file cannot be written.
+    """
+    # HDF5 that meets a full disk may end the process when it closes its file.
+    content = dataset.to_netcdf(engine="h5netcdf", format="NETCDF4")
+    write_bytes(path, bytes(content))
+    return Path(path)

@@ -68,23 +68,14 @@ _SENSES = _senses()
 
 
 class Header(NamedTuple):
-    """What a header says.
+    """What a header says."""
 
-    Attributes:
-        own: itself.
-        name: of the package; empty for flexion's moment, and for a load without a direction.
-        factor: that leads to the package's unit and sense.
-        unit: `mm`, `deg`, `N` or `Nm`.
-        stated: whether the unit stands there.
-        nameless: whether it is a load without a direction.
-    """
-
-    own: str
-    name: str
-    factor: float
-    unit: str
-    stated: bool
-    nameless: bool = False
+    own: str  # itself
+    name: str  # of the package; empty for flexion's moment, and for a load without a direction
+    factor: float  # that leads to the package's unit and sense
+    unit: str  # `mm`, `deg`, `N` or `Nm`
+    stated: bool  # whether the unit stands there
+    nameless: bool = False  # whether it is a load without a direction
 
 
 def header_meaning(own: str) -> Header | None:
@@ -123,17 +114,11 @@ def by_headers(
     table, taken: Mapping[str, tuple[str, float]], ignore: Collection[str] = (), about: str = "",
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
 ) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
-    """Columns that their headers name, beside those that are known already.
+    """Columns that their headers name, beside those that are `taken` (name -> column and factor).
 
-    Args:
-        table: a `Table`; what is doubtful about its columns is added to its mistakes.
-        taken: name -> column and factor of what is known.
-        ignore: columns that do not count.
-        about: what the table is of, in words, for a load without a direction.
-        known: names that count.
-
-    Returns:
-        Name -> column and factor; what was assumed, a phrase each; columns that are not used.
+    `ignore` are columns that do not count, `known` names that do; `about` says what the table is
+    of, for a load without a direction. Doubts are added to the table's mistakes. Gives name ->
+    column and factor; what was assumed, a phrase each; columns that are not used.
     """
     used = {column for column, _ in taken.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]

@@ -95,9 +95,7 @@ def read_loads_over_time(
     led = [name for name in table.header if name in may_lead]
     for name in table.header:
         if name not in (TIME, *sizes, *led):
-            known = (TIME, *NAMED_LOADS, *may_lead)
-            expected = f"one of {', '.join(known)}"
-            raise InputProblem(table.file, "header", name, expected, known)
+            raise InputProblem(table.file, "header", name, (TIME, *NAMED_LOADS, *may_lead))
     times, ways = table.column(TIME), {name: table.column(name, pose_range(name)) for name in led}
     table.mistakes.check()
     if (back := np.flatnonzero(np.diff(times) <= 0)).size:

@@ -58,7 +58,7 @@ def read_poses(
         [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
     """
     file, names = os.fspath(path), dict(columns or {})
-    _check_convention(file, "convention", convention)
+    _check_convention(file, convention)
     for name in names:
         if name not in COLUMNS:
             expected = f"the package's columns {', '.join(COLUMNS)}"
@@ -104,7 +104,10 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     columns = [one.column for one in BODIES[PATELLA].values()]
     if not needed and not set(columns) & set(Table.read(file).header):
         return None
-    return Table.read(file, columns).columns({name: name for name in columns})
+    table = Table.read(file, columns)
+    found = [table.column(name, pose_range(name)) for name in columns]
+    table.mistakes.check()
+    return np.stack(found, axis=1)
 
 
 class Table(NamedTuple):
@@ -184,16 +187,6 @@ class Table(NamedTuple):
             break
         return np.array(values)
 
-    def columns(self, names: Mapping[str, str]) -> np.ndarray:
-        """Numbers of a pose: what each column is -> its name, `(rows, columns)`.
-
-        Raises:
-            InputProblem: a cell is wrong; `InputProblems` where several are.
-        """
-        found = [self.column(own, pose_range(name)) for name, own in names.items()]
-        self.mistakes.check()
-        return np.stack(found, axis=1)
-
 
 def assumed(file: str, phrases: Sequence[str]) -> None:
     """Say what was assumed of a table's columns."""
@@ -243,26 +236,22 @@ def write_poses(
         >>> print(path.read_text().splitlines()[1])
         30.0,1.5,4.0,2.0,-28.0,0.5,true
     """
-    _check_convention(os.fspath(path), "convention", convention)
+    _check_convention(os.fspath(path), convention)
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
     header: list[str] = list(COLUMNS)
     values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
     if patella is not None:
         header += [one.column for one in BODIES[PATELLA].values()]
         values += list(patella.T)
-    for name, column in (("converged", converged), ("stable", stable)):
+    own = None if convention == FEMORAL else [convention] * len(table)
+    for name, column, read in (
+        ("converged", converged, bool), ("stable", stable, bool),
+        ("status", status, lambda x: getattr(x, "word", x)), ("doubt", doubts, lambda x: x),
+        ("convention", own, str),
+    ):
         if column is not None:
             header.append(name)
-            values.append([bool(x) for x in column])
-    if status is not None:
-        header.append("status")
-        values.append([getattr(x, "word", x) for x in status])
-    if doubts is not None:
-        header.append("doubt")
-        values.append(doubts)
-    if convention != FEMORAL:
-        header.append("convention")
-        values.append([convention] * len(table))
+            values.append([read(x) for x in column])
     write_rows(path, header, zip(*values, strict=True))
 
 
@@ -321,8 +310,7 @@ def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[i
     mistakes, rows = Mistakes(file), lines[1:]
     mistakes += columns_missing(file, header, sought)
     if not rows:
-        expected = "at least one row under the header"
-        mistakes.append(InputProblem(file, "rows", "none", expected))
+        mistakes.append(InputProblem(file, "rows", "none", "at least one row under the header"))
     for number, (line, cells) in enumerate(rows, 1):
         if len(cells) != len(header):
             place = f"row {number} (line {line})"
@@ -358,10 +346,9 @@ def columns_missing(file: str, header: list[str], sought: Sequence[str]) -> list
     return found
 
 
-def _check_convention(file: str, place: str, convention: str) -> None:
+def _check_convention(file: str, convention: str) -> None:
     if convention not in CONVENTIONS:
-        expected = f"one of {', '.join(CONVENTIONS)}"
-        raise InputProblem(file, place, convention, expected, CONVENTIONS)
+        raise InputProblem(file, "convention", convention, CONVENTIONS)
 
 
 def _is_number(text: str) -> bool:

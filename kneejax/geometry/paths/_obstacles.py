@@ -25,12 +25,7 @@ from kneejax.geometry.paths._round import (
 )
 
 #: Name of a side of a cylinder -> where it is in the cylinder's frame.
-SIDES: dict[str, Vector] = {
-    "+x": AXES.x,
-    "-x": -AXES.x,
-    "+y": AXES.y,
-    "-y": -AXES.y,
-}
+SIDES: dict[str, Vector] = {"+x": AXES.x, "-x": -AXES.x, "+y": AXES.y, "-y": -AXES.y}
 
 Around: TypeAlias = Callable[..., Wrapped]
 
@@ -117,11 +112,7 @@ class WrapCylinder(Obstacle):
     side: str = eqx.field(static=True)
 
     def __init__(
-        self,
-        radius: ArrayLike,
-        length: ArrayLike,
-        frame: Frame | None = None,
-        side: str = "",
+        self, radius: ArrayLike, length: ArrayLike, frame: Frame | None = None, side: str = ""
     ):
         self.radius = jnp.asarray(radius, float)
         self.length = jnp.asarray(length, float)

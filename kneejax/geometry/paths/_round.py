@@ -112,14 +112,8 @@ def section(start: Vector, end: Vector) -> Section:
 
 
 def section_by_side(start: Vector, end: Vector, side: Vector) -> Section:
-    """The same in the plane across Z, the way that passes on a given side of the axis, however far
-    it leads around.
-
-    Args:
-        start: outside the unit circle; Z counts for nothing.
-        end: likewise.
-        side: direction across Z.
-    """
+    """The same in the plane across Z, the way that passes on a given side of the axis (a direction
+    across Z), however far it leads around; the Z of both ends counts for nothing."""
     ends = unit_outside(start), unit_outside(end)
     # From `start` over `side` to `end`. The end that stands farther off the line along `side`
     # decides: the other may go past the far side.

@@ -84,17 +84,11 @@ def _partials_jvp(order, primals, tangents):
 
 
 def change_of_table(more, linear, d_s, d_t, order: int):
-    """A table of partial derivatives and its change, from the table of one order more.
+    """A table of partial derivatives up to an order and its change, from the table of one order
+    more.
 
-    Args:
-        more: the table up to `order + 1`.
-        linear: the table of the coefficients' change, up to `order`; None where they stay.
-        d_s: change of the first variable, or a symbolic zero.
-        d_t: likewise of the second.
-        order: highest total order of the answer.
-
-    Returns:
-        The table and its change.
+    `linear` is the table of the coefficients' change, None where they stay; `d_s` and `d_t` are
+    changes of the variables, or symbolic zeros.
     """
 
     def rate(i: int, j: int) -> Array | None:
@@ -126,19 +120,12 @@ def _horner(table: Array, x: Array, order: int, axis: int) -> Array | None:
 
 
 class SplineTables(eqx.Module):
-    """Tables of several splines, of which each point asks one.
+    """Tables of several splines, of which each point asks one."""
 
-    Attributes:
-        values: all tables as one, `(rows, columns, ...)`, narrow ones filled up.
-        begins: the row where a point's table begins; as many axes as the variables have.
-        rows: of that table.
-        columns: likewise.
-    """
-
-    values: Array
-    begins: Array
-    rows: Array
-    columns: Array
+    values: Array  # all tables as one, `(rows, columns, ...)`, narrow ones filled up
+    begins: Array  # the row where a point's table begins; as many axes as the variables have
+    rows: Array  # of that table
+    columns: Array  # likewise
 
     @classmethod
     def of(cls, tables: Sequence[Array]) -> SplineTables:
@@ -293,15 +280,8 @@ def table_partials(
     region: tuple[Array, Array],
     order: int,
 ) -> tuple[tuple[Component, ...], ...]:
-    """Partial derivatives of a table in one of the `BASES`; see `partials`.
-
-    Args:
-        basis: one of `BASES`.
-        coefficients: shape `(m, n, ...)`.
-        place: both variables, each in its own unit; derivatives are in these.
-        region: limits of both, `(2, ...)`, over which the table's variables are -1..1.
-        order: highest total order.
-    """
+    """Partial derivatives of a table `(m, n, ...)` in one of the `BASES` by both variables, each in
+    its own unit; see `partials`. Over `region`, limits of both, the table's variables are -1..1."""
     ends = jnp.stack(jnp.broadcast_arrays(*region))
     middle, by = 0.5 * (ends[:, 0] + ends[:, 1]), 2.0 / (ends[:, 1] - ends[:, 0])
     s, t = place[0] - middle[0], place[1] - middle[1]
@@ -319,11 +299,8 @@ def table_partials(
 
 
 def checked_basis(basis: str, shape: tuple[int, ...], what: str) -> None:
-    """Refuse an unknown basis, or a table too small for it.
-
-    Raises:
-        ValueError: `basis` is none of `BASES`, or a spline has fewer than 4 rows or columns.
-    """
+    """Refuse an unknown basis, or a table too small for it: a spline has 4 rows and columns or
+    more."""
     if basis not in BASES:
         raise ValueError(f"{what}.basis is {basis!r}; expected one of {BASES}")
     if basis == CUBIC_SPLINE and min(shape[:2]) < 4:

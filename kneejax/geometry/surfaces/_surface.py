@@ -279,19 +279,11 @@ def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
 
 
 def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:
-    """A coordinate that soon comes to rest beyond its limits.
+    """A coordinate that soon comes to rest beyond its limits, and its first two derivatives.
 
     A table of coefficients says nothing beyond its region. Held at the border it would have a kink
-    there, and a force that jumps; so it goes on for a little and then becomes constant, twice
-    continuously differentiable.
-
-    Args:
-        value: the coordinate.
-        limits: lower and upper end of the region.
-        reach: how far beyond them the coordinate goes at most, in its own unit.
-
-    Returns:
-        The coordinate that rests, and its first two derivatives with respect to the coordinate.
+    there, and a force that jumps; so it goes on for a little, at most for `reach`, and then becomes
+    constant, twice continuously differentiable.
     """
     nearest = jnp.clip(value, limits[0], limits[1])
     beyond = (value - nearest) / reach

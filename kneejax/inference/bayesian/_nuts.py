@@ -8,7 +8,7 @@ its gradient, and `jax.custom_batching.custom_vmap` hands it the chains that `vm
 BlackJAX rather than NumPyro, both of which are maintained, because it is made of parts. Both store
 momenta by index, on which XLA aborts under `use_shared_fusion` (see `_stored`); here that one part
 is replaced. And a kernel that is a plain function compiles in a `jit` of our own, with the options
-that a solve needs (`numerics/_compiled.py`).
+that a solve needs (`numerics/_configure.py`).
 """
 
 from __future__ import annotations
@@ -53,28 +53,17 @@ class ChainState(eqx.Module):
 
 @dataclasses.dataclass(frozen=True)
 class Chains:
-    """What the chains drew; arrays begin with `(chains, draws)`.
+    """What the chains drew; arrays begin with `(chains, draws)`."""
 
-    Attributes:
-        position: `(chains, draws, p)`.
-        value: log density there.
-        divergent: trajectories that ended because their energy was lost.
-        lost: those of them that ran into a place of zero density.
-        evaluations: gradients taken for each draw.
-        acceptance: mean acceptance along each trajectory.
-        step_size: after the warm-up, where the draws have unit covariance.
-        warmup_evaluations: gradients taken by all chains before.
-        seconds: `compile` (the first few steps, with compiling), `warmup`, `sampling`.
-    """
-
-    position: np.ndarray
-    value: np.ndarray
-    divergent: np.ndarray
-    lost: np.ndarray
-    evaluations: np.ndarray
-    acceptance: np.ndarray
-    step_size: float
-    warmup_evaluations: int
+    position: np.ndarray  # `(chains, draws, p)`
+    value: np.ndarray  # log density there
+    divergent: np.ndarray  # trajectories that ended because their energy was lost
+    lost: np.ndarray  # those of them that ran into a place of zero density
+    evaluations: np.ndarray  # gradients taken for each draw
+    acceptance: np.ndarray  # mean acceptance along each trajectory
+    step_size: float  # after the warm-up, where the draws have unit covariance
+    warmup_evaluations: int  # gradients taken by all chains before
+    # `compile` (the first few steps, with compiling), `warmup`, `sampling`.
     seconds: dict[str, float]
 
 
@@ -91,22 +80,10 @@ def sample(
 ) -> Chains:
     """Draw from a density by the no-U-turn sampler.
 
-    Positions are scaled so that the density is near a standard normal one: by the given covariance
-    at first, then twice by that of the warm-up's draws. Step size and scaling are those of all
-    chains together.
-
-    Args:
-        target: log densities of all chains and their gradients.
-        start: where the chains begin; densities must not be zero there.
-        origin: near the middle of the density, `(p,)`.
-        covariance: about that of the density, `(p, p)`.
-        draws: of each chain.
-        warmup: draws of each chain before, rounded up to a multiple of 75.
-        seed: of the random numbers.
-        progress: called now and then with draws done and asked for, warm-up included.
-
-    Returns:
-        The chains.
+    Positions are scaled so that the density is near a standard normal one: about an `origin`,
+    `(p,)`, by the given covariance `(p, p)` at first, then twice by that of the warm-up's draws,
+    which are rounded up to a multiple of 75. Step size and scaling are those of all chains
+    together. `progress` is called now and then with draws done and asked for, warm-up included.
 
     Source: Hoffman and Gelman 2014, J. Machine Learning Research 15, 1593.
     """
@@ -232,11 +209,7 @@ def _trajectory(
     )
     criterion, update, is_met = parts["termination"].iterative_uturn_numpyro(metric.check_turning)
     walk = parts["trajectory"].dynamic_progressive_integration(
-        integrator,
-        metric.kinetic_energy,
-        partial(_stored, update),
-        is_met,
-        _LOST_ENERGY,
+        integrator, metric.kinetic_energy, partial(_stored, update), is_met, _LOST_ENERGY
     )
     expand = parts["trajectory"].dynamic_multiplicative_expansion(
         walk, metric.check_turning, _DOUBLINGS
@@ -296,17 +269,6 @@ def _log_density(target: _Scaled, position: Array) -> Array:
     return _one_chain(target, position)[0]
 
 
-def _forward(target: _Scaled, position: Array):
-    return _one_chain(target, position)
-
-
-def _backward(gradient: Array, change: Array):
-    return None, change * gradient
-
-
-_log_density.defvjp(_forward, _backward)
-
-
 @jax.custom_batching.custom_vmap
 def _one_chain(target: _Scaled, position: Array):
     value, gradient = target(position[None])
@@ -316,3 +278,6 @@ def _one_chain(target: _Scaled, position: Array):
 @_one_chain.def_vmap
 def _all_chains(size: int, batched, target: _Scaled, position: Array):
     return target(position), (True, True)
+
+
+_log_density.defvjp(_one_chain, lambda gradient, change: (None, change * gradient))

@@ -12,9 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.bayesian._motion_density import MotionDensity
 from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
 from kneejax.inference.bayesian._priors import (
+    MotionDensity,
     Prior,
     laplace_covariance,
     most_probable,
@@ -138,9 +138,7 @@ class Posterior:
             constant_data={"noise": self.noise, "flexion_deg": self.measured[:, 0]},
             coords=coords,
             dims={
-                "motion": ["pose", "coordinate"],
-                "noise": ["coordinate"],
-                "flexion_deg": ["pose"],
+                "motion": ["pose", "coordinate"], "noise": ["coordinate"], "flexion_deg": ["pose"]
             },
         )
         # Fewer draws than the posterior has: a group of its own number.
@@ -350,7 +348,7 @@ def _described(
             "equilibria": (sampling + drawn.warmup_evaluations) * int(problem.used.sum()),
         },
         seconds=seconds,
-        versions=versions() | _packages(),
+        versions=versions() | {x: imported(x, x).__version__ for x in ("blackjax", "arviz")},
         settings=settings,
     )
 
@@ -358,7 +356,3 @@ def _described(
 def _over_motion(motions: np.ndarray) -> np.ndarray:
     """Quantiles of motions `(k, n, 5)`, `(5, n, levels)`."""
     return np.quantile(motions, LEVELS, axis=0).T
-
-
-def _packages() -> dict[str, str]:
-    return {name: imported(name, name).__version__ for name in ("blackjax", "arviz")}

@@ -1,7 +1,7 @@
 """The procedures of a calibration, its search and its answers."""
 
-from kneejax.inference.calibration._answers import motion_at as motion_at
 from kneejax.inference.calibration._calibrate import CalibrationProblem as CalibrationProblem
+from kneejax.inference.calibration._calibrate import motion_at as motion_at
 from kneejax.inference.calibration._quality import Fault as Fault
 from kneejax.inference.calibration._quality import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Misfit as Misfit
@@ -17,7 +17,6 @@ from kneejax.inference.calibration._search import POSES as POSES
 from kneejax.inference.calibration._search import PROCEDURES as PROCEDURES
 from kneejax.inference.calibration._search import USUAL_PROCEDURES as USUAL_PROCEDURES
 from kneejax.inference.calibration._search import Stage as Stage
-from kneejax.inference.calibration._search import procedures_of as procedures_of
 from kneejax.inference.calibration._search import run_procedure as run_procedure
 from kneejax.inference.calibration._side_by_side import calibrate as calibrate
 from kneejax.inference.calibration._side_by_side import (

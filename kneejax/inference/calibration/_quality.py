@@ -64,17 +64,10 @@ def misfits(
     counted: np.ndarray,
     poses: int,
 ) -> tuple[Misfit, ...]:
-    """Coordinates in which a fit is poor.
+    """Coordinates in which a fit of `poses` is poor, by its root mean square error and the start's.
 
-    Args:
-        rmse: coordinate -> root mean square error of the fit.
-        start_rmse: likewise of the start.
-        stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
-        counted: which coordinates are fitted, `(5,)`.
-        poses: how many the errors are of.
-
-    Returns:
-        One a coordinate at most.
+    `stated` are standard deviations, NaN where none is stated, and `counted` says which coordinates
+    are fitted, `(5,)` each.
     """
     # A root mean square of so few scatters by 1 / sqrt(2 n); twice that is more than luck.
     scatter = 1.0 + float(np.sqrt(2.0 / max(poses, 1)))
@@ -194,14 +187,8 @@ def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
 def misfits_of_test(
     own: FittedTest, before: FittedTest, stated: np.ndarray, counted: np.ndarray
 ) -> tuple[Misfit, ...]:
-    """Coordinates of a test in which a fit is poor, by the rules of poses (`misfits`).
-
-    Args:
-        own: the test as fitted.
-        before: the same at the start.
-        stated: standard deviation of each coordinate, NaN where none is stated, `(5,)`.
-        counted: which coordinates are fitted, `(5,)`.
-    """
+    """Coordinates of a test in which a fit is poor, by the rules of poses (`misfits`); `before` is
+    the test at the start."""
     for row, name in enumerate(FREE_COORDINATES):
         sd = own.test.sd_mm if COORDINATES[name].unit == "mm" else own.test.sd_deg
         stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated

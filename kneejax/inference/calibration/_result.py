@@ -124,19 +124,12 @@ class Ending(enum.Enum):
 
 @dataclasses.dataclass(frozen=True)
 class Starts:
-    """Where the searches from several starts ended, best first.
+    """Where the searches from several starts ended, best first."""
 
-    Attributes:
-        objectives: `(starts,)`; infinite where a start found no balance.
-        values: parameters and offsets, `(starts, p)`.
-        elsewhere: ends that the data tell from the answer: another valley, `(starts,)`.
-        rivals: ends that they do not, though a parameter is outside the answer's limits.
-    """
-
-    objectives: tuple[float, ...]
-    values: np.ndarray
-    elsewhere: np.ndarray
-    rivals: np.ndarray
+    objectives: tuple[float, ...]  # `(starts,)`; infinite where a start found no balance
+    values: np.ndarray  # parameters and offsets, `(starts, p)`
+    elsewhere: np.ndarray  # ends that the data tell from the answer: another valley, `(starts,)`
+    rivals: np.ndarray  # ends that they do not, though a parameter is outside the answer's limits
 
 
 @dataclasses.dataclass(frozen=True)

@@ -70,28 +70,17 @@ _MEMORY = 6
 
 @dataclasses.dataclass
 class Trail:
-    """What a search has done so far.
+    """What a search has done so far."""
 
-    Attributes:
-        known: balances at the best values, one variant.
-        objective: there.
-        history: accepted steps.
-        squares: `Problem.squares` of each of them.
-        counts: evaluations by stage.
-        converged: whether the last stage ended by itself.
-        flat: whether it ended because further steps gained less than the noise.
-        reason: why it did not converge, where the search can tell.
-        progress: told of each step.
-    """
-
-    known: Slopes
-    objective: float
-    history: list[Iteration]
-    counts: dict[str, int]
-    converged: bool = True
-    flat: bool = False
-    reason: str = ""
-    progress: Progress | None = None
+    known: Slopes  # balances at the best values, one variant
+    objective: float  # there
+    history: list[Iteration]  # accepted steps
+    counts: dict[str, int]  # evaluations by stage
+    converged: bool = True  # whether the last stage ended by itself
+    flat: bool = False  # whether it ended because further steps gained less than the noise
+    reason: str = ""  # why it did not converge, where the search can tell
+    progress: Progress | None = None  # told of each step
+    # `Problem.squares` of each of them.
     squares: list[np.ndarray] = dataclasses.field(default_factory=list)
 
     @property

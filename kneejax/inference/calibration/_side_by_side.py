@@ -8,7 +8,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, scales
-from kneejax.inference.calibration._answers import (
+from kneejax.inference.calibration._calibrate import (
+    CalibrationProblem,
     estimates_of,
     fit_of,
     motion_of,
@@ -17,7 +18,6 @@ from kneejax.inference.calibration._answers import (
     rmse_of,
     starts_of,
 )
-from kneejax.inference.calibration._calibrate import CalibrationProblem
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
 from kneejax.inference.calibration._search import Trail, run_side_by_side, together
@@ -157,10 +157,7 @@ def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> l
 
 
 def _answers(
-    knees: SeveralKnees,
-    members: Sequence[CalibrationProblem],
-    first: Slopes,
-    progress: Progress,
+    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Slopes, progress: Progress
 ) -> list[Calibration]:
     """Answers of knees whose load cases that count are the same.
 
@@ -208,15 +205,8 @@ def _past_what_blocks(
     """Balances where the fit ends that begins at the one without what may block the search: load
     cases near a limit point, or those that are far off.
 
-    Args:
-        problem: of one knee.
-        one: the whole problem.
-        there: balances at its answer.
-        variance: of the residuals, as the fit leaves it.
-
-    Returns:
-        The best of them; None where nothing is far off, or a knee in motion is fitted, which has
-        no limit points.
+    The best of them; None where nothing is far off by the residuals' `variance`, or a knee in
+    motion is fitted, which has no limit points.
     """
     if problem.cases.passages:
         return None

@@ -1,6 +1,5 @@
 """What to measure next."""
 
-from kneejax.inference.design._candidates import USUAL_LOADS as USUAL_LOADS
 from kneejax.inference.design._candidates import Candidate as Candidate
 from kneejax.inference.design._candidates import (
     LoadCaseDerivatives as LoadCaseDerivatives,

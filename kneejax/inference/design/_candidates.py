@@ -80,23 +80,12 @@ def departures(
     chosen: Sequence[int],
     foreseen: LoadCaseDerivatives,
 ) -> np.ndarray:
-    """Move parameters by one standard deviation along what a test tells most about, both ways.
+    """How wrong first derivatives are over the width that matters, for each chosen test,
+    `(chosen,)`.
 
-    What a design promises rests on first derivatives. This is their error over the width that
-    matters: the change of the pose that the derivative leaves out, as a part of the one it gives.
-
-    Args:
-        selection: the parameters.
-        knee: gives everything else.
-        values: of the parameters, `(p,)`.
-        covariance: of the parameters before the tests, `(p, p)`.
-        noise: standard deviations, `(5,)`.
-        candidates: all tests.
-        chosen: rows of those to check.
-        foreseen: poses and derivatives of all tests.
-
-    Returns:
-        One part a chosen test; infinite where the moved knee has no balance.
+    Parameters, of `covariance` `(p, p)` before the tests, move by one standard deviation along what
+    the test tells most about, both ways: the change of the pose that the derivative leaves out, as
+    a part of the one it gives. Infinite where the moved knee has no balance.
     """
     parts: dict[int, float] = {}
     for row in set(chosen):

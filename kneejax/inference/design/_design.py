@@ -143,7 +143,7 @@ def design_tests(
     covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
     bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
     steps = base + np.concatenate([np.zeros((1, *base.shape)), np.cumsum(told[list(chosen)], 0)])
-    after = base + told
+    after, each = base + told, criterion_of(steps, criterion) / len(base)
     return Design(
         criterion=criterion,
         names=known.names,
@@ -152,7 +152,7 @@ def design_tests(
         status=found.status,
         chosen=chosen,
         standard_errors=standard_errors(steps) * known.scale,
-        criterion_values=_in_scales(criterion, criterion_of(steps, criterion), len(base)),
+        criterion_values=np.exp(each / 2) if criterion == "D" else np.sqrt(each),
         gains=np.where(usable, _gain(base, after, criterion), np.nan),
         standard_errors_next=np.where(
             usable[:, None], standard_errors(after) * known.scale, np.nan
@@ -309,10 +309,6 @@ def _base(known: Information, prior: np.ndarray | None) -> tuple[np.ndarray, np.
     if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
         return known.matrix, None
     return known.matrix + np.eye(len(known.names)), known.scale
-
-
-def _in_scales(criterion: str, values: np.ndarray, size: int) -> np.ndarray:
-    return np.exp(values / (2 * size)) if criterion == "D" else np.sqrt(values / size)
 
 
 def _gain(base: np.ndarray, after: np.ndarray, criterion: str) -> np.ndarray:

@@ -1,22 +1,25 @@
 """Poses against a measurement: residuals, bounded searches, the one fit in lanes."""
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
+from kneejax.inference.fit._cut import Passed as Passed
 from kneejax.inference.fit._cut import balances_of as balances_of
+from kneejax.inference.fit._cut import passed as passed
 from kneejax.inference.fit._cut import slack_at as slack_at
 from kneejax.inference.fit._cut import state_of as state_of
 from kneejax.inference.fit._cut import without as without
-from kneejax.inference.fit._frames import Passed as Passed
-from kneejax.inference.fit._frames import passed as passed
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
 from kneejax.inference.fit._many_fits import ManyFits as ManyFits
+from kneejax.inference.fit._many_fits import SeveralKnees as SeveralKnees
 from kneejax.inference.fit._many_fits import fit_lanes as fit_lanes
+from kneejax.inference.fit._many_fits import form_of as form_of
 from kneejax.inference.fit._many_fits import several_starts as several_starts
 from kneejax.inference.fit._noise import DEFAULT_WEIGHTS as DEFAULT_WEIGHTS
 from kneejax.inference.fit._noise import Noise as Noise
 from kneejax.inference.fit._noise import on_bounds as on_bounds
 from kneejax.inference.fit._observations import observations as observations
 from kneejax.inference.fit._observations import rows_of_tests as rows_of_tests
+from kneejax.inference.fit._observations import synthetic_motion as synthetic_motion
 from kneejax.inference.fit._observed import TABLE_UNITS as TABLE_UNITS
 from kneejax.inference.fit._observed import Balance as Balance
 from kneejax.inference.fit._observed import Observations as Observations
@@ -28,6 +31,3 @@ from kneejax.inference.fit._problem import Progress as Progress
 from kneejax.inference.fit._problem import check_finite as check_finite
 from kneejax.inference.fit._problem import offset_units as offset_units
 from kneejax.inference.fit._readings import check_readable as check_readable
-from kneejax.inference.fit._several_knees import SeveralKnees as SeveralKnees
-from kneejax.inference.fit._several_knees import form_of as form_of
-from kneejax.inference.fit._synthetic import synthetic_motion as synthetic_motion

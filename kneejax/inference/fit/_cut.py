@@ -1,22 +1,47 @@
-"""Balances of a knee whose ligaments some tests had cut."""
+"""Balances of a knee whose ligaments some tests had cut, and of one in motion."""
 
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+import functools
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
 
-from kneejax.experiments import slack_poses
-from kneejax.geometry import State
-from kneejax.inference.fit._frames import Passage
+from kneejax.dynamics import (
+    Given,
+    Grid,
+    LoadCurve,
+    MovingKnee,
+    followed,
+    given_of,
+    move_within,
+    searched,
+    with_idle_steps,
+)
+from kneejax.experiments import Frames, slack_poses
+from kneejax.geometry import State, coordinates_of
 from kneejax.inference.fit._observed import Balance, Observations
-from kneejax.mechanics import Knee
-from kneejax.parameters import Selection, fibre_rows
-from kneejax.statics import LoadCases, Own, Slopes, Vary, balance_with_slopes
+from kneejax.mechanics import Knee, add_lane_axis
+from kneejax.numerics import compiled, on_all_cores
+from kneejax.parameters import Selection, UnsuitableData, fibre_rows
+from kneejax.statics import (
+    Equilibrium,
+    LoadCases,
+    Own,
+    Slopes,
+    Status,
+    Vary,
+    balance_with_slopes,
+    converged,
+    in_lanes,
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,14 +50,10 @@ class CutKnee:
 
     A ligament is cut after its number is set: a group's stiffness is shared out as that of the
     whole knee.
-
-    Attributes:
-        selection: the free parameters.
-        fibres: rows of those that are cut.
     """
 
-    selection: Selection
-    fibres: tuple[int, ...]
+    selection: Selection  # the free parameters
+    fibres: tuple[int, ...]  # rows of those that are cut
 
     def __call__(self, knee: Knee, values: Any) -> Knee:
         """The knee with these values of the free parameters, and without those fibres."""
@@ -69,11 +90,11 @@ def balances_of(
             # A fit asks a hundred times: what is the same each time is made once.
             there = jax.tree.map(np.asarray, every.take(rows).plain())
             parts.append((rows, _balanced(base, vary, there, own)))
-        parts += [
-            (passage.rows, _passed(base, vary, passage))
-            for passage in cases.passages
-            if cases.cut[passage.rows[0]] == number
-        ]
+        for passage in cases.passages:
+            if cases.cut[passage.rows[0]] == number:
+                # It begins anew with other values: nothing of near ones is of use.
+                slopes = functools.partial(passage.slopes, base, vary)
+                parts.append((passage.rows, lambda values, near, slopes=slopes: slopes(values)))
 
     def balance(values: np.ndarray, near: Slopes | None = None) -> Slopes:
         if len(parts) == 1:
@@ -97,11 +118,6 @@ def _balanced(knee: Knee, vary: Vary, there: LoadCases, own: Own | None) -> Bala
         return balance_with_slopes(knee, vary, values, there, near and near.at(once), own).at(place)
 
     return balance
-
-
-def _passed(knee: Knee, vary: Vary, passage: Passage) -> Balance:
-    """A motion begins anew with other values: nothing of near ones is of use."""
-    return lambda values, near: passage.slopes(knee, vary, values)
 
 
 def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
@@ -158,3 +174,179 @@ def slack_at(
             if gone.issuperset(fibre_rows(knee, name)):
                 where[cases.cut == number] = True
     return slack
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Passage:
+    """Load cases that a knee in motion passes."""
+
+    frames: Frames  # when, and what moves
+    rows: np.ndarray  # of the load cases, `(n,)`
+    load_cases: LoadCases  # these
+    grid: Grid  # steps of the motion
+    # How far a motion that repeats itself is from where it was a period before, mm or degrees, at
+    # worst in the last half of the rows; 0 of one that does not.
+    restless: float
+
+    @classmethod
+    def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> Passage:
+        """With steps that leave as little error as was asked for, chosen at `values`, `(p,)`;
+        raises where the motion has no start, or ends early."""
+        begin = _started(knee, vary, np.asarray(values, float)[None], frames, load_cases)
+        if not begin.converged.all():
+            status = Status(int(begin.status[0, 0]))
+            raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
+        moving = frames.moving(vary(knee, jnp.asarray(values)))
+        moving = moving.critically_damped(frames.critical)
+        moving = moving.damped_everywhere(frames.damping_N_s_per_mm)
+        start = _start(knee, frames, begin)[0][0]
+        found = move_within(
+            frames.most_mm, moving, start, frames.since_start_s,
+            loads=_loads(frames, load_cases), held={"flexion": frames.led},
+            rate=_rate(knee, frames),
+        )  # fmt: skip
+        if not converged(np.asarray(found.status)).all():
+            raise UnsuitableData(
+                f"with the parameters that choose its steps the motion ends after "
+                f"{found.ended_s:.3g} of {frames.since_start_s[-1]:.3g} s: {found.ended.sentence}"
+            )
+        table, count = np.asarray(found.to_table())[:, 1:], len(rows)
+        now, before = table[-count:], table[-2 * count : -count]
+        periodic = frames.period_s is not None and frames.cycles_before
+        restless = float(np.abs(now - before)[count // 2 :].max()) if periodic else 0.0
+        return cls(frames, np.asarray(rows), load_cases, found.grid, restless)
+
+    def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
+        """Poses of variants `(variants, p)` at the frames, and their derivatives."""
+        begin = _started(knee, vary, values, self.frames, self.load_cases)
+        q, slope = _start(knee, self.frames, begin)
+
+        # One by one: a program of more lanes compiles for as long as a hundred motions take.
+        def one(row: int):
+            own = slice(row, row + 1)
+            return self._passed(knee, vary, values[own], q[own], slope[own])
+
+        parts = on_all_cores(one, range(len(values)))
+        whole = (np.concatenate(x) for x in zip(*parts, strict=True))
+        found = dict(zip(Passed._fields, whole, strict=True))
+        lost = ~converged(begin.status)
+        found["status"] = np.where(lost, begin.status, found["status"])
+        found["q"] = np.where(converged(found["status"])[..., None], found["q"], np.nan)
+        free = found["q"].shape[-1]
+        unknown = np.zeros((*found["status"].shape, free, free))
+        return Slopes(values, **found, tangent=unknown)
+
+    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Passed:
+        frames = self.frames
+        given = given_of(
+            frames.moving(knee), np.zeros(q.shape[1]), self.grid, rate=_rate(knee, frames),
+            loads=_loads(frames, self.load_cases), held={"flexion": frames.led},
+        )  # fmt: skip
+        dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
+        asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
+        given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
+        varied = _Varied(vary)
+        equilibrium = searched(varied(moving, dampers, values), given)
+        given, equilibrium = with_idle_steps(given, equilibrium)
+        found = passed(varied, moving, dampers, given, equilibrium, asked, values, slope)
+        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in given.held]
+        return found._replace(q=found.q[..., free], jacobian=found.jacobian[..., free, :])
+
+
+class Passed(NamedTuple):
+    """Fields of `Slopes` that a motion has; arrays begin with variant and time, `q` has all
+    coordinates."""
+
+    q: np.ndarray
+    jacobian: np.ndarray
+    contact_points: np.ndarray
+    status: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
+class _Varied:
+    """Makes damped variants of a knee; leaves end in lanes."""
+
+    vary: Vary
+
+    def __call__(self, moving: MovingKnee, dampers: tuple[Array, Array], values) -> MovingKnee:
+        knee = in_lanes(moving.knee, self.vary, values)
+        lanes = dataclasses.replace(add_lane_axis(moving), knee=knee)
+        return lanes.critically_damped(dampers[0]).damped_everywhere(dampers[1])
+
+
+def passed(
+    lanes_of: Callable[..., MovingKnee],
+    moving: MovingKnee,
+    fixed: Any,
+    given: Given,
+    equilibrium: Equilibrium,
+    asked: Array,
+    values: ArrayLike,
+    slope: ArrayLike,
+) -> Passed:
+    """What variants of a moving knee pass, and its derivatives by the values.
+
+    Args:
+        lanes_of: `(moving, fixed, values) -> variants` whose leaves end in lanes; hashable.
+        moving: gives all numbers that do not vary.
+        fixed: arrays that `lanes_of` takes besides.
+        given: start and steps of the motions.
+        equilibrium: these motions, as they were searched.
+        asked: steps that are asked for.
+        values: `(variants, p)`.
+        slope: of the starts by the values, `(variants, coordinates, p)`.
+    """
+    answer = _passed(lanes_of, moving, fixed, given, equilibrium, asked, values, slope)
+    return Passed(*map(np.asarray, answer))
+
+
+@compiled(static_argnums=(0,))
+def _passed(lanes_of, moving, fixed, given: Given, equilibrium, asked, values, slope):
+    def motion(x: Array):
+        begin = given.q + jnp.einsum("vcp,vp->cv", slope, x - values)
+        lanes = lanes_of(moving, fixed, x)
+        found = followed(lanes, dataclasses.replace(given, q=begin), equilibrium)
+        return found.known.q[asked], (found.contact_points[asked], found.status[asked])
+
+    q, push, (contact_points, status) = jax.linearize(motion, values, has_aux=True)
+    size = values.shape[1]
+    units = jnp.broadcast_to(jnp.eye(size)[:, None], (size, *values.shape))
+    turned = jax.vmap(push, out_axes=-1)(units)
+    q, turned, contact_points = map(jnp.nan_to_num, (q, turned, contact_points))
+    return (
+        jnp.moveaxis(q, -1, 0), jnp.moveaxis(turned, -2, 0), jnp.moveaxis(contact_points, -1, 0),
+        jnp.moveaxis(status, -1, 0),
+    )  # fmt: skip
+
+
+def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, load_cases) -> Slopes:
+    """Balances from which the variants begin to move, at one load case."""
+    flexion = np.rad2deg(frames.led(np.zeros(1)))
+    heavy = dataclasses.replace(knee, loads=frames.moving(knee).loads)
+    first = LoadCases.at(flexion, jax.tree.map(lambda x: x[:1], load_cases.loads))
+    return balance_with_slopes(heavy, vary, values, first)
+
+
+def _start(knee: Knee, frames: Frames, begin: Slopes) -> tuple[np.ndarray, np.ndarray]:
+    """All coordinates of these balances, `(variants, 6 bodies)`, and by the values."""
+    names = coordinates_of(knee.bodies)
+    rows = [k for k, name in enumerate(names) if name != "flexion"]
+    size = len(begin.values), len(names)
+    q, slope = np.zeros(size), np.zeros((*size, begin.values.shape[1]))
+    q[:, names.index("flexion")] = frames.led(np.zeros(1))[0]
+    q[:, rows] = np.nan_to_num(begin.q[:, 0])
+    slope[:, rows] = np.nan_to_num(begin.jacobian[:, 0])
+    return q, slope
+
+
+def _loads(frames: Frames, load_cases: LoadCases) -> LoadCurve:
+    """What acts besides the knee's own loads, over the time since the start."""
+    along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), load_cases.loads)
+    return LoadCurve(jnp.asarray(frames.since_start_s), along)
+
+
+def _rate(knee: Knee, frames: Frames) -> np.ndarray:
+    """Of all coordinates at the start: flexion is led from there on, the others are at rest."""
+    led = [name == "flexion" for name in coordinates_of(knee.bodies)]
+    return np.where(led, frames.starts_with_rad_s, 0.0)

@@ -14,7 +14,7 @@ from kneejax.inference.fit._observed import Observations
 from kneejax.inference.fit._readings import Readings, check_readable
 from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
 from kneejax.parameters import Selection, UnsuitableData
-from kneejax.statics import LoadCases
+from kneejax.statics import LoadCases, balance_one
 
 
 def observations(
@@ -59,7 +59,9 @@ def observations(
     spread, acting, count = [np.ones((poses, 5))], [], poses
     groups, lines = 0, tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     axes = tuple(dict.fromkeys(test.axes for test in tests))
-    cuts, cut = _cuts(tests), [np.zeros(poses, int)]
+    # What tests had cut, each once; first of all nothing.
+    cuts = tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
+    cut = [np.zeros(poses, int)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
         flexion.append(bent)
@@ -88,28 +90,11 @@ def observations(
     )
 
 
-def _cuts(tests: Sequence[MeasuredTest]) -> tuple[tuple[str, ...], ...]:
-    """What tests had cut, each once; first of all nothing."""
-    return tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
-
-
 def readings_of(
     knee: Knee, selection: Selection, poses: int, tests: Sequence[MeasuredTest]
 ) -> Readings | None:
-    """What tests read of ligaments and contacts, as observations beside poses.
-
-    Args:
-        knee: gives everything that is not free.
-        selection: the free parameters.
-        poses: how many load cases come before those of the tests (`observations`).
-        tests: that were made.
-
-    Returns:
-        All numbers in the order of tests, names and rows; None without any.
-
-    Raises:
-        UnknownParameter: the knee has no such ligament or contact.
-    """
+    """What tests read of ligaments and contacts, in the order of tests, names and rows, as
+    observations after those of so many poses; None without any."""
     names = tuple(dict.fromkeys(name for test in tests for name in test.readings))
     check_readable(knee, names)
     found, groups = [], 0
@@ -233,3 +218,45 @@ def _together(
     ]
     constant = (kind for kind in kinds[:constants] if kind.sizes.any())
     return (*own, *constant, *kinds[constants:])
+
+
+def synthetic_motion(
+    knee: Knee,
+    truth: dict[str, float],
+    flexion_deg: np.ndarray,
+    *,
+    noise_mm: float = 0.0,
+    noise_deg: float = 0.0,
+    seed: int = 0,
+    loads: Sequence[Load] = (),
+) -> np.ndarray:
+    """Balanced poses of a knee with known parameters, plus normal noise.
+
+    Args:
+        knee: any knee.
+        truth: parameter -> value.
+        flexion_deg: prescribed angles, `(n,)`.
+        noise_mm: standard deviation of the noise on displacements.
+        noise_deg: standard deviation of the noise on rotations.
+        seed: of the noise.
+        loads: on the tibia, each one for all poses or one per pose.
+
+    Returns:
+        `(n, 6)` in the order of `kneejax.geometry.COLUMNS`.
+
+    Raises:
+        UnsuitableData: where the knee with these parameters has no balance.
+        Implausible: no knee has these parameters.
+    """
+    true_knee = knee.replace(truth)
+    table = np.zeros((len(flexion_deg), 6))
+    table[:, 0] = flexion_deg
+    motion = balance_one(true_knee, LoadCases.at(flexion_deg, tuple(loads)))
+    poses, balanced = motion.table[0], motion.converged[0]
+    if not balanced.all():
+        angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])
+        raise UnsuitableData(f"the knee that makes the data has no balance at {angles} degrees")
+    scatter = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
+    noise = np.random.default_rng(seed).standard_normal((len(flexion_deg), 5))
+    table[:, 1:] = poses + scatter * noise
+    return table

@@ -16,7 +16,7 @@ from kneejax.numerics import lanes_for
 from kneejax.statics import LoadCases, Slopes
 
 if TYPE_CHECKING:
-    from kneejax.inference.fit._frames import Passage
+    from kneejax.inference.fit._cut import Passage
     from kneejax.inference.fit._readings import Readings
 
 #: Degrees and mm per internal unit of a free coordinate.
@@ -256,18 +256,11 @@ def _read(flexion: Array, q: Array) -> tuple[Array, Array]:
 
 
 def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:
-    """A balance whose last values are constants added to some coordinates.
+    """A balance whose last values are constants added to some free coordinates of the load cases
+    `posed`, degrees and mm.
 
     `Observations.offsets` takes the best constants out of every residual; this makes them values
     like any other, which have bounds and can be held.
-
-    Args:
-        balance: of the other values.
-        offsets: free coordinates; their constants are in degrees and mm.
-        posed: load cases to which they are added, `(load_cases,)`.
-
-    Returns:
-        The balance.
     """
 
     def shifted(values: np.ndarray, near: Slopes) -> Slopes:
@@ -302,10 +295,7 @@ def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) ->
         row = FREE_COORDINATES.index(name)
         q[..., row] -= found.values[:, [size + k]] * posed / TABLE_UNITS[row]
     return dataclasses.replace(
-        found,
-        values=found.values[:, :size],
-        q=q,
-        jacobian=found.jacobian[..., :size],
+        found, values=found.values[:, :size], q=q, jacobian=found.jacobian[..., :size]
     )
 
 

@@ -11,8 +11,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES, State
-from kneejax.inference.fit._cut import balances_of, state_of, without
-from kneejax.inference.fit._frames import Passage
+from kneejax.inference.fit._cut import Passage, balances_of, state_of, without
 from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.inference.fit._observed import (
     TABLE_UNITS,

@@ -29,45 +29,27 @@ _Asked = tuple[str, tuple[int, ...]]
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Readings:
-    """What was read of ligaments and contacts, and where other bones were, a number each.
+    """What was read of ligaments and contacts, and where other bones were, a number each."""
 
-    Attributes:
-        knee: gives everything that is not free.
-        selection: the free parameters.
-        names: what can be read, `PART.KIND` of `kneejax.experiments.READINGS`, or the column of
-            another bone's coordinate.
-        name: which of these each number is of, `(r,)`.
-        case: its load case, `(r,)`.
-        neutral: load case from which it is counted, `(r,)`, -1 where it counts as it is.
-        target: what was read, `(r,)`, N, strain, degrees or mm.
-        sd: its standard deviation, `(r,)`.
-        group: numbers that are off by one unknown constant share a number, `(r,)`; -1 where there
-            is none.
-    """
-
-    knee: Knee
-    selection: Selection
+    knee: Knee  # gives everything that is not free
+    selection: Selection  # the free parameters
+    # What can be read, `PART.KIND` of `kneejax.experiments.READINGS`, or the column of another
+    # bone's coordinate.
     names: tuple[str, ...]
-    name: np.ndarray
-    case: np.ndarray
-    neutral: np.ndarray
-    target: np.ndarray
-    sd: np.ndarray
+    name: np.ndarray  # which of these each number is of, `(r,)`
+    case: np.ndarray  # its load case, `(r,)`
+    neutral: np.ndarray  # load case from which it is counted, `(r,)`, -1 where it counts as it is
+    target: np.ndarray  # what was read, `(r,)`, N, strain, degrees or mm
+    sd: np.ndarray  # its standard deviation, `(r,)`
+    # Numbers that are off by one unknown constant share a number, `(r,)`; -1 where there is none.
     group: np.ndarray
 
     def __len__(self) -> int:
         return len(self.target)
 
     def model(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """What the knee gives in the place of each number, and its derivative by the values.
-
-        Args:
-            cases: of which these are readings.
-            found: balances there.
-
-        Returns:
-            `(fits, r)` and `(fits, r, p)`.
-        """
+        """What the knee gives in the place of each number in the balances found, `(fits, r)`, and
+        its derivative by the values, `(fits, r, p)`."""
         counts = self.neutral >= 0
         zero = np.where(counts, self.neutral, self.case)
         at, slope = self._at_cases(cases, found, np.unique(np.r_[self.case, zero]))
@@ -119,11 +101,8 @@ class Readings:
 
 
 def _asked(knee: Knee, name: str) -> _Asked:
-    """What is to be computed.
-
-    Raises:
-        UnknownParameter: the knee has no such ligament, contact or bone.
-    """
+    """What is to be computed of a ligament, a contact or a bone; raises of a name that there is
+    not."""
     if name in OTHER_COLUMNS:
         bone = OTHER_COLUMNS[name].body
         if bone not in knee.bodies:

@@ -5,7 +5,6 @@ from kneejax.inference.intervals._estimate import IntervalKind as IntervalKind
 from kneejax.inference.intervals._estimate import MaximumLikelihood as MaximumLikelihood
 from kneejax.inference.intervals._estimate import estimate as estimate
 from kneejax.inference.intervals._estimate import maximum_likelihood as maximum_likelihood
-from kneejax.inference.intervals._estimate import rise_at_limits as rise_at_limits
 from kneejax.inference.intervals._estimate import same_ends as same_ends
 from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile

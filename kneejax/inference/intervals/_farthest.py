@@ -19,33 +19,19 @@ import numpy as np
 
 
 class Farthest(NamedTuple):
-    """What a linear model says.
+    """What a linear model says."""
 
-    Attributes:
-        step: of all values, to where the one is farthest, `(p,)`.
-        price: by how much the sum of squares grows there with the value, however well the others
-            make up for it; zero where the sum is too large everywhere.
-        refit: of the others where the one stays, `(p,)`.
-        spare: by how much that lowers the sum of squares.
-    """
-
-    step: np.ndarray
+    step: np.ndarray  # of all values, to where the one is farthest, `(p,)`
+    # By how much the sum of squares grows there with the value, however well the others make up for
+    # it; zero where the sum is too large everywhere.
     price: float
-    refit: np.ndarray
-    spare: float
+    refit: np.ndarray  # of the others where the one stays, `(p,)`
+    spare: float  # by how much that lowers the sum of squares
 
 
 def products(residual: np.ndarray, slope: np.ndarray) -> np.ndarray:
-    """All that a linear model says of sums of squares.
-
-    Args:
-        residual: `(points, r)`.
-        slope: by the values, `(points, r, p)`.
-
-    Returns:
-        Products of columns, those of derivatives first and residuals last, `(points, p + 1,
-        p + 1)`.
-    """
+    """All that a linear model of residuals `(points, r)` with slopes `(points, r, p)` says of sums
+    of squares: products of columns, the residuals' last, `(points, p + 1, p + 1)`."""
     columns = np.concatenate([slope, residual[..., None]], axis=-1)
     return np.swapaxes(columns, 1, 2) @ columns
 
@@ -65,20 +51,12 @@ def farthest(
     high: np.ndarray,
     damping: float,
 ) -> Farthest:
-    """Lead one value as far as the sum of squares allows, the others making up for it.
+    """Lead one value `i` as far up or down (`way` is 1 or -1) as the sum of squares allows, the
+    others making up for it.
 
-    Args:
-        model: of a point, one of `products`.
-        i: the value.
-        way: up (1) or down (-1).
-        most: sum of squares; where the model stays above it, it is made as small as can be.
-        low: least step of each value, `(p,)`.
-        high: largest.
-        damping: what counts beside it for the square of a step of one: values that change nothing
-            stay where they are.
-
-    Returns:
-        See `Farthest`.
+    Where the model, one of `products`, stays above `most`, the sum is made as small as can be.
+    Steps of each value lie between `low` and `high`, `(p,)`; `damping` counts for the square of a
+    step of one: values that change nothing stay where they are.
     """
     damped = model.copy()
     damped[np.diag_indices(len(low))] += damping
@@ -138,18 +116,12 @@ _KINK = 3.0
 def learned(
     curvature: np.ndarray, linear: np.ndarray, step: np.ndarray, change: np.ndarray
 ) -> np.ndarray:
-    """Second-order part of half a sum of squares' Hessian, after one more step has been seen.
+    """Second-order part of half a sum of squares' Hessian, `(p, p)`, after one more step has been
+    seen.
 
-    Args:
-        curvature: as it was, zero if nothing is known, `(p, p)`.
-        linear: products of derivatives where the model stands, `(p, p)`.
-        step: that was seen, `(p,)`.
-        change: of half the gradient along it, `(p,)`.
-
-    Returns:
-        The least change of `curvature`, in the metric of what was seen, with which the Hessian
-        explains it, `(p, p)`; unchanged where the gradient falls along the step, and where
-        a kink was passed.
+    The least change of `curvature`, in the metric of what was seen, with which the Hessian explains
+    how half the gradient changed along the step, `(p,)`; unchanged where it falls along the step,
+    and where a kink was passed. `linear` are products of derivatives there.
 
     Example:
         >>> curvature = learned(np.zeros((1, 1)), np.eye(1), np.array([2.0]), np.array([5.0]))

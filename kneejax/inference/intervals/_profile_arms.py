@@ -47,51 +47,32 @@ _PENALTY = 1.25
 
 
 class Point(NamedTuple):
-    """Where an arm has been.
+    """Where an arm has been."""
 
-    Attributes:
-        value: of the arm's parameter.
-        rise: of chi squared above that of the fit.
-        parameters: all of them, `(p,)`.
-        spare: what the others could still take back of the rise.
-    """
-
-    value: float
-    rise: float
-    parameters: np.ndarray
-    spare: float
+    value: float  # of the arm's parameter
+    rise: float  # of chi squared above that of the fit
+    parameters: np.ndarray  # all of them, `(p,)`
+    spare: float  # what the others could still take back of the rise
 
 
 @dataclasses.dataclass(frozen=True)
 class Narrow:
-    """An arm whose limit is too narrow.
+    """An arm whose limit is too narrow."""
 
-    Attributes:
-        arm: its row.
-        point: beyond the limit, as likely as what lies inside.
-        donor: row of the arm that has been there.
-    """
-
-    arm: int
-    point: Point
-    donor: int
+    arm: int  # its row
+    point: Point  # beyond the limit, as likely as what lies inside
+    donor: int  # row of the arm that has been there
 
 
 @dataclasses.dataclass(frozen=True)
 class _Steps:
-    """How an arm walks.
+    """How an arm walks."""
 
-    Attributes:
-        parts: levels one after the other, in parts of the root of the rise at the limit.
-        longest: step of any parameter, as a part of the bounds' width.
-        equilibrium: the last step, as a part of the whole way, which is not looked at any more.
-        spare: what the other parameters may still take back there, as a part of the rise.
-    """
-
+    # Levels one after the other, in parts of the root of the rise at the limit.
     parts: tuple[float, ...]
-    longest: float
-    equilibrium: float
-    spare: float
+    longest: float  # step of any parameter, as a part of the bounds' width
+    equilibrium: float  # the last step, as a part of the whole way, which is not looked at any more
+    spare: float  # what the other parameters may still take back there, as a part of the rise
 
 
 class Pace(enum.Enum):
@@ -234,15 +215,10 @@ class Arms:
         slope: np.ndarray,
         close: bool,
     ) -> None:
-        """Walk on from points beyond the limits.
+        """Walk on from points beyond the limits, with the balances, residuals and slopes there.
 
-        Args:
-            narrow: arms and points.
-            there: balances at the points.
-            residual: there.
-            slope: its derivatives.
-            close: whether the arms end there instead, without a limit; so do those that find no
-                balance there.
+        Where `close`, the arms end there instead, without a limit; so do those that find no
+        balance.
         """
         lost = np.atleast_1d(~np.isfinite(there.q).all(axis=(1, 2)))
         models = products(residual, slope * self.width)

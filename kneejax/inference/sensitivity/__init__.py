@@ -15,7 +15,6 @@ from kneejax.inference.sensitivity._parameter_map import BlockStore as BlockStor
 from kneejax.inference.sensitivity._parameter_map import Condition as Condition
 from kneejax.inference.sensitivity._parameter_map import ParameterMap as ParameterMap
 from kneejax.inference.sensitivity._parameter_map import worst_condition as worst_condition
-from kneejax.inference.sensitivity._sweeps import SWEEP_RANGES as SWEEP_RANGES
 from kneejax.inference.sensitivity._sweeps import USUAL_COUNT as USUAL_COUNT
 from kneejax.inference.sensitivity._sweeps import LocalSensitivity as LocalSensitivity
 from kneejax.inference.sensitivity._sweeps import Sweep as Sweep

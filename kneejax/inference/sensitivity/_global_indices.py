@@ -13,10 +13,7 @@ from numpy.typing import ArrayLike
 from kneejax.parameters import UnsuitableData
 
 #: Method -> measures in the order of tables; the first ranks the parameters.
-MEASURES = {
-    "sobol": ("total_order", "first_order"),
-    "morris": ("mu_star", "sigma", "mu"),
-}
+MEASURES = {"sobol": ("total_order", "first_order"), "morris": ("mu_star", "sigma", "mu")}
 _SALIB_NAMES = {
     "total_order": ("ST", "ST_conf"),
     "first_order": ("S1", "S1_conf"),
@@ -158,15 +155,12 @@ def global_indices(
 
     enough = whole.sum() >= FEWEST[method]
     columns = np.ascontiguousarray(y[kept].T)
-    found = [analyse(x[kept], y) if enough and _varies(y) else None for y in columns]
+    found = [analyse(x[kept], y) if enough and np.ptp(y) > _CONSTANT * np.abs(y).max() else None
+             for y in columns]
     return GlobalIndices(
         method, tuple(names), tuple(outputs), lower, upper, *_numbers(method, found, len(names)),
         confidence, len(x), int((~sound).sum()), samples, int((~whole).sum()),
     )  # fmt: skip
-
-
-def _varies(column: np.ndarray) -> bool:
-    return bool(np.ptp(column) > _CONSTANT * np.abs(column).max())
 
 
 def _numbers(

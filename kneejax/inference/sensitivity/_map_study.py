@@ -40,35 +40,18 @@ class _Part(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class MapCases:
-    """Load cases of a problem, balanced at every grid point.
+    """Load cases of a problem, balanced at every grid point."""
 
-    Attributes:
-        cases: those that the knee's own values balance count.
-        parts: the cases by what was cut.
-        own_table: where the knee itself is, degrees and mm, `(cases, 5)`.
-        failures: statuses of balances that count for nothing.
-        base: values of what varies where searches begin, `(p,)`.
-    """
-
-    cases: Observations
-    parts: tuple[_Part, ...]
-    own_table: np.ndarray
-    failures: tuple[Status, ...]
-    base: np.ndarray
+    cases: Observations  # those that the knee's own values balance count
+    parts: tuple[_Part, ...]  # the cases by what was cut
+    own_table: np.ndarray  # where the knee itself is, degrees and mm, `(cases, 5)`
+    failures: tuple[Status, ...]  # statuses of balances that count for nothing
+    base: np.ndarray  # values of what varies where searches begin, `(p,)`
 
     @classmethod
     def of(cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures) -> MapCases:
-        """Balance the knee itself at all load cases.
-
-        Args:
-            problem: whose selection is what maps vary.
-            offsets: free coordinates of poses whose best constant is taken at each grid point.
-            base: values where searches begin, `(p,)`.
-            failures: statuses of balances that count for nothing.
-
-        Raises:
-            UnsuitableData: the knee balances nowhere.
-        """
+        """Balance the knee itself, from values `base`, `(p,)`, at all load cases; raises where it
+        balances nowhere. Of poses the best constants of `offsets` are taken at each grid point."""
         selection, every = problem.selection, problem.cases.load_cases.of(problem.knee)
         itself, parts, homes = np.asarray(selection.read(problem.knee)), [], []
         for number, names in enumerate(problem.cases.cuts):
@@ -167,25 +150,16 @@ _FEWEST_ROWS = 16
 
 @dataclasses.dataclass
 class Maps(abc.ABC):
-    """What all maps of a call share.
+    """What all maps of a call share."""
 
-    Attributes:
-        knee: gives all that does not vary.
-        selection: parameters of all pairs.
-        base: their values where searches begin, `(p,)`.
-        load_cases: at which every grid point is balanced.
-        weights: of the objective, `(5,)`, per degree^2 and per mm^2.
-        left_out: number of poses or load cases that count nowhere.
-        start_objective: at `base`.
-    """
-
-    knee: Knee
-    selection: Selection
-    base: np.ndarray
-    load_cases: LoadCases
-    weights: np.ndarray
+    knee: Knee  # gives all that does not vary
+    selection: Selection  # parameters of all pairs
+    base: np.ndarray  # their values where searches begin, `(p,)`
+    load_cases: LoadCases  # at which every grid point is balanced
+    weights: np.ndarray  # of the objective, `(5,)`, per degree^2 and per mm^2
+    # Number of poses or load cases that count nowhere.
     left_out: int = dataclasses.field(init=False)
-    start_objective: float = dataclasses.field(init=False)
+    start_objective: float = dataclasses.field(init=False)  # at `base`
 
     @abc.abstractmethod
     def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
@@ -196,15 +170,8 @@ class Maps(abc.ABC):
         """What a map keeps of grid points: `objective`, `partial`, `condition`, `lost`."""
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
-        """One map, block by block.
-
-        Args:
-            pair: names of the parameters along x and y.
-            x: values of the first, `(nx,)`.
-            y: values of the second, `(ny,)`.
-            store: keeps finished blocks.
-            report: called now and then with balances done.
-        """
+        """One map over two parameters, with values `(nx,)` and `(ny,)`, block by block; the store
+        keeps finished blocks."""
         column, row = (self.selection.names.index(name) for name in pair)
         middle = int(np.abs(x - self.base[column]).argmin())
         # One block's rows do not depend on another's: all begin at the same column.

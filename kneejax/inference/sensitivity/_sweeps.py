@@ -133,10 +133,7 @@ def local_sensitivity(
 
 
 def step_widths(
-    selection: Selection,
-    values: np.ndarray,
-    scale: str,
-    given: Mapping[str, float] | None = None,
+    selection: Selection, values: np.ndarray, scale: str, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
     """One step of a scale in the parameters' own units, `(p,)`; refuses as `local_sensitivity`.
 
@@ -153,8 +150,8 @@ def step_widths(
     return percent_scales(selection, values)
 
 
-#: Ranges of paper 1, section 3, of structures; other quantities go over their bounds.
-SWEEP_RANGES = {"stiffness": (300.0, 9300.0), "reference_strain": (-0.2, 0.2)}
+#: N per unit strain, paper 1, section 3, of structures; other quantities go over their bounds.
+_STIFFNESS = (300.0, 9300.0)
 #: Values of a parameter where nobody says how many.
 USUAL_COUNT = 31
 #: Part of a slack length to either side, the same as that of a reference strain.
@@ -296,9 +293,7 @@ def sweep(
 
 
 def sweep_values(
-    knee: Knee,
-    parameters: Sequence[str] | Mapping[str, ArrayLike | None],
-    count: int = USUAL_COUNT,
+    knee: Knee, parameters: Sequence[str] | Mapping[str, ArrayLike | None], count: int = USUAL_COUNT
 ) -> tuple[Selection, list[np.ndarray]]:
     """The parameters that a sweep asks for and the values of each; refuses as `sweep` does.
 
@@ -343,11 +338,9 @@ def _checked(name: str, values: np.ndarray) -> np.ndarray:
 
 
 def _usual(knee: Knee, selection: Selection, index: int, count: int) -> np.ndarray:
-    quantity = selection.quantity(index)
-    if quantity in SWEEP_RANGES:
-        low, high = SWEEP_RANGES[quantity]
-        if quantity == "stiffness" and selection.fibres(index):
-            low, high = structure_range(knee, selection.fibres(index), (low, high))
+    quantity, fibres = selection.quantity(index), selection.fibres(index)
+    if quantity == "stiffness":
+        low, high = structure_range(knee, fibres, _STIFFNESS) if fibres else _STIFFNESS
     elif quantity == "slack_length":
         value = float(selection.read(knee)[index])
         low, high = (1 - _SLACK) * value, (1 + _SLACK) * value

@@ -39,17 +39,12 @@ class _Node(NamedTuple):
 
 
 class Piece(eqx.Module):
-    """A piece of several fibres between two points.
+    """A piece of several fibres between two points."""
 
-    Attributes:
-        length: mm, `(fibres, ...)`.
-        pull: wrench of a unit tension on the second bone, about its origin in the first's axes.
-        taut: the way around the obstacle; None where the piece is straight.
-    """
-
-    length: Array
+    length: Array  # mm, `(fibres, ...)`
+    # Wrench of a unit tension on the second bone, about its origin in the first's axes.
     pull: Wrench
-    taut: TautPath | None
+    taut: TautPath | None  # the way around the obstacle; None where the piece is straight
 
 
 class Course(eqx.Module):

@@ -18,9 +18,8 @@ from kneejax.files import (
     write_joint,
 )
 from kneejax.files.opensim._exact import turn_about
-from kneejax.files.opensim._functions import evaluate
 from kneejax.files.opensim._joints import read_joints
-from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim._model import evaluate, read_model
 from kneejax.geometry import Pose
 from kneejax.joints import Joint, axis_between, generalised_axis, hinge, moving_axis
 

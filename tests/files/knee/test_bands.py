@@ -98,12 +98,12 @@ def test_material_and_prestretch_are_parameters_of_bands_alone(tmp_path, documen
     knee = read_knee(write(tmp_path / "knee.yaml", document)).knee
     names = ["ACL.youngs_modulus", "ACL.area", "ACL.prestretch"]
     np.testing.assert_allclose(kj.select(knee, names).read(knee), [120.0, 40.0, 1.02])
-    other = kj.with_values(knee, {"ACL.area": 20.0, "ACL.prestretch": 1.05})
+    other = knee.replace({"ACL.area": 20.0, "ACL.prestretch": 1.05})
     found = kj.select(other, [*names, "ACL.stiffness"][1:]).read(other)
     np.testing.assert_allclose(found, [20.0, 1.05, 2400.0])
     lower, upper = default_bounds(knee, kj.select(knee, names))
     np.testing.assert_allclose([*lower, *upper], [60.0, 20.0, 0.8, 240.0, 80.0, 1.2])
-    stiff = kj.with_values(knee, {"ACL.youngs_modulus": 240.0})
+    stiff = knee.replace({"ACL.youngs_modulus": 240.0})
     np.testing.assert_allclose(
         stiff.ligaments.stiffness[-6:], 2.0 * knee.ligaments.stiffness[-6:], rtol=1e-13
     )
@@ -113,7 +113,7 @@ def test_material_and_prestretch_are_parameters_of_bands_alone(tmp_path, documen
     with pytest.raises(UnknownParameter, match="are one number"):
         kj.select(knee, ["ACL.youngs_modulus", "ACL.stiffness"])
     with pytest.raises(UnknownParameter, match="give one number"):
-        kj.with_values(knee, {"ACL.prestretch": 1.0, "ACL.slack_length": 30.0})
+        knee.replace({"ACL.prestretch": 1.0, "ACL.slack_length": 30.0})
 
 
 def test_a_poses_slopes_by_material_area_and_prestretch_are_differences(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import yaml
 
-import kneejax as kj
 from kneejax.files import (
     InputProblem,
     bundled_knees,
@@ -225,7 +224,7 @@ def test_the_damping_of_a_fibre_is_a_number_of_the_knee(tmp_path, knee_document)
     knee = read_knee(tmp_path / "knee.yaml").knee
     damping = dict(zip(knee.ligaments.names, knee.ligaments.damping.tolist(), strict=True))
     assert damping.pop("ACL") == 0.003 and set(damping.values()) == {0.0}
-    changed = kj.with_values(knee, {"ACL.damping": 0.01})
+    changed = knee.replace({"ACL.damping": 0.01})
     assert restated(document, changed, "a test")["ligaments"]["ACL"]["damping_N_s"] == 0.01
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from kneejax.files import load_knee_file, mirror_document, restated
 from kneejax.files.knee import build_knee
-from kneejax.parameters import select, with_values
+from kneejax.parameters import select
 
 SPHERE = {
     "kind": "sphere", "bone": "femur", "center_mm": [0.0, -25.0, -42.0], "radius_mm": 3.0,
@@ -70,7 +70,7 @@ def test_every_number_of_a_knee_is_read_back(knee_document, side, rng):
     surface = again.sources["contacts.medial.tibial_surface"]
     assert surface.startswith("fitted; ") and surface.endswith("coefficients_mm: our robot")
     # Other numbers keep their source, and a strain stays a strain.
-    one = restated(document, with_values(read.knee, {"ACL.stiffness": 4000.0}), "our robot")
+    one = restated(document, read.knee.replace({"ACL.stiffness": 4000.0}), "our robot")
     sources = build_knee(one, "one.yaml").sources
     assert sources["ligaments.ACL.stiffness_N"] == "our robot"
     assert sources["ligaments.ACL.reference_strain"] == "paper, Table 1"
@@ -101,7 +101,7 @@ def test_parameters_are_read_back(knee_document, names, rng):
 def test_a_force_becomes_a_length_and_a_strain_that_no_fibre_has_too(knee_document):
     read = build_knee(knee_document, "knee.yaml")
     assert restated(knee_document, read.knee, "x")["ligaments"]["MCL"]["reference_force_N"] == 20.0
-    knee = with_values(read.knee, {"MCL.stiffness": 3000.0, "ACL.slack_length": 5.0})
+    knee = read.knee.replace({"MCL.stiffness": 3000.0, "ACL.slack_length": 5.0})
     fibres = restated(knee_document, knee, "our robot")["ligaments"]
     assert "reference_force_N" not in fibres["MCL"] and fibres["MCL"]["slack_length_mm"] > 1.0
     assert fibres["ACL"]["slack_length_mm"] == 5.0 and "reference_strain" not in fibres["ACL"]
@@ -113,7 +113,7 @@ def test_an_obstacle_that_two_courses_share_becomes_two(knee_document):
     document["ligaments"]["PCL"] |= {"wrap": "knob"}
     del document["wraps"]["rod"]
     read = build_knee(document, "knee.yaml")
-    knee = with_values(read.knee, {"MCL.radius": 2.5})
+    knee = read.knee.replace({"MCL.radius": 2.5})
     found = restated(document, knee, "our robot")
     radii = {name: wrap["radius_mm"] for name, wrap in found["wraps"].items()}
     assert sorted(radii.values()) == [2.5, 3.0] and len(radii) == 2

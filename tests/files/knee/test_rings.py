@@ -39,7 +39,7 @@ def test_a_ring_is_read_of_either_side_with_its_parameters(tmp_path, document):
     selection = kj.select(right, names)
     assert selection.read(right).tolist() == [120.0, 30.0, 180.0, 20.0]
     assert [selection.unit(k) for k in range(4)] == ["MPa", "mm²", "N/mm", "N/mm"]
-    softer = kj.with_values(right, {"medial_meniscus.horn_stiffness": 60.0})
+    softer = right.replace({"medial_meniscus.horn_stiffness": 60.0})
     again = restated(document, softer, "a test")["contacts"]["medial_meniscus"]
     assert again["ring"] == RING | {"horn_stiffness_N_per_mm": 60.0}
     assert again["source"]["ring"] == "a test"

@@ -40,7 +40,7 @@ def result(folder, knee="four_ligament", **changes):
 
 def expected():
     knee = kj.load_knee("four_ligament")
-    knee = kj.with_values(knee, {"MCL.stiffness": 2000.0, "LCL.stiffness": 1500.0})
+    knee = knee.replace({"MCL.stiffness": 2000.0, "LCL.stiffness": 1500.0})
     return kj.select(knee, tuple(FOUND)).apply(knee, jnp.array([*FOUND.values()]))
 
 

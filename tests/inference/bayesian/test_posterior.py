@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from kneejax.inference import Problem, posterior, synthetic_motion
-from kneejax.inference.bayesian._motion_density import MotionDensity
-from kneejax.inference.bayesian._priors import normal_priors
+from kneejax.inference.bayesian._priors import MotionDensity, normal_priors
 from kneejax.numerics import MissingPackage, compiled
 from kneejax.parameters import select
 

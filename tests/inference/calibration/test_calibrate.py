@@ -121,7 +121,7 @@ def test_stated_noise_decides_how_wide_the_limits_are(knee, clean):
         [np.zeros(25), np.random.default_rng(3).standard_normal((25, 5))]
     )
     one = ("PCL.reference_strain",)
-    start = kj.with_values(knee, TRUTH)
+    start = knee.replace(TRUTH)
     widths = []
     for noise in (0.1, 0.2):
         options = {"noise_mm": noise, "noise_deg": noise}
@@ -136,7 +136,7 @@ def test_a_coordinate_that_the_fit_gives_up_makes_it_poor(knee, clean):
     """From the truth, weights on one coordinate alone follow its error and lose the others."""
     bent = clean.copy()
     bent[:, 5] += 1.5 * np.sin(np.deg2rad(3.0 * bent[:, 0]))
-    start = kj.with_values(knee, TRUTH)
+    start = knee.replace(TRUTH)
     weights = {"deg": 0.001, "mm": 0.001, "lateral": 1.0}
     result = calibrated(
         start, bent, STUDY.parameters, procedures=("III",), weights=weights,
@@ -196,7 +196,7 @@ def test_a_constant_frame_offset_is_found(knee, clean):
 @pytest.mark.slow
 def test_a_slack_ligament_is_named_not_hidden(knee):
     """An ACL that is slack at every pose leaves no trace in the motion."""
-    slack = kj.with_values(knee, {"ACL.reference_strain": -0.19})
+    slack = knee.replace({"ACL.reference_strain": -0.19})
     motion = synthetic_motion(slack, {}, np.linspace(30.0, 60.0, 25))
     noise = np.random.default_rng(0).standard_normal((len(motion), 5))
     motion = motion + 0.1 * np.column_stack([np.zeros(len(motion)), noise])
@@ -272,7 +272,7 @@ def test_a_flexion_where_the_start_finds_no_balance_counts_in_no_mean(knee, clea
     beyond = clean + np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
     beyond[-1, 0] = 175.0
     wide = {"stiffness": (300.0, 30000.0)}
-    start = kj.with_values(knee, TRUTH)
+    start = knee.replace(TRUTH)
     result = calibrated(start, beyond, STUDY.parameters, bounds=wide, weights="paper1")
     assert result.start_rmse["anterior"] == pytest.approx(1.0)
     assert result.start_objective == pytest.approx(24.0)

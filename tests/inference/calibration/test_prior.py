@@ -17,7 +17,7 @@ FLEXION = np.array([60.0, 75.0, 90.0, 105.0])
 
 @pytest.fixture(scope="module")
 def measured(knee):
-    return np.asarray(kj.passive_flexion(kj.with_values(knee, {NAME: TRUE}), FLEXION).to_table())
+    return np.asarray(kj.passive_flexion(knee.replace({NAME: TRUE}), FLEXION).to_table())
 
 
 @pytest.fixture(scope="module")

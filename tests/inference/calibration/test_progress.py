@@ -13,7 +13,7 @@ def test_errors_fall_as_the_search_goes_on():
     knee = kj.load_knee("four_ligament")
     flexion = np.linspace(0.0, 90.0, 25)
     poses = np.asarray(kj.passive_flexion(knee, flexion).to_table())
-    start = kj.with_values(knee, {"ACL.reference_strain": 0.05})
+    start = knee.replace({"ACL.reference_strain": 0.05})
     told = []
     study = kj.Study(
         title="a trial", knee=start, measured=poses, parameters=["ACL.reference_strain"],

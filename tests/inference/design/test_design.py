@@ -48,10 +48,10 @@ def variant(seed):
             for column, axis in enumerate(("anterior", "superior", "lateral")):
                 old = float(getattr(knee.ligaments, f"{end}_attachment")[row, column])
                 changes[f"{name}.{end}_attachment.{axis}"] = old + rng.normal(0.0, 1.0)
-    moved = kj.with_values(knee, changes)
+    moved = knee.replace(changes)
     strain = np.asarray(knee.reference_strain()) + rng.normal(0.0, 0.01, 4)
     names = (f"{name}.reference_strain" for name in knee.ligaments.names)
-    return kj.with_values(moved, dict(zip(names, strain, strict=True)))
+    return moved.replace(dict(zip(names, strain, strict=True)))
 
 
 def known(knee):

@@ -233,7 +233,7 @@ def test_a_pull_in_the_table_is_that_of_a_knee_with_such_a_line(knee, passive):
     rows = slice(2, 2 + len(extra))
     for size in (60.0, 25.0):
         own = float(knee.lines[0].tension)
-        other = kj.with_values(knee, {"patellar_tendon.tension": own + size})
+        other = knee.replace({"patellar_tendon.tension": own + size})
         alike = problem_of(other, passive, [dataclasses.replace(test, counted_from="absolute")])
         there = alike.begin(start_of(alike)[None])
         at = extra == size

@@ -183,7 +183,7 @@ def test_noise_without_width_is_refused(mm, deg, words):
 
 
 def test_the_reason_of_an_undetermined_stiffness_is_the_slack_of_its_ligament(knee):
-    loose = kj.with_values(knee, {"ACL.reference_strain": -0.19})
+    loose = knee.replace({"ACL.reference_strain": -0.19})
     flexion = np.arange(0.0, 121.0, 5.0)
     found, fit = passive(loose, flexion)
     assert reason_words(found)[0].startswith(

@@ -21,7 +21,7 @@ WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
 @pytest.fixture(scope="module")
 def measured(knee):
     """The motion of a knee whose PCL is softer and tighter."""
-    true = kj.with_values(knee, {"PCL.stiffness": 2814.0, "PCL.reference_strain": -0.047})
+    true = knee.replace({"PCL.stiffness": 2814.0, "PCL.reference_strain": -0.047})
     return np.asarray(kj.passive_flexion(true, FLEXION).to_table())
 
 
@@ -124,7 +124,7 @@ def test_several_maps_share_a_call(knee, measured, found):
 def test_a_map_elsewhere_is_that_of_the_knee_there(knee, measured):
     at = {"PCL.stiffness": 3000.0, "PCL.reference_strain": -0.06, "ACL.stiffness": 5500.0}
     there = sensitivity_map(knee, measured, PAIR, grid=(3, 3), at=at)
-    moved = sensitivity_map(kj.with_values(knee, at), measured, PAIR, grid=(3, 3))
+    moved = sensitivity_map(knee.replace(at), measured, PAIR, grid=(3, 3))
     assert there.start == (3000.0, -0.06) == pytest.approx(moved.start)
     assert there.start_objective == pytest.approx(moved.start_objective, rel=1e-6)
     np.testing.assert_array_equal(there.condition, moved.condition)

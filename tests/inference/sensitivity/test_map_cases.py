@@ -23,7 +23,7 @@ BOUNDS = {PAIR[0]: (3000.0, 6000.0), PAIR[1]: (0.01, 0.05)}
 def measured(knee):
     """Of a knee in the middle of the grid: poses, a drawer with the ACL's pull, and one without
     the MCL, counted from before it was cut."""
-    true = kj.with_values(knee, {PAIR[0]: 4500.0, PAIR[1]: 0.03})
+    true = knee.replace({PAIR[0]: 4500.0, PAIR[1]: 0.03})
     poses = np.asarray(kj.passive_flexion(true, [10.0, 50.0]).to_table())
     (test,) = kj.lab_tests("drawer", [20.0, 60.0], force_N=60.0, steps=1)
     (whole,) = kj.load_curves(true, test)

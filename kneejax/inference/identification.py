@@ -1,16 +1,165 @@
-"""Fisher information at a fit: which combinations of parameters the data fix, and which not."""
+"""What measured motion can and cannot tell of a knee's parameters: its fit, Fisher information."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 
+import jax
 import numpy as np
 
-from kneejax.inference.fit import Observations, slack_at
+from kneejax.inference.calibration import CalibrationProblem, Motion, motion_at
+from kneejax.inference.fit import (
+    Observations,
+    Problem,
+    balances_of,
+    best_offsets,
+    on_bounds,
+    slack_at,
+    state_of,
+)
+from kneejax.inference.intervals import (
+    Interval,
+    MaximumLikelihood,
+    Pace,
+    Profile,
+    estimate,
+    maximum_likelihood,
+    named,
+)
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, prior_scales
 from kneejax.statics import Slopes
+
+
+@dataclasses.dataclass(frozen=True)
+class Identification:
+    """A fit by maximum likelihood, and what the data say about it.
+
+    Attributes:
+        selection: the free parameters.
+        values: the estimates, `(p,)`.
+        lower: bounds, `(p,)`.
+        upper: bounds.
+        at_bound: estimates on a bound, `(p,)`.
+        offsets: free coordinate -> constant difference of the frames at the fit, degrees or mm.
+        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
+        noise_estimated: whether that was estimated from the misfit of the fit itself.
+        chi2: sum of squared errors over their variances.
+        data: how many numbers were measured.
+        converged: whether the fit converged.
+        information: Fisher information at the fit.
+        profiles: one per parameter; empty if none were asked for.
+        intervals: what they say of each parameter; likewise.
+        motion: the poses of the fit, without frame offsets.
+        problem: for what builds on the fit (posterior, next test).
+        lost: how many measured poses count nowhere, since the start has no balance there.
+        spare: numbers measured beyond the unknowns.
+    """
+
+    selection: Selection
+    values: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    at_bound: np.ndarray
+    offsets: dict[str, float]
+    noise: np.ndarray
+    noise_estimated: bool
+    chi2: float
+    data: int
+    converged: bool
+    information: Information
+    profiles: tuple[Profile, ...]
+    intervals: tuple[Interval, ...]
+    motion: Motion
+    problem: Problem
+    lost: int
+    spare: int
+
+    @property
+    def vector(self) -> np.ndarray:
+        """Parameters, then frame offsets in the order of the problem."""
+        return np.r_[self.values, list(self.offsets.values())]
+
+
+def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Identification:
+    """Fit all parameters of a problem together, and ask what its data determine.
+
+    Estimates and limits are those of `calibrate` by procedure III; constants between frames are
+    taken out.
+
+    Args:
+        problem: what is fitted; its procedures, stages and starts do not count.
+        with_profiles: whether to follow the profiles.
+
+    Returns:
+        The `Identification`; fit, limits and profiles follow a prior, the information is the data's
+        own.
+
+    Raises:
+        UnsuitableData: no more data than unknowns while noise must be estimated, or no pose that
+            balances.
+    """
+    size = len(problem.fitted.selection)
+    start, lower, upper = (x[:size] for x in (problem.start, problem.lower, problem.upper))
+    offsets, noise = problem.fitted.offsets, problem.noise
+    fitted = dataclasses.replace(problem.fitted, offsets=())
+    knee, selection = fitted.knee, fitted.selection
+    prior = fitted.cases.prior
+    if prior is not None:
+        prior = prior[0][:size], prior[1][:size]
+    balance = balances_of(knee, selection, fitted.cases)
+    begin = balance(start[None])
+    fitted = fitted.balanced_by(begin)
+    data = dataclasses.replace(fitted.cases, offsets=offsets, prior=prior)
+    spare = fitted.counted_numbers - int(data.taken[noise.counted].sum()) - size
+    if noise.estimated:
+        check_enough(fitted.counted_numbers, size + len(offsets))
+    box, names = (lower, upper), named(selection)
+    if with_profiles:
+        (sure,) = estimate(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
+    else:
+        fits, weighed = maximum_likelihood(balance, data, begin, noise, *box, far=True)
+        sure = MaximumLikelihood.of_fit(fits, weighed, noise)
+    fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
+    residual, _ = data.residual(fit)
+    values, rows = fit.values[0], data.posed
+    own = selection.apply(knee, values)
+    state = jax.tree.map(lambda x: x[rows], state_of(own, data, fit))
+    table, points = np.asarray(state.tibia.to_table()), fit.contact_points[0][rows]
+    at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
+    return Identification(
+        selection=selection,
+        values=values,
+        lower=lower,
+        upper=upper,
+        at_bound=at_bound,
+        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)),
+        noise=sure.noise,
+        noise_estimated=noise.estimated,
+        chi2=float(residual[0] @ residual[0]),
+        data=fitted.counted_numbers,
+        converged=sure.converged,
+        information=fit_information(knee, selection, alone, fit, at_bound=at_bound),
+        profiles=sure.profiles,
+        intervals=sure.intervals,
+        motion=motion_at(own, table, state, np.moveaxis(points, 0, -1), fit.status[0][rows]),
+        problem=dataclasses.replace(
+            fitted, cases=dataclasses.replace(alone, offsets=()), offsets=offsets
+        ),
+        lost=int((~fitted.used).sum()),
+        spare=spare,
+    )
+
+
+def check_enough(count: int, unknowns: int) -> None:
+    """Refuse as many measured numbers as unknowns (parameters, offsets): no noise is left over."""
+    if count <= unknowns:
+        raise UnsuitableData(
+            f"{count} measured numbers for {unknowns} unknowns: "
+            "their noise cannot be estimated; give noise_mm and noise_deg, or free fewer parameters"
+        )
+
 
 # Singular values below this part of the largest are rounding.
 _ROUNDING = 1e-13
@@ -90,8 +239,7 @@ def information(
 
     Args:
         jacobian: derivative of what is measured with respect to the parameters, `(5, n, p)` or
-            `(rows, p)`.
-            Poses that are not finite count for nothing.
+            `(rows, p)`. Poses that are not finite count for nothing.
         noise: standard deviation of what is measured: `(5,)` in the order of
             `kneejax.geometry.FREE_COORDINATES` (`noise_of`), or `(rows,)`, or one for all.
         names: of the parameters, `LIGAMENT.quantity`.
@@ -115,9 +263,8 @@ def information(
     """
     jacobian, values = np.asarray(jacobian, float), np.asarray(values, float)
     names, size = tuple(names), len(names)
-    scale = (
-        prior_scales(Selection(names, ()), values) if scale is None else np.asarray(scale, float)
-    )
+    scale = prior_scales(Selection(names, ()), values) if scale is None else scale
+    scale = np.asarray(scale, float)
     held = np.zeros(size, bool) if at_bound is None else np.asarray(at_bound, bool)
     _check_sizes(jacobian, names, values, scale, held)
     rows, lost = _rows(jacobian, noise)
@@ -181,16 +328,11 @@ def fit_information(
     counted = data.counted & fit.converged[0]
     _, rows = dataclasses.replace(data, used=counted).residual(fit)
     slack = slack_at(knee, selection, data, fit)
+    flexion_deg = np.rad2deg(np.asarray(data.load_cases.flexion))[counted]
     answer = information(
-        rows[0],
-        1.0,
-        selection.names,
-        fit.values[0],
-        scale=scale,
-        at_bound=at_bound,
-        flexion_deg=np.rad2deg(np.asarray(data.load_cases.flexion))[counted],
-        slack={name: where[counted] for name, where in slack.items()},
-    )
+        rows[0], 1.0, selection.names, fit.values[0], scale=scale, at_bound=at_bound,
+        flexion_deg=flexion_deg, slack={name: where[counted] for name, where in slack.items()},
+    )  # fmt: skip
     return dataclasses.replace(answer, lost=int(data.counted.sum() - counted.sum()))
 
 
@@ -235,13 +377,10 @@ def _rows(jacobian: np.ndarray, noise: np.ndarray | float) -> tuple[np.ndarray, 
         raise UnsuitableData(f"noise of shape {deviation.shape}: expected ({expected},)")
     deviation = np.broadcast_to(deviation, expected)
     rows = jacobian / deviation.reshape(-1, *(1,) * (jacobian.ndim - 1))
-    if jacobian.ndim == 3:
-        known = np.isfinite(rows).all(axis=(0, 2))
-        rows = rows[:, known].reshape(-1, rows.shape[-1])
-    else:
-        known = np.isfinite(rows).all(axis=1)
-        rows = rows[known]
-    return rows, int((~known).sum())
+    by_pose = rows.ndim == 3
+    known = np.isfinite(rows).all(axis=(0, 2) if by_pose else 1)
+    rows = rows[:, known] if by_pose else rows[known]
+    return rows.reshape(-1, rows.shape[-1]), int((~known).sum())
 
 
 def _spread(roots: np.ndarray, vectors: np.ndarray, held: np.ndarray):
