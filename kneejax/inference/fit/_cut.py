@@ -15,7 +15,7 @@ from kneejax.geometry import State
 from kneejax.inference.fit._frames import Passage
 from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.mechanics import Knee
-from kneejax.parameters import Selection, fibre_rows
+from kneejax.parameters import Selection, fibre_rows, fibres_cut, without_menisci
 from kneejax.statics import LoadCases, Own, Slopes, Vary, balance_with_slopes
 
 
@@ -117,10 +117,11 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
     """
     if not names:
         return knee, selection.apply
-    fibres = tuple(sorted({row for name in names for row in fibre_rows(knee, name)}))
+    fibres = tuple(fibres_cut(knee, names))
     torn = np.isin(np.arange(len(knee.ligaments.names)), fibres)
     strain = jnp.where(torn, jnp.inf, knee.ligaments.failure_strain)
     whole = eqx.tree_at(lambda k: k.ligaments.failure_strain, knee, strain)
+    whole = without_menisci(whole, names)
     return whole, CutKnee(selection, fibres)
 
 
@@ -153,7 +154,7 @@ def slack_at(
     own = selection.apply(knee, jnp.asarray(found.values[0]))
     slack = slack_poses(own, state_of(knee, cases, found), contact_points)
     for number, names in enumerate(cases.cuts):
-        gone = {row for name in names for row in fibre_rows(knee, name)}
+        gone = {*fibres_cut(knee, names)}
         for name, where in slack.items():
             if gone.issuperset(fibre_rows(knee, name)):
                 where[cases.cut == number] = True
