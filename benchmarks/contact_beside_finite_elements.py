@@ -53,8 +53,8 @@ def stiffness_of(basis, moduli, poisson):
 def indented(thickness, poisson, depths, fineness):
     """Force, N, contact area, mm^2, and largest pressure, MPa, at depths of a sphere in a layer."""
     near = 1.1 * np.sqrt(2.0 * RADIUS_MM * max(depths))  # no larger is the area of contact
-    r = np.r_[np.linspace(0.0, near, 6 * fineness + 1),
-              near + 6.0 * thickness * np.linspace(0.0, 1.0, 2 * fineness + 1)[1:] ** 2]  # fmt: skip
+    beyond = 6.0 * thickness * np.linspace(0.0, 1.0, 2 * fineness + 1)[1:] ** 2
+    r = np.r_[np.linspace(0.0, near, 6 * fineness + 1), near + beyond]
     z = -thickness * np.linspace(0.0, 1.0, fineness + 1)[::-1] ** 1.3
     mesh = MeshQuad.init_tensor(r, z)
     basis = Basis(mesh, ElementVector(ElementQuad2()), intorder=5)
@@ -162,8 +162,8 @@ def main():
     parser.add_argument("--fineness", type=int, default=10, help="elements across the layer")
     fineness = parser.parse_args().fineness
     kj.configure()
-    print("sphere of 20 mm on a layer: force, area, largest pressure of elements; the foundation's "
-          "over these")  # fmt: skip
+    print("sphere of 20 mm on a layer: force, area, largest pressure of elements; foundation "
+          "/ elements")  # fmt: skip
     for ratio in (0.05, 0.15, 0.3):
         thickness = ratio * RADIUS_MM
         depths = thickness * np.array([0.05, 0.1, 0.2])

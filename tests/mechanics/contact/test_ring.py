@@ -170,7 +170,8 @@ def test_what_a_partial_meniscectomy_leaves(width, anterior, posterior, left, ho
     assert float(ring.hoop_left) == pytest.approx(hoop)
     if 0.0 < anterior < 1.0 > posterior == 0.0:
         ring = dataclasses.replace(RING, horns=RING.horns + np.pi)  # begins behind
-        turned = [ring.resected(-outline, width, *ends)[1] for ends in ((anterior, 0), (0, anterior))]
+        ends = (anterior, 0.0), (0.0, anterior)
+        turned = [ring.resected(-outline, width, *one)[1] for one in ends]
         assert area_of(turned[0]) == pytest.approx(area_of(turned[1]), rel=1e-6)
 
 
