@@ -150,7 +150,7 @@ def laboratory_answer(
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
     # Laxity at a single angle is a point; what the load does to the knee is the picture then.
     pressed = [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
-    contact = _contact_table([x for x in pressed if any(map(_compresses, x[2]))])
+    contact = _contact_tables(pressed)
     one_angle = all(len(one.nodes) == 1 for one in curves)
     above, below, heading = "laxity", "curves", "Load against displacement"
     if one_angle:
@@ -290,33 +290,32 @@ def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) ->
 
 
 def _compresses(one: Curves) -> bool:
-    return one.test.driven_by == "compression_N" and one.test.displacement is None
+    test = one.test
+    return test.driven_by == "compression_N" and test.displacement is None and test.size > 0
 
 
-def _contact_table(
+def _contact_tables(
     knees: Sequence[tuple[str, Knee, Sequence[Curves], Mechanics]],
 ) -> list[Table]:
-    """Contacts in tests of compression: at each load for the file, at the full one for people."""
-    made = []
-    for full in (False, True):
-        table = None
-        for name, knee, curves, mechanics in knees:
-            keys: dict[str, list] = {"knee": [], "flexion_deg": [], "compression_N": []}
-            nodes = []
-            for one in filter(_compresses, curves):
-                loads = [int(np.argmax(one.part))] if full else range(len(one.part))
-                for i, flexion in enumerate(one.test.flexion_deg):
-                    for k in loads:
-                        row = name, flexion, float(one.test.size * one.part[k])
-                        for key, cell in zip(keys, row, strict=True):
-                            keys[key].append(cell)
-                        nodes.append(one.nodes[i, k])
-            own = jax.tree.map(lambda x, rows=nodes: np.asarray(x)[rows], mechanics)
-            part = part_table(keys, "contact", knee.contact_names, contact_numbers(knee, own))
-            rows = [*(table.rows if table else []), *part.rows]
-            table = Table(part.columns, rows, "Contact under the full compression" * full)
-        made += [table] if table else []
-    return made
+    """Contacts in tests of compression: at each load for the file, at the largest for people."""
+    tables = []
+    for name, knee, curves, mechanics in knees:
+        steps = [(name, flexion, float(one.test.size * part), one.nodes[i, k])
+                 for one in filter(_compresses, curves)
+                 for i, flexion in enumerate(one.test.flexion_deg)
+                 for k, part in enumerate(one.part)]  # fmt: skip
+        if steps:
+            *keys, rows = zip(*steps, strict=True)
+            own = jax.tree.map(lambda x, rows=rows: np.asarray(x)[list(rows)], mechanics)
+            named = dict(zip(("knee", "flexion_deg", "compression_N"), keys, strict=True))
+            numbers = contact_numbers(knee, own)
+            tables.append(part_table(named, "contact", knee.contact_names, numbers))
+    if not tables:
+        return []
+    every = Table(tables[0].columns, [row for table in tables for row in table.rows])
+    most = max((row[2] for row in every.rows), default=0.0)
+    full = [row for row in every.rows if row[2] == most]
+    return [every, Table(every.columns, full, "Contact under the full compression")]
 
 
 def _poses_table(curves, status, wrong, convention: str) -> Table:
