@@ -61,12 +61,28 @@ def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
 
     Raises:
         UnknownParameter: a name is neither of a ligament nor of a meniscus.
+
+    Example:
+        >>> import kneejax as kj
+        >>> fibres_cut(kj.load_knee("average_knee"), ["LCL", "medial_meniscus"])
+        [33, 34, 35, 36]
     """
     return sorted({row for x in names if _meniscus(knee, x) is None for row in fibre_rows(knee, x)})
 
 
 def without_menisci(knee: Knee, names: Sequence[str]) -> Knee:
-    """The knee without the menisci, or parts of them, among what is cut."""
+    """The knee without the menisci, or parts of them, among what is cut.
+
+    Args:
+        knee: any knee.
+        names: as `cut` takes them.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = without_menisci(kj.load_knee("average_knee"), ["ACL", "lateral_meniscus"])
+        >>> float(knee.contacts[3].tibial.outline.min())
+        10000.0
+    """
     contacts = list(knee.contacts)
     for name in names:
         if (row := _meniscus(knee, name)) is not None:
