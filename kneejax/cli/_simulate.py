@@ -89,9 +89,14 @@ def run_test(arguments: Simulate) -> int:
         curves = load_curves(knee, tests, whole if from_intact else None)
         mechanics = mechanics_of(curves[0])
         others = [second_balances(one, whole) for one in curves] if arguments.cut else []
+        meniscectomy = any(x.partition(":")[0] in whole.menisci for x in arguments.cut)
+        before = None
+        if arguments.experiment == "compression" and meniscectomy:
+            beside = load_curves(whole, tests)
+            before = whole, beside, mechanics_of(beside[0])
     answer = laboratory_answer(
         knee_words(arguments, knee), knee, curves, mechanics, second=others,
-        bands=bundled_bands(arguments.cut), convention=arguments.convention,
+        bands=bundled_bands(arguments.cut), convention=arguments.convention, intact=before,
     )  # fmt: skip
     return deliver(answer, arguments)
 

@@ -4,6 +4,7 @@ from kneejax.experiments._branches import Branch as Branch
 from kneejax.experiments._branches import branches as branches
 from kneejax.experiments._evaluate import Mechanics as Mechanics
 from kneejax.experiments._evaluate import evaluate as evaluate
+from kneejax.experiments._evaluate import load_share as load_share
 from kneejax.experiments._evaluate import slack_poses as slack_poses
 from kneejax.experiments._evaluate import status_of as status_of
 from kneejax.experiments._motion import Motion as Motion

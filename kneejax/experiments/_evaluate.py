@@ -17,10 +17,12 @@ from kneejax.mechanics import (
     Foundation,
     Gap,
     Knee,
+    Sampled,
     add_lane_axis,
     displacement,
 )
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt, traced
+from kneejax.quantities import AXES
 from kneejax.statics import ContactFaults, Faults, Status
 
 # Poses of one call, so that tables of all lengths share one program.
@@ -65,6 +67,9 @@ class Mechanics(eqx.Module):
         displacement: of the tibia from the reference pose, degrees and mm, `(poses, 5)`; see
             `kneejax.mechanics.displacement`.
         ligament_force: of each on its second bone in tibia axes, `(poses, ligaments, 3)`, N.
+        max_extrusion: of a meniscus, the largest outward motion of its sections, `(poses,
+            contacts)`, mm; zero where nothing gives way.
+        mean_extrusion: likewise, the mean along its arc.
 
     Example:
         `kj.evaluate` makes them of poses:
@@ -99,6 +104,8 @@ class Mechanics(eqx.Module):
     through_bone: Array
     displacement: Array
     ligament_force: Array
+    max_extrusion: Array
+    mean_extrusion: Array
 
 
 def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = None) -> Mechanics:
@@ -157,9 +164,10 @@ def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechani
     contacts = [found[row] for row in range(len(lanes.contacts))]
     stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
         jnp.zeros(shape + state.shape + (0,))
-        for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 6)
+        for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 8)
     ]
-    force, moment, area, peak, mean, depth, center, far, share, known, deep, flat, through = stacked
+    force, moment, area, peak, mean, depth, center, *stacked = stacked
+    far, share, known, deep, most, even, flat, through = stacked
     length, wrap, pull = ligaments.length_wrap_and_forces(state)
     # Of a pose that is not known a smooth law would say that a ligament is slack.
     nowhere = jnp.isnan(jnp.sum(state.at(coordinates_of(knee.bodies)), axis=0))
@@ -190,6 +198,8 @@ def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechani
         through > 0,
         displacement(lanes, state.tibia).T,
         jnp.moveaxis(jnp.stack(state.tibia.placement.turn_back(pull)), 0, -1).swapaxes(0, 1),
+        most,
+        even,
     )
 
 
@@ -213,9 +223,10 @@ def _over_patch(contact: Contact, tibia: Placement, near: Array):
     through = contact.passed_through(tibia) & (deep | ~known)
     peak = contact.pressure(gap.depth)
     border = _border(contact, gap, pressed.contact_point, pressed.off, whole)
+    still = jnp.zeros_like(gap.depth)
     return (
         force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
-        known, deep, flat, through,
+        known, deep, still, still, flat, through,
     )  # fmt: skip
 
 
@@ -268,11 +279,55 @@ def _over_points(foundation: Foundation, tibia: Placement):
     # Divided after the sums: all of them then go over the points together.
     middle = [of_each(jnp.sum, share * x) / total for x in points.point]
     faults, border = foundation.faults(tibia, sampled), foundation.border(tibia, sampled)
+    peak = of_each(jnp.max, jnp.where(points.area > 0.0, pressure, 0.0))
     return (
-        force, moment, area, of_each(jnp.max, pressure), total / area, of_each(jnp.max, depth),
-        jnp.stack(middle, axis=1), border.beyond_mm, border.share,
-        ~faults.outside, faults.too_deep | faults.lost,
+        force, moment, area, peak, total / jnp.where(area > 0.0, area, 1.0),
+        foundation.deepest(depth), jnp.stack(middle, axis=1), border.beyond_mm, border.share,
+        ~faults.outside, faults.too_deep | faults.lost, *_extrusion(foundation, sampled),
     )  # fmt: skip
+
+
+def _extrusion(foundation: Foundation, sampled: Sampled) -> tuple[Array, Array]:
+    """How far the sections of each meniscus have moved outwards, mm: the most, and the mean."""
+    points = sampled.points
+    if points.given_way is None or points.outwards is None:
+        still = jnp.zeros((len(foundation.counts), *sampled.depth.shape[1:]))
+        return still, still
+    gives = (points.outwards != 0.0) & (points.area > 0.0)
+    weight = jnp.where(gives, points.area, 0.0)
+    outward = jnp.where(gives, points.given_way / jnp.where(gives, points.outwards, 1.0), 0.0)
+    whole = foundation.of_each(jnp.sum, weight)
+    mean = foundation.of_each(jnp.sum, weight * outward) / jnp.where(whole > 0.0, whole, 1.0)
+    return foundation.of_each(jnp.max, outward), mean
+
+
+def load_share(knee: Knee, poses: Mechanics) -> np.ndarray:
+    """Which part of the load of its compartment each contact carries, along the tibia.
+
+    A meniscus belongs to the compartment whose name its own begins with, as `medial_meniscus` to
+    `medial`.
+
+    Args:
+        knee: with which the poses were evaluated.
+        poses: evaluated.
+
+    Returns:
+        `(poses, contacts)`, 0 to 1; NaN where the compartment carries nothing.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = kj.load_knee("four_ligament")
+        >>> found = kj.evaluate(knee, kj.Pose.from_table([[0.0, 0.0, 0.0, 0.0, 0.5, 0.0]]))
+        >>> load_share(knee, found).tolist()
+        [[1.0, 1.0]]
+    """
+    cartilage = [name for name in knee.contact_names if name not in knee.menisci]
+    own = [max((x for x in cartilage if name.startswith(x)), key=len, default=name)
+           for name in knee.contact_names]  # fmt: skip
+    together = np.array([[a == b for b in own] for a in own], float).reshape(len(own), len(own))
+    down = np.abs(np.asarray(poses.contact_force)[..., AXES.index("superior")])
+    with np.errstate(invalid="ignore"):
+        return down / (down @ together)
 
 
 def status_of(poses: Mechanics, knee: Knee) -> Array:

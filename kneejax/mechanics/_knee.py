@@ -144,6 +144,12 @@ class Knee(eqx.Module):
         return (*(line.name for line in self.lines), *muscles, *(QUADRICEPS,) * heads)
 
     @property
+    def menisci(self) -> tuple[str, ...]:
+        """The contacts that are menisci: those with a ring, and rims that are called so."""
+        pairs = zip(self.contact_names, self.contacts, strict=True)
+        return tuple(name for name, x in pairs if x.ring is not None or "meniscus" in name)
+
+    @property
     def at_reference(self) -> State:
         """All bones at their reference poses."""
         return State({TIBIA: self.reference_pose, **self.other_bones})

@@ -9,10 +9,12 @@ from kneejax.parameters._bounds import start_within as start_within
 from kneejax.parameters._bounds import stated as stated
 from kneejax.parameters._bounds import stated_bounds as stated_bounds
 from kneejax.parameters._bounds import unphysiological as unphysiological
+from kneejax.parameters._cut import cut as cut
+from kneejax.parameters._cut import fibres_cut as fibres_cut
+from kneejax.parameters._cut import without_menisci as without_menisci
 from kneejax.parameters._selection import Selection as Selection
 from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData
-from kneejax.parameters._selection import cut as cut
 from kneejax.parameters._selection import fibre_rows as fibre_rows
 from kneejax.parameters._selection import nearest_of as nearest_of
 from kneejax.parameters._selection import replaced as replaced

@@ -10,9 +10,8 @@ import dataclasses
 import difflib
 import functools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -320,29 +319,6 @@ def _check_one_slack(knee: Knee, values: Mapping[str, ArrayLike]) -> None:
                 raise UnknownParameter(
                     f"{other} and {name} give one number (slack length of {fibre}): choose one"
                 )
-
-
-def cut(knee: Knee, names: Sequence[str]) -> Knee:
-    """The same knee with some ligaments cut: they neither pull nor tear.
-
-    Args:
-        knee: any knee.
-        names: of ligaments, or of groups of them.
-
-    Raises:
-        UnknownParameter: naming the nearest ligament or group.
-
-    Example:
-        >>> import kneejax as kj
-        >>> cut(kj.load_knee("four_ligament"), ["ACL"]).ligaments.stiffness.tolist()[0]
-        0.0
-    """
-    gone = [row for name in names for row in fibre_rows(knee, name)]
-    torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
-    law = knee.ligaments.stiffness, knee.ligaments.failure_strain
-    where = numpy_for(law).where
-    ends = jnp.asarray(where(torn, 0.0, law[0])), jnp.asarray(where(torn, np.inf, law[1]))
-    return eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends)
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:

@@ -239,8 +239,8 @@ def _tables(found, status, words, cycle: Cycle, convention: str) -> dict[str, Ta
             "forces": pose_tables.part_table(keys, "ligament", knee.ligaments.names,
                                              {"force_N": told.tension, "strain": told.strain}),
             "contact": pose_tables.part_table(keys, "contact", knee.contact_names, {
-                "force_N": pose_tables.contact_forces(told), "max_pressure_MPa": told.max_pressure,
-                "area_mm2": told.area, pose_tables.along("center_{}_mm"): told.center,
+                **pose_tables.contact_numbers(knee, told),
+                pose_tables.along("center_{}_mm"): told.center,
             }),
             "residual": pose_tables.part_table(keys, "part", [*parts],
                                                {axes: np.stack([*parts.values()], axis=1)}),

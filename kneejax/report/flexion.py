@@ -174,9 +174,7 @@ def _ligament_table(knee: Knee, table: np.ndarray, found: Mechanics) -> Table:
 def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
     # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
     numbers = {
-        "force_N": pose_tables.contact_forces(found), "area_mm2": found.area,
-        "max_pressure_MPa": found.max_pressure, "mean_pressure_MPa": found.mean_pressure,
-        "max_depth_mm": found.max_depth,
+        **pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
         pose_tables.along("center_{}_mm"): found.center,
         pose_tables.along("force_{}_N"): found.contact_force,
         pose_tables.about("moment_{}_Nmm"): found.contact_moment,

@@ -19,8 +19,10 @@ from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
 from kneejax.report.pose_tables import (
+    contact_numbers,
     force_table,
     in_convention,
+    part_table,
     pose_table,
     verdict_of,
 )
@@ -120,6 +122,7 @@ def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequen
 def laboratory_answer(
     name: str, knee: Knee, curves: Sequence[Curves], mechanics: Mechanics, *,
     second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
+    intact: tuple[Knee, Sequence[Curves], Mechanics] | None = None,
 ) -> Answer:
     """What tests under load tell of a knee.
 
@@ -132,9 +135,10 @@ def laboratory_answer(
             `(flexions, loads, 6)`; none for tests that were not asked.
         bands: published laxities (`kneejax.files.bundled_bands`), to be drawn beside.
         convention: of the poses of the curves.
+        intact: the knee before a meniscus was removed, in the same tests, with its mechanics.
 
     Returns:
-        The answer; its tables are curves, laxity, poses and forces.
+        The answer; its tables are curves, laxity, poses and forces, and contact of compression.
     """
     status = [one.status(mechanics) for one in curves]
     wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
@@ -145,6 +149,8 @@ def laboratory_answer(
     doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
     # Laxity at a single angle is a point; what the load does to the knee is the picture then.
+    pressed = [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
+    contact = _contact_tables(pressed)
     one_angle = all(len(one.nodes) == 1 for one in curves)
     above, below, heading = "laxity", "curves", "Load against displacement"
     if one_angle:
@@ -157,8 +163,9 @@ def laboratory_answer(
         tables={"curves": _curves_table(curves, status, wrong, convention),
                 "laxity": Table([*map(Column, LAXITY_COLUMNS)], [x.row for x in found]),
                 "poses": _poses_table(curves, status, wrong, convention),
-                "forces": _forces_table(knee, curves, mechanics)},
-        main=shown,
+                "forces": _forces_table(knee, curves, mechanics),
+                **({"contact": contact[0]} if contact else {})},
+        main=[*shown, *contact[1:]],
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
         picture=above, doubts=doubts, sections=[Section(heading, drawings=[below])],
@@ -280,6 +287,35 @@ def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) ->
     of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
     names = ("test", "flexion_deg", "step")
     return force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
+
+
+def _compresses(one: Curves) -> bool:
+    test = one.test
+    return test.driven_by == "compression_N" and test.displacement is None and test.size > 0
+
+
+def _contact_tables(
+    knees: Sequence[tuple[str, Knee, Sequence[Curves], Mechanics]],
+) -> list[Table]:
+    """Contacts in tests of compression: at each load for the file, at the largest for people."""
+    tables = []
+    for name, knee, curves, mechanics in knees:
+        steps = [(name, flexion, float(one.test.size * part), one.nodes[i, k])
+                 for one in filter(_compresses, curves)
+                 for i, flexion in enumerate(one.test.flexion_deg)
+                 for k, part in enumerate(one.part)]  # fmt: skip
+        if steps:
+            *keys, rows = zip(*steps, strict=True)
+            own = jax.tree.map(lambda x, rows=rows: np.asarray(x)[list(rows)], mechanics)
+            named = dict(zip(("knee", "flexion_deg", "compression_N"), keys, strict=True))
+            numbers = contact_numbers(knee, own)
+            tables.append(part_table(named, "contact", knee.contact_names, numbers))
+    if not tables:
+        return []
+    every = Table(tables[0].columns, [row for table in tables for row in table.rows])
+    most = max((row[2] for row in every.rows), default=0.0)
+    full = [row for row in every.rows if row[2] == most]
+    return [every, Table(every.columns, full, "Contact under the full compression")]
 
 
 def _poses_table(curves, status, wrong, convention: str) -> Table:

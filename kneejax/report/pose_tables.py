@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.experiments import Mechanics
+from kneejax.experiments import Mechanics, load_share
 from kneejax.geometry import (
     COLUMNS,
     CONVENTION_WORDS,
@@ -87,6 +87,20 @@ def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
 def contact_forces(mechanics: Mechanics) -> np.ndarray:
     """Sizes of the contact forces, N, `(poses, contacts)`."""
     return np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+
+
+def contact_numbers(knee: Knee, mechanics: Mechanics) -> dict[Column, np.ndarray]:
+    """What is reported of each contact at each pose, `(poses, contacts)`; of a knee with menisci
+    also how they share the load of their compartment, and how far they move outwards."""
+    found = {Column("force_N", show=".0f"): contact_forces(mechanics),
+             Column("area_mm2", show=".0f"): mechanics.area,
+             Column("max_pressure_MPa", "peak pressure, MPa", ".2f"): mechanics.max_pressure,
+             Column("mean_pressure_MPa", show=".2f"): mechanics.mean_pressure}  # fmt: skip
+    if knee.menisci:
+        found |= {Column("load_share", "share of load", ".0%"): load_share(knee, mechanics),
+                  Column("max_extrusion_mm", show=".2f"): mechanics.max_extrusion,
+                  Column("mean_extrusion_mm", show=".2f"): mechanics.mean_extrusion}  # fmt: skip
+    return {column: np.asarray(x) for column, x in found.items()}
 
 
 def part_table(

@@ -156,7 +156,7 @@ class StudyTest(Part):
         tuple[Text, ...],
         entries("ligaments"),
         BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
-    ] = meaning("ligaments or groups that had been cut", ())
+    ] = meaning("ligaments, groups or menisci that had been cut", ())
     weight: Annotated[Literal["by_load"], Choice()] | None = meaning(
         "`by_load` weighs rows in proportion to their load", None
     )

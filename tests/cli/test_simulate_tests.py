@@ -1,12 +1,15 @@
 """`kneejax simulate TEST`: the files of a laboratory, and what is said where a knee gives way."""
 
+import copy
 import csv
 
+import numpy as np
 import pytest
 
 from kneejax.cli import main
 from kneejax.cli.options import TESTS
 from kneejax.experiments import READY
+from kneejax.files import bundled_path, read_knee, write_knee
 
 KNEE = ["--knee", "four_ligament"]
 
@@ -135,3 +138,53 @@ def test_of_a_single_angle_the_page_shows_the_curve_and_of_several_the_laxity(tm
         assert main([*words, "--out", str(out)]) == 0
         page = (out / "report.html").read_text(encoding="utf-8")
         assert min(captions, key=page.index) == first
+
+
+@pytest.fixture
+def knee_with_a_meniscus(tmp_path):
+    """The four-ligament knee with a ring on its medial plateau, 0.5 mm high."""
+    document = read_knee(bundled_path("knees", "four_ligament")).document
+    medial = document["contacts"]["medial"]
+    rim = copy.deepcopy(medial) | {"form": "quadrature", "points": [14, 14], "law": "linear"}
+    turns = np.deg2rad(np.linspace(140.0, 400.0, 24))
+    rims = [np.stack([2.0 + 18.0 * s * np.cos(turns), -17.0 + 14.0 * s * np.sin(turns)], axis=1)
+            for s in (1.0, 0.4)]  # fmt: skip
+    rim["tibial_surface"]["outline_mm"] = np.concatenate([rims[0], rims[1][::-1]]).tolist()
+    rim["tibial_surface"]["coefficients_mm"][0][0] += 0.5
+    rim["ring"] = {
+        "youngs_modulus_MPa": 100.0, "cross_section_mm2": 30.0, "horn_stiffness_N_per_mm": 200.0,
+        "coronary_stiffness_N_per_mm": 100.0, "middle_mm": [2.0, -17.0], "horns_deg": [-220, 40],
+    }  # fmt: skip
+    document["contacts"]["medial_meniscus"] = rim
+    path = tmp_path / "knee.yaml"
+    write_knee(document, path)
+    return str(path)
+
+
+@pytest.mark.long
+def test_compression_says_how_menisci_share_the_load(knee_with_a_meniscus, tmp_path, capsys):
+    asked = ["simulate", "compression", "--knee", knee_with_a_meniscus, "--flexion", "20"]
+    asked += ["--force_N", "300", "--steps", "2", "--cut", "medial_meniscus"]
+    assert main([*asked, "--out", str(tmp_path / "out")]) in (0, 1)
+    contact = rows_of(tmp_path / "out" / "contact.csv")
+    assert list(contact[0]) == [
+        "knee", "flexion_deg", "compression_N", "contact", "force_N", "area_mm2",
+        "max_pressure_MPa", "mean_pressure_MPa", "load_share", "max_extrusion_mm",
+        "mean_extrusion_mm",
+    ]  # fmt: skip
+    full = {(row["knee"] == "intact", row["contact"]): row for row in contact
+            if row["compression_N"] == "300.0"}  # fmt: skip
+    assert len(full) == 6 and len(contact) == 18
+    whole, gone = (full[intact, "medial_meniscus"] for intact in (True, False))
+    assert 0.05 < float(whole["load_share"]) < 1.0 and float(whole["max_extrusion_mm"]) > 0.0
+    assert {gone[x] for x in ("force_N", "area_mm2", "max_pressure_MPa", "load_share")} == {"0.0"}
+    shares = [float(full[True, name]["load_share"]) for name in ("medial", "medial_meniscus")]
+    assert sum(shares) == pytest.approx(1.0)
+    printed = capsys.readouterr().out
+    assert "Contact under the full compression" in printed and "intact" in printed
+
+
+def test_a_knee_without_menisci_says_so(tmp_path, capsys):
+    asked = ["simulate", "compression", *KNEE, "--cut", "medial_meniscus"]
+    assert main([*asked, "--out", str(tmp_path)]) == 2
+    assert "'four_ligament' has no menisci" in capsys.readouterr().err

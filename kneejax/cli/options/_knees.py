@@ -305,8 +305,8 @@ class Activity(Drawn):
     )
     values: Annotated[Values, PLANNED] = meaning(SET, {}, alias="set")
     cut: Annotated[list[str], PLANNED, Form("LIGAMENT"), Group("Knee")] = meaning(
-        "compare with the knee in which a ligament, or a group of them, does not act; once for "
-        "each",
+        "compare with the knee in which a ligament, or a group of them, does not act, or without a "
+        "meniscus or a part of it (as in simulate); once for each",
         [],
     )  # fmt: skip
     convention: Annotated[Convention, Group("Results")] = meaning("of the poses written", "femoral")

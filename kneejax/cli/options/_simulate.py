@@ -71,8 +71,10 @@ class Simulate(Drawn):
     )  # fmt: skip
     values: Values = meaning(SET, {}, alias="set")
     cut: Annotated[list[str], Form("LIGAMENT"), KNEE_OPTIONS] = meaning(
-        "a ligament, or a group of them, that does not act; once for each", []
-    )
+        "a ligament, or a group of them, that does not act; or a meniscus that is removed, whole "
+        "or in part, as medial_meniscus, medial_meniscus:inner=0.5 (of its width) or "
+        "medial_meniscus:posterior=0.4 (of its arc); once for each", [],
+    )  # fmt: skip
     load: Annotated[dict[str, float], Form("NAME=SIZE"), KNEE_OPTIONS] = meaning(
         "on the tibia, along the axes of Grood and Suntay: lateral_N, anterior_N, compression_N "
         "(at the tibia's origin), varus_Nm, internal_Nm; e.g. anterior_N=134. In a test it acts "

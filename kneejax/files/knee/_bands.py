@@ -18,6 +18,11 @@ from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
 #: Fibres of a band at most.
 _MOST_FIBRES = 400
 _ELLIPSE = ("centre_mm", "half_axes_mm")
+#: Half of an area -> the direction in which it lies, in axes of a right knee.
+_HALVES = {
+    "anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "proximal": (0.0, 1.0, 0.0),
+    "distal": (0.0, -1.0, 0.0), "lateral": (0.0, 0.0, 1.0), "medial": (0.0, 0.0, -1.0),
+}  # fmt: skip
 
 
 def _half_axes(value: Any) -> list[tuple[float, ...]]:
@@ -25,15 +30,16 @@ def _half_axes(value: Any) -> list[tuple[float, ...]]:
 
 
 class Area(Part):
-    """Where a band is attached, in its bone's frame: an ellipse, or an outline."""
+    """Where a band is attached, in its bone's frame: an ellipse, or an outline; or half of it."""
 
     centre_mm: Point | None = None
     half_axes_mm: Annotated[Any, reads(_half_axes), POINTS] = None
     outline_mm: Annotated[Any, reads(reading.rows, 3, RANGES["point_mm"]), POINTS] = None
+    half: Annotated[str, one_of(_HALVES)] | None = None
 
     @model_validator(mode="after")
     def _check_area(self) -> Area:
-        given = [name for name in type(self).model_fields if getattr(self, name) is not None]
+        given = [x for x in (*_ELLIPSE, "outline_mm") if getattr(self, x) is not None]
         if given not in ([*_ELLIPSE], ["outline_mm"]):
             raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
         try:
@@ -42,11 +48,21 @@ class Area(Part):
             raise wrong(self.outline_mm, f"an outline around an area ({problem})") from None
         return self
 
-    def ellipse(self) -> AttachmentArea:
-        """Its ellipse."""
+    def ellipse(self, side: str = "right") -> AttachmentArea:
+        """Its ellipse, or that of its half.
+
+        Args:
+            side: of the knee.
+        """
         if self.outline_mm is not None:
-            return AttachmentArea.of_outline(self.outline_mm)
-        return AttachmentArea(np.array(self.centre_mm, float), np.array(self.half_axes_mm, float))
+            whole = AttachmentArea.of_outline(self.outline_mm)
+        else:
+            axes = np.array(self.half_axes_mm, float)
+            whole = AttachmentArea(np.array(self.centre_mm, float), axes)
+        if self.half is None:
+            return whole
+        to_the_right = 1.0 if side == "right" else -1.0
+        return whole.half(np.array(_HALVES[self.half]) * [1.0, 1.0, to_the_right])
 
 
 def _prestretch(value: Any) -> float | tuple[float, float]:
@@ -98,8 +114,9 @@ def drawn(
     """
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
     for name, band in bands.items():
-        femoral, tibial = band.femoral_area.ellipse(), band.tibial_area.ellipse()
-        if band.femoral_area.outline_mm is not None or band.tibial_area.outline_mm is not None:
+        areas = band.femoral_area, band.tibial_area
+        femoral, tibial = (area.ellipse(document.get("side", "right")) for area in areas)
+        if any(area.outline_mm is not None for area in areas):
             axes = [np.array([*map(float, tibia.turn(Vector(*x)))]) for x in tibial.half_axes]
             turned = mechanics.untwisted(femoral, AttachmentArea(tibial.centre, np.array(axes)))
             back = [np.array([*map(float, tibia.turn_back(Vector(*x)))]) for x in turned.half_axes]

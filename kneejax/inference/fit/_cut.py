@@ -30,7 +30,13 @@ from kneejax.geometry import State, coordinates_of
 from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled, on_all_cores
-from kneejax.parameters import Selection, UnsuitableData, fibre_rows
+from kneejax.parameters import (
+    Selection,
+    UnsuitableData,
+    fibre_rows,
+    fibres_cut,
+    without_menisci,
+)
 from kneejax.statics import (
     Equilibrium,
     LoadCases,
@@ -133,10 +139,11 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
     """
     if not names:
         return knee, selection.apply
-    fibres = tuple(sorted({row for name in names for row in fibre_rows(knee, name)}))
+    fibres = tuple(fibres_cut(knee, names))
     torn = np.isin(np.arange(len(knee.ligaments.names)), fibres)
     strain = jnp.where(torn, jnp.inf, knee.ligaments.failure_strain)
     whole = eqx.tree_at(lambda k: k.ligaments.failure_strain, knee, strain)
+    whole = without_menisci(whole, names)
     return whole, CutKnee(selection, fibres)
 
 
@@ -169,7 +176,7 @@ def slack_at(
     own = selection.apply(knee, jnp.asarray(found.values[0]))
     slack = slack_poses(own, state_of(knee, cases, found), contact_points)
     for number, names in enumerate(cases.cuts):
-        gone = {row for name in names for row in fibre_rows(knee, name)}
+        gone = {*fibres_cut(knee, names)}
         for name, where in slack.items():
             if gone.issuperset(fibre_rows(knee, name)):
                 where[cases.cut == number] = True

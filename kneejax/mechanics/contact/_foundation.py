@@ -70,7 +70,7 @@ class Foundation(eqx.Module):
         energy, wrench, faults = press_points(
             self.femoral, self.points, tibia.inverse(), self.hoops
         )
-        least = jnp.min(self.of_each(jnp.max, faults.depth), axis=0)
+        least = jnp.min(self.deepest(faults.depth), axis=0)
         return energy, wrench.turned(tibia), dataclasses.replace(faults, depth=least)
 
     def energy(self, tibia: Placement) -> Array:
@@ -111,6 +111,16 @@ class Foundation(eqx.Module):
         ends = np.cumsum((0, *self.counts))
         return jnp.stack([reduce(x[a:b], axis=0) for a, b in pairwise(ends)])
 
+    def deepest(self, depth: Array) -> Array:
+        """Largest overlap of each contact, mm, `(contacts, ...)`; zero where it has no area, a
+        meniscus that was removed: it cannot come apart.
+
+        Args:
+            depth: at the points, `(points, ...)`.
+        """
+        there = self.of_each(jnp.sum, self.points.area) > 0.0
+        return jnp.where(there, self.of_each(jnp.max, depth), 0.0)
+
     def passed_through(self, tibia: Placement) -> Array:
         """Whether the middle of a condyle lies behind a tibial surface, as seen from the nearest
         point of that, of each contact: a pose that no bones have, though nothing need touch."""
@@ -134,7 +144,7 @@ class Foundation(eqx.Module):
         """What is wrong with each contact, `(contacts, ...)`."""
         there = faults_at(asked_at(self.femoral, self.points), sampled, tibia.inverse())
         found = (self.of_each(jnp.any, x) for x in (there.too_deep, there.outside, there.lost))
-        return PointFaults(self.of_each(jnp.max, there.depth), *found)
+        return PointFaults(self.deepest(there.depth), *found)
 
     def border(self, tibia: Placement, sampled: Sampled) -> Border:
         """How far each contact reaches beyond the fitted regions, and what it carries there."""

@@ -16,6 +16,8 @@ the least by the pose, and needs no derivative of `u`; its stiffness has that of
 
 from __future__ import annotations
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -45,6 +47,8 @@ class Ring(eqx.Module):
             the surface, mm.
         horns: angles at which the ring begins and ends, rad, from the front towards the right.
         sections: number of pieces of equal angle that move on their own.
+        hoop_left: part of the hoop's stiffness that a meniscectomy has left, 0 where the ring is
+            cut through.
     """
 
     youngs_modulus: Array
@@ -53,6 +57,7 @@ class Ring(eqx.Module):
     coronary_stiffness: Array
     middle: Array
     horns: Array
+    hoop_left: Array
     sections: int = eqx.field(static=True)
 
     def __init__(
@@ -64,6 +69,7 @@ class Ring(eqx.Module):
         middle: ArrayLike,
         horns: ArrayLike,
         sections: int = 12,
+        hoop_left: ArrayLike = 1.0,
     ):
         self.youngs_modulus = jnp.asarray(youngs_modulus, float)
         self.cross_section = jnp.asarray(cross_section, float)
@@ -71,6 +77,7 @@ class Ring(eqx.Module):
         self.coronary_stiffness = jnp.asarray(coronary_stiffness, float)
         self.middle = jnp.asarray(middle, float)
         self.horns = jnp.asarray(horns, float)
+        self.hoop_left = jnp.asarray(hoop_left, float)
         self.sections = sections
 
     def placed(
@@ -97,10 +104,76 @@ class Ring(eqx.Module):
         on_ring = (turn <= span) & (area > 0.0)
         angle = jnp.broadcast_to(span / self.sections, (self.sections, *jnp.shape(span)))
         weight = jnp.where(on_ring, area, 0.0)
-        radius = jnp.sum(weight * away, axis=0) / jnp.sum(weight, axis=0)
-        hoop = self.youngs_modulus * self.cross_section / (radius * span)
-        series = 1.0 / (1.0 / hoop + 2.0 / self.horn_stiffness)
+        whole = jnp.sum(weight, axis=0)
+        empty = whole == 0.0  # a meniscus that was removed
+        radius = jnp.sum(jnp.where(empty, 1.0, weight) * away, axis=0)
+        radius = radius / jnp.where(empty, 1.0, whole)
+        hoop = self.hoop_left * self.youngs_modulus * self.cross_section / (radius * span)
+        series = hoop * self.horn_stiffness / (self.horn_stiffness + 2.0 * hoop)
         return jnp.where(on_ring, outwards, 0.0), lax.stop_gradient(place), angle, series
+
+    def resected(
+        self, outline: np.ndarray, width: float, anterior: float, posterior: float
+    ) -> tuple[Ring, np.ndarray]:
+        """What a partial meniscectomy leaves.
+
+        The ring's cross-section is taken as a wedge that rises from its inner edge, so that half
+        of its width, from inside, is a quarter of its area. Where the whole width is gone the hoop
+        is cut through: what is left is held by its coronary attachment alone.
+
+        Args:
+            outline: corners of the meniscus in the plane of its surface, shape `(k, 2)`, mm.
+            width: part of the width that is taken away, from the inner edge; 1 is all of it.
+            anterior: part of the arc, from the anterior horn, in which it is; 0 to 1.
+            posterior: likewise from the posterior horn.
+
+        Returns:
+            The ring that is left, and its outline with as many corners.
+        """
+        begin, end = np.asarray(self.horns)
+        ends = (anterior, posterior) if np.cos(begin) >= np.cos(end) else (posterior, anterior)
+        first, last = begin + ends[0] * (end - begin), end - ends[1] * (end - begin)
+        narrow = 1.0 - width * width
+        left = narrow / (narrow + sum(ends) * (1.0 - narrow))  # in series with what is whole
+        ring = dataclasses.replace(self, hoop_left=self.hoop_left * left)
+        turns = np.linspace(begin, end, 721)
+        inner, outer = _across(outline - np.asarray(self.middle), turns)
+        known = np.isfinite(inner)
+        low, high = turns[known][[0, -1]]
+        if width == 1.0:
+            low, high = max(low, first), min(high, last)
+        at = np.linspace(low, high, len(outline) // 2)
+        near, far = (np.interp(at, turns[known], x[known]) for x in (inner, outer))
+        cut_there = (at <= first) | (at >= last)
+        near = np.where(cut_there & (width < 1.0), near + width * (far - near), near)
+        kept = np.concatenate([far, near[::-1]]), np.concatenate([at, at[::-1]])
+        corners = np.asarray(self.middle) + np.stack(
+            [kept[0] * np.cos(kept[1]), kept[0] * np.sin(kept[1])], axis=1
+        )
+        return ring, corners[[*range(len(corners)), *[-1] * (len(outline) - len(corners))]]
+
+
+def _across(corners: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances at which rays from the origin enter and leave an outline; NaN where they miss it.
+
+    Args:
+        corners: in order, shape `(k, 2)`.
+        turns: of the rays, from the first axis towards the second, rad, `(n,)`.
+    """
+    edge = np.roll(corners, -1, axis=0) - corners
+    ray = np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]
+
+    def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        away = cross(corners, edge) / cross(ray, edge)
+        part = cross(corners, ray) / cross(ray, edge)
+    meets = (part >= 0.0) & (part <= 1.0) & (away > 0.0)
+    far = np.where(meets, away, -np.inf).max(axis=1)
+    near = np.where(meets, away, np.inf).min(axis=1)
+    known = near < far
+    return np.where(known, near, np.nan), np.where(known, far, np.nan)
 
 
 class Hoops(eqx.Module):
@@ -194,7 +267,8 @@ class Hoops(eqx.Module):
         along, across = inverse * right, inverse * self.angle
         share = self._of_rings(self.angle * along)
         # Sherman and Morrison's formula, ring by ring.
-        share = share / (1.0 / self.stiffness + self._of_rings(self.angle * across))
+        share = share / (1.0 + self.stiffness * self._of_rings(self.angle * across))
+        share = share * self.stiffness
         return along - across * self._to_sections(share)
 
     def firm(self, points: Points, depth: Array) -> Array:

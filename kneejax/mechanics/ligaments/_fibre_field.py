@@ -95,7 +95,8 @@ class AttachmentArea(NamedTuple):
         return cls(plane.centre + middle @ units, half @ units)
 
     def half(self, towards: ArrayLike) -> AttachmentArea:
-        """The half that lies in a direction, as the ellipse with its middle and half its width.
+        """The half that lies in a direction, as the ellipse with its mean and second moments. A
+        point of the disc keeps its place in it, so that a band is twisted as before.
 
         Args:
             towards: a direction in the bone's frame, shape `(3,)`.
@@ -109,12 +110,11 @@ class AttachmentArea(NamedTuple):
         if not np.any(along):
             raise ValueError("a direction across the area; expected one along it")
         turn = along / np.linalg.norm(along)
-        # Conjugate half diameters, the first of them the farthest in the direction.
-        first = turn @ self.half_axes
-        second = np.array([-turn[1], turn[0]]) @ self.half_axes
-        width = np.sqrt(0.25 - (4.0 / (3.0 * np.pi)) ** 2) * 2.0
+        middle = 4.0 / (3.0 * np.pi)  # of half a disc
+        width = 2.0 * np.sqrt(0.25 - middle**2)
+        narrower = np.eye(2) - (1.0 - width) * np.outer(turn, turn)
         return AttachmentArea(
-            self.centre + 4.0 / (3.0 * np.pi) * first, np.stack([width * first, second])
+            self.centre + middle * turn @ self.half_axes, narrower @ self.half_axes
         )
 
     def at(self, disc: np.ndarray) -> np.ndarray:

@@ -65,9 +65,29 @@ def test_a_left_band_is_the_mirror_image(tmp_path, document):
         np.testing.assert_allclose(a, b, atol=1e-9)
 
 
+@pytest.mark.parametrize("half", ["anterior", "medial"])
+def test_half_of_an_area_is_that_of_the_same_side_of_either_knee(tmp_path, document, half):
+    """The half towards which it lies, with its mean and its spread, and half the fibres' width."""
+    document["bands"]["ACL"]["tibial_area"]["half"] = half
+    right = read_knee(write(tmp_path / "right.yaml", document)).knee
+    left = read_knee(write(tmp_path / "left.yaml", mirror_document(document))).knee
+    for a, b in zip(jax.tree.leaves(right), jax.tree.leaves(left), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-9)
+    del document["bands"]["ACL"]["tibial_area"]["half"]
+    whole = read_knee(write(tmp_path / "whole.yaml", document)).knee
+    column, sign = {"anterior": (0, 1.0), "medial": (2, -1.0)}[half]
+    own = [name.startswith("ACL") for name in whole.ligaments.names]
+    ends = [np.asarray(k.ligaments.tibial_attachment)[own, column] for k in (whole, right)]
+    assert sign * (ends[1].mean() - ends[0].mean()) > 0.2 * np.ptp(ends[0])
+    assert 0.4 < np.ptp(ends[1]) / np.ptp(ends[0]) < 0.7
+    ends = [np.asarray(k.ligaments.femoral_attachment)[own] for k in (whole, right)]
+    np.testing.assert_array_equal(*ends)
+
+
 @pytest.mark.parametrize(
     ("place", "value", "words"),
     [
+        (["tibial_area", "half"], "front", "half: front: expected"),
         (["youngs_modulus_MPa"], 120e6, "youngs_modulus_MPa: 120000000.0: expected between"),
         (["prestretch"], 3.0, "prestretch: 3.0: expected between 0.1 and 1.5"),
         (["prestretch"], [1.0, 1.1, 1.2], "prestretch"),

@@ -148,3 +148,67 @@ def test_forces_follow_the_numbers_of_a_ring(name, central_difference):
     slope = central_difference(lambda x: float(up(x)), np.array(at), 1e-3 * at)
     assert float(jax.jit(jax.grad(up))(at)) == pytest.approx(float(slope), rel=1e-6)
     assert abs(float(slope)) > 0.0
+
+
+def annulus(count=24):
+    turns = np.linspace(*np.asarray(RING.horns), count)
+    arcs = [np.stack([r * np.cos(turns), r * np.sin(turns)], axis=1) for r in (16.0, 8.0)]
+    return np.concatenate([arcs[0], arcs[1][::-1]])
+
+
+def area_of(corners):
+    x, y = np.moveaxis(np.stack([corners, np.roll(corners, -1, axis=0)]), -1, 0)
+    return abs(0.5 * np.sum(x[0] * y[1] - x[1] * y[0]))
+
+
+@pytest.mark.parametrize(
+    ("width", "anterior", "posterior", "left", "hoop"),
+    [
+        # Of an annulus of radii 8 and 16 mm; of a wedge's cross-section 1 - width^2 is left.
+        (0.5, 1.0, 0.0, (16**2 - 12**2) / (16**2 - 8**2), 0.75),
+        (0.5, 0.3, 0.0, 1.0 - 0.3 * (12**2 - 8**2) / (16**2 - 8**2), 1.0 / (0.7 + 0.3 / 0.75)),
+        (1.0, 0.0, 0.4, 0.6, 0.0),
+        (1.0, 0.25, 0.25, 0.5, 0.0),
+    ],
+)
+def test_what_a_partial_meniscectomy_leaves(width, anterior, posterior, left, hoop):
+    outline = annulus(48)
+    ring, corners = RING.resected(outline, width, anterior, posterior)
+    assert corners.shape == outline.shape
+    assert area_of(corners) / area_of(outline) == pytest.approx(left, abs=0.01)
+    assert float(ring.hoop_left) == pytest.approx(hoop)
+    if 0.0 < anterior < 1.0 > posterior == 0.0:
+        ring = dataclasses.replace(RING, horns=RING.horns + np.pi)  # begins behind
+        ends = (anterior, 0.0), (0.0, anterior)
+        turned = [ring.resected(-outline, width, *one)[1] for one in ends]
+        assert area_of(turned[0]) == pytest.approx(area_of(turned[1]), rel=1e-6)
+
+
+def test_mirrored_menisci_carry_alike():
+    """Of two compartments side by side that are mirrored: forces, tension and extrusion."""
+    right = dataclasses.replace(RING, horns=jnp.asarray(np.deg2rad([-30.0, 210.0])))
+    left = dataclasses.replace(RING, horns=jnp.asarray(np.deg2rad([-210.0, 30.0])))
+    pair = rim(right), rim(left)
+    pose = jnp.array([0.0, 0.0, 0.01, 0.0, -0.1, 0.0]), jnp.array([0.0, 0.0, -0.01, 0.0, -0.1, 0.0])
+
+    @eqx.filter_jit
+    def pressed(contact, pose):
+        foundation, tibia = contact.foundation, there(pose)
+        sampled = foundation.sample(tibia)
+        wrench = foundation.wrenches(tibia, sampled)
+        return jnp.stack([x[0] for x in (*wrench.force, *wrench.moment)]), jnp.max(
+            sampled.points.given_way
+        )
+
+    (one, most), (other, as_much) = (pressed(*x) for x in zip(pair, pose, strict=True))
+    mirror = np.array([1.0, 1.0, -1.0, -1.0, -1.0, 1.0])
+    np.testing.assert_allclose(one, mirror * np.asarray(other), atol=1e-7 * abs(float(one[1])))
+    assert float(most) == pytest.approx(float(as_much), rel=1e-9)
+
+
+def test_a_ring_that_is_cut_through_has_no_tension():
+    outward, tension, pushed = outward_and_tension(
+        rim(dataclasses.replace(RING, hoop_left=jnp.asarray(0.0)))
+    )
+    assert float(tension[0]) == 0.0
+    np.testing.assert_allclose(np.asarray(pushed), 8.0 / 6 * np.asarray(outward), rtol=1e-9)

@@ -1,0 +1,139 @@
+"""What is cut of a knee: ligaments, and menisci or parts of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.mechanics import Contact, Knee
+from kneejax.numerics import numpy_for
+from kneejax.parameters._selection import UnknownParameter, fibre_rows, nearest_of
+
+#: What a partial meniscectomy may be of.
+_PARTS = ("inner", "anterior", "posterior")
+#: Farther off than any cartilage, mm: where the outline of a meniscus is that is gone.
+_NOWHERE = 1e4
+
+
+def cut(knee: Knee, names: Sequence[str]) -> Knee:
+    """The same knee with some ligaments cut, which neither pull nor tear, and some menisci removed.
+
+    Args:
+        knee: any knee.
+        names: of ligaments, or of groups of them; of menisci (`Knee.menisci`), whole as
+            `medial_meniscus`, or a part of one: `medial_meniscus:inner=0.5` is the inner half of
+            its width, `medial_meniscus:posterior=0.4` 40 % of its arc from the posterior horn,
+            in all its width, `medial_meniscus:inner=0.5,anterior=0.3` the inner half in 30 % of
+            the arc.
+
+    Raises:
+        UnknownParameter: naming the nearest ligament, group or meniscus; a knee without menisci;
+            a part that is none.
+
+    Example:
+        >>> import kneejax as kj
+        >>> cut(kj.load_knee("four_ligament"), ["ACL"]).ligaments.stiffness.tolist()[0]
+        0.0
+        >>> cut(kj.load_knee("average_knee"), ["medial_meniscus"]).menisci
+        ('medial_meniscus', 'lateral_meniscus')
+    """
+    gone = fibres_cut(knee, names)
+    torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
+    law = knee.ligaments.stiffness, knee.ligaments.failure_strain
+    where = numpy_for(law).where
+    ends = jnp.asarray(where(torn, 0.0, law[0])), jnp.asarray(where(torn, np.inf, law[1]))
+    knee = eqx.tree_at(lambda k: (k.ligaments.stiffness, k.ligaments.failure_strain), knee, ends)
+    return without_menisci(knee, names)
+
+
+def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
+    """Rows of the fibres among what is cut, each once.
+
+    Args:
+        knee: any knee.
+        names: as `cut` takes them.
+
+    Raises:
+        UnknownParameter: a name is neither of a ligament nor of a meniscus.
+
+    Example:
+        >>> import kneejax as kj
+        >>> fibres_cut(kj.load_knee("average_knee"), ["LCL", "medial_meniscus"])
+        [33, 34, 35, 36]
+    """
+    return sorted({row for x in names if _meniscus(knee, x) is None for row in fibre_rows(knee, x)})
+
+
+def without_menisci(knee: Knee, names: Sequence[str]) -> Knee:
+    """The knee without the menisci, or parts of them, among what is cut.
+
+    Args:
+        knee: any knee.
+        names: as `cut` takes them.
+
+    Example:
+        >>> import kneejax as kj
+        >>> knee = without_menisci(kj.load_knee("average_knee"), ["ACL", "lateral_meniscus"])
+        >>> float(knee.contacts[3].tibial.outline.min())
+        10000.0
+    """
+    contacts = list(knee.contacts)
+    for name in names:
+        if (row := _meniscus(knee, name)) is not None:
+            contacts[row] = _resected(contacts[row], name)
+    if all(one is other for one, other in zip(contacts, knee.contacts, strict=True)):
+        return knee
+    return dataclasses.replace(knee, contacts=tuple(contacts), foundations=None)
+
+
+def _meniscus(knee: Knee, name: str) -> int | None:
+    """Row of the contact that is a meniscus; None where a ligament is meant."""
+    owner = name.partition(":")[0]
+    if owner in knee.menisci:
+        return knee.contact_names.index(owner)
+    if ":" in name or "menisc" in owner.lower():
+        if not knee.menisci:
+            raise UnknownParameter(f"knee {knee.name!r} has no menisci: {name!r} cannot be removed")
+        near = nearest_of(owner, knee.menisci) or " or ".join(knee.menisci)
+        end = f"has no meniscus {owner!r}; did you mean {near}?"
+        raise UnknownParameter(f"knee {knee.name!r} {end}")
+    return None
+
+
+def _resected(contact: Contact, name: str) -> Contact:
+    """A meniscus without what a name says."""
+    parts, ring, tibial = _parts(name), contact.ring, contact.tibial
+    outline = getattr(tibial, "outline", None)
+    if not parts:
+        corners = np.full((4, 2) if outline is None else outline.shape, _NOWHERE)
+    elif ring is None or outline is None:
+        raise UnknownParameter(f"{name}: expected the whole meniscus, since this one has no ring")
+    else:
+        arc = {end: parts.get(end, 0.0) for end in _PARTS[1:]}
+        if not any(arc.values()):
+            arc["anterior"] = 1.0
+        ring, corners = ring.resected(np.asarray(outline), parts.get("inner", 1.0), **arc)
+    tibial = dataclasses.replace(tibial, outline=jnp.asarray(corners))
+    return dataclasses.replace(contact, tibial=tibial, ring=ring)
+
+
+def _parts(name: str) -> dict[str, float]:
+    """What a name says of a part: of the width from inside, of the arc from either horn; nothing
+    where all is meant."""
+    parts = {}
+    for word in filter(None, name.partition(":")[2].split(",")):
+        part, _, size = word.partition("=")
+        try:
+            parts[part] = float(size)
+        except ValueError:
+            parts[part] = np.nan
+        if part not in _PARTS or not 0.0 < parts[part] < 1.0:
+            near = nearest_of(part, _PARTS) or " or ".join(_PARTS)
+            raise UnknownParameter(f"{name}: {word!r}: expected {near}=PART, between 0 and 1")
+    if sum(parts.get(end, 0.0) for end in _PARTS[1:]) >= 1.0:
+        raise UnknownParameter(f"{name}: expected less than the whole arc, or no part of it")
+    return parts
