@@ -7,16 +7,18 @@ import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from kneejax.explorer import panels
+from kneejax.explorer.answers import TESTS, Answer, Curves
 from kneejax.explorer.ends import Ends
 from kneejax.explorer.saving import Folder
 from kneejax.explorer.setting import Setting, Subject
-from kneejax.explorer.solving import TESTS, Answer, Curves, Solver
+from kneejax.explorer.solving import Solver
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
@@ -33,6 +35,10 @@ _NOTHING = "none"
 #: Width over height of a screen below which the panel lies at its foot; how much farther the knee
 #: then is, and how much lower the middle, of that way.
 _NARROW, _FARTHER, _LOWER = 0.8, 1.3, 0.14
+
+
+class _Superseded(Exception):
+    """Another setting is wanted."""
 
 
 class Page:
@@ -81,10 +87,13 @@ class Page:
         self.solved = threading.Event()
         self._drawing = Drawing(server.scene, self._clicked)
         self._ends = Ends(server.scene, subject, self.set)
-        self.answer = self._solver.answer(self.setting)
+        self._worker = ThreadPoolExecutor(1)
+        compiling = self._worker.submit(self._solver.ready)
+        self._own = self._solver.curves(self.setting)
+        compiling.result()
+        self.answer = self._solver.answer(self.setting, self._own)
         self._scene = self._placed(self.answer)
         self.curves: Curves | None = None
-        self._own = self._solver.curves(self.setting)
         self._sliders: dict[str, Any] = {}
         self._build()
         look_at(server, self._scene)
@@ -98,6 +107,7 @@ class Page:
             self._ended = True
             self._wanted.notify()
         self._thread.join()
+        self._worker.shutdown()
         self._server.stop()
 
     # What a person does.
@@ -166,14 +176,9 @@ class Page:
             try:
                 self._pose(self._solver.answer(setting, self.curves))
                 if number == self._number:
-                    self.curves = self._solver.curves(setting, test, self.curves)
-                    self._show_curves()
-                if self._at_rest(number):
-                    sure = self._solver.answer(setting, sure=True)
-                    if self._solver.differs(self.answer, sure):
-                        self._pose(sure)
-                        self.curves = self._solver.curves(setting, test)
-                        self._show_curves()
+                    self._follow(setting, test, number)
+            except _Superseded:
+                pass
             except Exception:  # the page lives on, the terminal says why
                 traceback.print_exc()
                 self._status.content = panels.sentence("This setting could not be computed.", True)
@@ -181,6 +186,41 @@ class Page:
                 self._done = number
                 if number == self._number:
                     self.solved.set()
+
+    def _follow(self, setting: Setting, test: str, number: int) -> None:
+        """What comes after a pose, until another setting is wanted."""
+        solver = self._solver
+        self._show_bars()
+        self.curves = self._meanwhile(number, solver.curves, setting, test, self.curves)
+        self._show_curves()
+        if self._at_rest(number):
+            sure = self._meanwhile(number, solver.answer, setting, None, True)
+            if solver.differs(self.answer, sure):
+                solver.go_on_from(sure)
+                self._pose(sure)
+                self._show_bars()
+                self.curves = self._meanwhile(number, solver.curves, setting, test, None)
+                self._show_curves()
+
+    def _meanwhile(self, number: int, work: Callable[..., Any], *given: Any) -> Any:
+        """Have something computed while settings may come, of which the next pose then waits for
+        nothing."""
+
+        def go_on(*_: int) -> None:
+            if self._ended or number != self._number:
+                raise _Superseded
+
+        def end(_: Any) -> None:
+            with self._wanted:
+                self._wanted.notify()
+
+        future = self._worker.submit(work, *given, progress=go_on)
+        future.add_done_callback(end)
+        with self._wanted:
+            self._wanted.wait_for(lambda: future.done() or self._ended or number != self._number)
+        future.cancel()
+        go_on()
+        return future.result()
 
     def _at_rest(self, number: int) -> bool:
         """Whether a setting stays the latest for a moment."""
@@ -197,7 +237,6 @@ class Page:
             self._draw()
             self._show_answer()
         self._server.flush()
-        self._show_bars()
 
     def _placed(self, answer: Answer) -> Any:
         return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
