@@ -45,13 +45,20 @@ def connected(page):
 def moved(page, socket, name: str, value: float) -> None:
     """Move a slider, and read until the link of the new setting has come: it is sent last."""
     import msgspec
+    import zstandard
 
     uuid = page._sliders[name]._impl.uuid
     message = {"type": "GuiUpdateMessage", "uuid": uuid, "updates": {"value": value}}
     socket.send(msgspec.msgpack.encode(message))
     wanted = f"{name}={value!r}".encode()
-    while wanted not in socket.recv(timeout=60.0):
+    read = zstandard.ZstdDecompressor().decompress
+    # viser's messages: two lengths, words that are packed, arrays as they are.
+    while wanted not in read((raw := socket.recv(timeout=60.0))[16 : 16 + _length(raw)]):
         pass
+
+
+def _length(raw: bytes) -> int:
+    return int.from_bytes(raw[8:16], "little")
 
 
 def until(holds) -> None:
