@@ -158,6 +158,7 @@ class Page:
             setting, test = self.setting, self._tests[self._test.value]
         self._pose(solver.answer(setting, self.curves))
         latest.go_on()
+        latest.meanwhile(lambda progress: self.answer.slopes)
         self._show_bars()
         self.curves = latest.meanwhile(solver.curves, setting, test, self.curves)
         self._show_curves()
