@@ -13,7 +13,14 @@ import kneejax  # noqa: E402
 
 kneejax.configure()
 
+import jax  # noqa: E402
 import site_pages  # noqa: E402
+from sphinx.domains.python import PyObject  # noqa: E402
+
+# Types say `jax.Array`, and not where jaxlib keeps it; fields are attributes.
+jax.Array.__qualname__ = "Array"
+for field in PyObject.doc_field_types:
+    field.label = "Attributes" if field.name == "variable" else field.label
 
 # Executed notebooks, where `notebooks/execute.py --out FOLDER` has written them.
 notebooks = Path(os.environ.get("KNEEJAX_NOTEBOOKS", HERE.parent / "notebooks"))
@@ -80,4 +87,5 @@ copybutton_exclude = ".linenos, .gp, .go"
 def setup(app):
     """Docstrings are plain text with backticks: what RST would read as markup is escaped."""
     app.connect("autodoc-process-docstring", site_pages.plain_docstring)
+    app.connect("autodoc-process-signature", site_pages.plain_signature)
     app.connect("autodoc-skip-member", site_pages.skip_member)

@@ -406,10 +406,17 @@ def _escaped(text: str) -> str:
 
 
 def plain_docstring(app, what, name, obj, options, lines) -> None:
-    """Escape stars, bars and trailing underscores outside of backticks."""
+    """Escape stars, bars and trailing underscores outside of backticks; shorten types."""
     for number, line in enumerate(lines):
-        if not line.lstrip().startswith((">>>", "...", ".. ", ":")) and "`" not in line:
+        if line.startswith(":vartype "):
+            lines[number] = re.sub(r"\b\w+\.[\w.]+", r"~\g<0>", line)
+        elif not line.lstrip().startswith((">>>", "...", ".. ", ":")) and "`" not in line:
             lines[number] = _escaped(line)
+
+
+def plain_signature(app, what, name, obj, options, signature, returns):
+    """Signatures say `jax.Array`, and not where jaxlib keeps it."""
+    return tuple(x and x.replace("jaxlib._jax.Array", "jax.Array") for x in (signature, returns))
 
 
 def skip_member(app, what, name, obj, skip, options) -> bool | None:

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.explorer.answers import Answer
 from kneejax.explorer.setting import ENDS, Setting, Subject
-from kneejax.explorer.solving import Answer
 from kneejax.geometry import TIBIA
 from kneejax.quantities import AXES
 from kneejax.report.scene import Places

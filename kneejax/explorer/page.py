@@ -1,10 +1,8 @@
-"""The page: sliders, curves and bars beside the knee; a thread that always solves the latest."""
+"""The page: sliders, curves and bars beside the knee."""
 
 from __future__ import annotations
 
-import threading
 import time
-import traceback
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -13,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from kneejax.explorer import panels
+from kneejax.explorer.answers import TESTS, Answer, Curves
 from kneejax.explorer.ends import Ends
+from kneejax.explorer.latest import Latest
 from kneejax.explorer.saving import Folder
 from kneejax.explorer.setting import Setting, Subject
-from kneejax.explorer.solving import TESTS, Answer, Curves, Solver
+from kneejax.explorer.solving import Solver
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
@@ -76,35 +76,32 @@ class Page:
         self._past: deque[Setting] = deque(maxlen=_MOST_PAST)
         self._changed = ("", 0.0)
         self._kept: tuple[Answer, Curves | None, Any] | None = None
-        self._wanted, self._done, self._ended = threading.Condition(), -1, False
-        self._number = 0
-        self.solved = threading.Event()
+        self._latest = Latest(self._solve, self._failed)
+        self.solved = self._latest.settled
         self._drawing = Drawing(server.scene, self._clicked)
         self._ends = Ends(server.scene, subject, self.set)
-        self.answer = self._solver.answer(self.setting)
+        compiling = self._latest.aside.submit(self._solver.ready)
+        self._own = self._solver.curves(self.setting)
+        compiling.result()
+        self.answer = self._solver.answer(self.setting, self._own)
         self._scene = self._placed(self.answer)
         self.curves: Curves | None = None
-        self._own = self._solver.curves(self.setting)
         self._sliders: dict[str, Any] = {}
         self._build()
         look_at(server, self._scene)
         server.on_client_connect(self._make_room)
-        self._thread = threading.Thread(target=self._solve, daemon=True)
-        self._thread.start()
+        self._again()
 
     def stop(self) -> None:
         """End the thread and the server."""
-        with self._wanted:
-            self._ended = True
-            self._wanted.notify()
-        self._thread.join()
+        self._latest.end()
         self._server.stop()
 
     # What a person does.
 
     def set(self, name: str, number: float | None) -> None:
         """Another number of the setting."""
-        with self._wanted:
+        with self._latest.lock:
             wanted, now = self.subject.within(self.setting.to(name, number)), time.monotonic()
             if wanted == self.setting:
                 return
@@ -117,7 +114,7 @@ class Page:
 
     def go(self, setting: Setting) -> None:
         """Another setting, as a link or a button gives it; one step of undo."""
-        with self._wanted:
+        with self._latest.lock:
             setting = self.subject.within(setting)
             if setting != self.setting:
                 self._past.append(self.setting)
@@ -126,19 +123,18 @@ class Page:
 
     def undo(self) -> None:
         """The setting before the last change."""
-        with self._wanted:
+        with self._latest.lock:
             if self._past:
                 self._to(self._past.pop())
         self._show_numbers()
 
     def _to(self, setting: Setting) -> None:
-        self.setting, self._number = setting, self._number + 1
-        self.solved.clear()
-        self._wanted.notify()
+        self.setting = setting
+        self._latest.want()
 
     def _again(self) -> None:
         """Solve the same setting again: another test was chosen."""
-        with self._wanted:
+        with self._latest.lock:
             self._to(self.setting)
 
     def _clicked(self, fibre: str) -> None:
@@ -157,36 +153,26 @@ class Page:
     # What is solved: the latest setting, then its curves if it still is the latest.
 
     def _solve(self) -> None:
-        while True:
-            with self._wanted:
-                self._wanted.wait_for(lambda: self._ended or self._done != self._number)
-                if self._ended:
-                    return
-                number, setting, test = self._number, self.setting, self._tests[self._test.value]
-            try:
-                self._pose(self._solver.answer(setting, self.curves))
-                if number == self._number:
-                    self.curves = self._solver.curves(setting, test, self.curves)
-                    self._show_curves()
-                if self._at_rest(number):
-                    sure = self._solver.answer(setting, sure=True)
-                    if self._solver.differs(self.answer, sure):
-                        self._pose(sure)
-                        self.curves = self._solver.curves(setting, test)
-                        self._show_curves()
-            except Exception:  # the page lives on, the terminal says why
-                traceback.print_exc()
-                self._status.content = panels.sentence("This setting could not be computed.", True)
-            with self._wanted:
-                self._done = number
-                if number == self._number:
-                    self.solved.set()
+        latest, solver = self._latest, self._solver
+        with latest.lock:
+            setting, test = self.setting, self._tests[self._test.value]
+        self._pose(solver.answer(setting, self.curves))
+        latest.go_on()
+        latest.meanwhile(lambda progress: self.answer.slopes)
+        self._show_bars()
+        self.curves = latest.meanwhile(solver.curves, setting, test, self.curves)
+        self._show_curves()
+        latest.rest(_REST_S)
+        sure = latest.meanwhile(solver.answer, setting, None, True)
+        if solver.differs(self.answer, sure):
+            solver.go_on_from(sure)
+            self._pose(sure)
+            self._show_bars()
+            self.curves = latest.meanwhile(solver.curves, setting, test, None)
+            self._show_curves()
 
-    def _at_rest(self, number: int) -> bool:
-        """Whether a setting stays the latest for a moment."""
-        with self._wanted:
-            moved = self._wanted.wait_for(lambda: self._ended or number != self._number, _REST_S)
-        return not moved
+    def _failed(self) -> None:
+        self._status.content = panels.sentence("This setting could not be computed.", True)
 
     def _pose(self, answer: Answer) -> None:
         good = answer.status.converged
@@ -197,7 +183,6 @@ class Page:
             self._draw()
             self._show_answer()
         self._server.flush()
-        self._show_bars()
 
     def _placed(self, answer: Answer) -> Any:
         return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
@@ -237,8 +222,6 @@ class Page:
         self._show_numbers()
         self._draw()
         self._show_answer()
-        self.solved.set()
-        self._again()
 
     def _theme(self, dark: bool) -> None:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=dark,

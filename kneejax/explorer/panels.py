@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.explorer.solving import FLEXIONS, MOVED, Answer, Curves
+from kneejax.explorer.answers import FLEXIONS, MOVED, Answer, Curves
 from kneejax.geometry import FREE_COORDINATES, coordinate
 from kneejax.report.look.colours import (
     BLUE,

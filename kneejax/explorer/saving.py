@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from kneejax.explorer.answers import FLEXIONS
 from kneejax.explorer.setting import Setting, Subject
-from kneejax.explorer.solving import FLEXIONS
 from kneejax.files import restated, write_knee, write_poses
 
 

@@ -1,21 +1,23 @@
 """Where a knee balances at a setting, what holds it, and what would move it; curves over flexion.
 
-Numbers of a setting are data: one compiled program serves every setting of a knee. A pose begins
-near the last one and takes some milliseconds; at rest it is compared with the one that is reached
-by bending and then loading the knee, as `passive_flexion` does.
+Numbers of a setting are data: one compiled program serves every pose of a knee, another one its
+curves. A pose begins near the last one and takes some milliseconds; at rest it is compared with the
+one that is reached by bending and then loading the knee, as `passive_flexion` does.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import Mechanics, evaluate
+from kneejax.experiments import evaluate
+from kneejax.explorer.answers import FLEXIONS, MOVED, TESTS, Answer, Curves
 from kneejax.explorer.setting import Setting, Subject
 from kneejax.geometry import FREE_COORDINATES, State, scales, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, load_of, pull_of
@@ -23,19 +25,17 @@ from kneejax.numerics import compiled
 from kneejax.parameters import Selection, fibre_rows, prior_scales
 from kneejax.statics import (
     Equilibria,
+    Equilibrium,
+    Guess,
     LoadCases,
+    Progress,
     Status,
     balance_many,
     balance_near,
     converged,
+    solve_equilibrium,
 )
 
-#: Flexions of the curves, degrees.
-FLEXIONS = np.linspace(0.0, 120.0, 25)
-#: Tests of laxity: load -> its size, both ways.
-TESTS = {"anterior_N": 100.0, "varus_Nm": 10.0, "internal_Nm": 5.0}
-#: The coordinate that each moves most.
-MOVED = {"anterior_N": "anterior", "varus_Nm": "adduction", "internal_Nm": "internal_rotation"}
 #: A pose that is farther than this from the curve through its flexion is on another branch, mm, a
 #: rotation at 30 mm.
 _BRANCH_MM = 1.0
@@ -43,6 +43,8 @@ _BRANCH_MM = 1.0
 _KINK = 5.0
 #: Flexion from the last pose within which it is a beginning, degrees.
 _NEAR_DEG = 12.0
+#: The longest step that is extrapolated, for each that was made.
+_AHEAD = 2.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,9 +74,15 @@ def _varied(vary: _Varied, knee: Knee, numbers) -> Knee:
 
 
 @compiled()
-def _mechanics(knee: Knee, state: State) -> Mechanics:
-    """A program for one pose: `evaluate` computes many at once."""
-    return evaluate(knee, state)
+def _sought(knee: Knee, cases: LoadCases, q, contact_points):
+    """The balance near a pose, of one load case, with tension, strain and largest pressures.
+
+    A path is followed in several lanes at once, which would all be computed for this one.
+    """
+    guess = Guess(q, contact_points)
+    found = solve_equilibrium(cases.load(add_lane_axis(knee)), cases.prescribed, guess)
+    held = evaluate(knee, found.state, found.contact_points)
+    return found, held.tension[0], held.strain[0], held.max_pressure[0]
 
 
 @compiled(optimised=False)
@@ -108,97 +116,8 @@ def _slopes(vary: _Varied, free: tuple[str, ...], knee: Knee, numbers, prescribe
     return jax.vmap(of_pose)(prescribed, q, tangent)
 
 
-@dataclasses.dataclass(frozen=True)
-class Answer:
-    """A pose at a setting.
-
-    Attributes:
-        setting: that was asked for.
-        knee: with its parameters.
-        status: of the pose.
-        coordinates: free coordinate -> degrees or mm; NaN where nothing balances.
-        state: where the bones are, of shape `(1,)`; of the last pose that balanced where this one
-            does not.
-        found: forces, strains and contact there, of one pose.
-        force_N: ligament -> force.
-        strain: ligament -> largest strain of its fibres.
-        peak_MPa: compartment -> largest pressure.
-        derive: computes `slopes`.
-    """
-
-    setting: Setting
-    knee: Knee
-    status: Status
-    coordinates: dict[str, float]
-    state: State
-    found: Mechanics
-    force_N: dict[str, float]
-    strain: dict[str, float]
-    peak_MPa: dict[str, float]
-    derive: Callable[[], dict[str, np.ndarray]]
-
-    @cached_property
-    def slopes(self) -> dict[str, np.ndarray]:
-        """Coordinate or ligament -> exact derivative of its degrees, mm or N by the parameters,
-        `(p,)`; nothing where nothing balances."""
-        return self.derive()
-
-    @property
-    def sentence(self) -> str:
-        """What is wrong with the pose and what to try; empty where nothing is."""
-        if self.status == Status.BALANCED:
-            return ""
-        last = "" if self.status.converged else " The last pose that balanced is shown, grey."
-        return f"{self.status.fault.capitalize()}: {self.status.advice}.{last}"
-
-
-@dataclasses.dataclass(frozen=True)
-class Curves:
-    """What a setting does over flexion.
-
-    Attributes:
-        setting: that was asked for.
-        flexion_deg: of the poses, `(n,)`.
-        status: `Status` values, `(n,)`.
-        coordinates: free coordinate -> degrees or mm, `(n,)`; NaN where nothing balances.
-        force_N: ligament -> force, `(n,)`.
-        laxity: test -> degrees or mm between its two loads, `(n,)`, where one was asked for.
-        own: free coordinates as they are solved, `(n, free)`; of a test those under both loads
-            follow, `(3 n, free)`.
-        contact_points: likewise, `(n, points, 2)`.
-        derive: computes `slopes`.
-    """
-
-    setting: Setting
-    flexion_deg: np.ndarray
-    status: np.ndarray
-    coordinates: dict[str, np.ndarray]
-    force_N: dict[str, np.ndarray]
-    laxity: dict[str, np.ndarray]
-    own: np.ndarray
-    contact_points: np.ndarray
-    derive: Callable[[], dict[str, np.ndarray]]
-
-    @cached_property
-    def slopes(self) -> dict[str, np.ndarray]:
-        """Coordinate or ligament -> exact derivative of its degrees, mm or N by the parameters,
-        `(n, p)`; NaN where nothing balances."""
-        return self.derive()
-
-    @property
-    def table(self) -> np.ndarray:
-        """Poses in the order of `kneejax.geometry.COLUMNS`, `(n, 6)`, degrees and mm."""
-        return np.column_stack([self.flexion_deg, *self.coordinates.values()])
-
-    def at(self, flexion_deg: float) -> tuple[np.ndarray, np.ndarray]:
-        """Free coordinates, `(free,)`, and contact points near a flexion."""
-        flexion = self.flexion_deg
-        q = np.array([np.interp(flexion_deg, flexion, x) for x in self.own[: len(flexion)].T])
-        return q, self.contact_points[int(np.argmin(np.abs(flexion - flexion_deg)))]
-
-
 class Solver:
-    """Answers of one knee; it remembers the last pose that balanced, and nothing else.
+    """Answers of one knee; it remembers the last two poses that balanced, and nothing else.
 
     Attributes:
         subject: the knee and what can be set of it.
@@ -232,14 +151,18 @@ class Solver:
         self.owner = dict(zip(knee.ligaments.names, owners, strict=True))
         self._vary = _Varied(subject.plain, subject.strains, self._owners)
         self.names = subject.selection.names
-        self._last: tuple[float, np.ndarray, np.ndarray, State] | None = None
+        self._trail: list[tuple[Answer, Equilibrium]] = []
+        self._known: tuple[Any, Any] = None, None
 
     @cached_property
     def unknown(self) -> np.ndarray:
         """What is not known of each parameter before it is measured, `(p,)`."""
         return prior_scales(self.subject.selection, self.subject.own)
 
-    def answer(self, setting: Setting, near: Curves | None = None, sure: bool = False) -> Answer:
+    def answer(
+        self, setting: Setting, near: Curves | None = None, sure: bool = False,
+        progress: Progress | None = None,
+    ) -> Answer:  # fmt: skip
         """The pose at a setting.
 
         Args:
@@ -247,35 +170,63 @@ class Solver:
             near: curves from which the pose is sought, where it is far from the last one.
             sure: whether to bend and then load the knee from its reference pose, as
                 `passive_flexion` does, which takes longer: the last pose may be on another branch.
+                The next pose does not begin there, see `go_on_from`.
+            progress: see `curves`.
         """
-        own, numbers = self.subject.numbers(setting)
-        flexion = self.subject.value(setting, "flexion_deg")
-        cases = self._cases([flexion], setting)
-        found = self._balanced(own, numbers[None], cases, flexion, near, sure)
-        bodies = self.subject.knee.bodies
-        state = State.of(cases.prescribed, jnp.asarray(found.q[0].T), bodies)
-        if converged(found.status).all():
-            self._last = flexion, found.q, found.contact_points, state
-        elif self._last is not None:
-            state = self._last[3]
-        else:
-            state = jax.tree.map(jnp.atleast_1d, self.subject.knee.at_reference)
-        return self._described(setting, own, found, state, numbers, cases)
+        own, numbers, knee = self._knees(setting)
+        cases = self._cases([self.subject.value(setting, "flexion_deg")], setting)
+        begin, found = None if sure else self._begin(setting, near), None
+        if begin is not None:
+            found, *held = _sought(knee, cases, *begin)
+        if found is None or not found.converged[0]:
+            path = balance_many(own, self._vary, numbers[None], cases, progress=progress)
+            status = Status(int(path.status[0, 0]))
+            if not status.converged:
+                return self._lost(setting, knee, status)
+            points = np.moveaxis(path.contact_points[0], 0, -1)
+            found, *held = _sought(knee, cases, path.q[0].T, points)
+        answer = self._described(setting, own, knee, numbers, cases, found, held)
+        if not sure:
+            self.go_on_from(answer)
+        return answer
 
-    def _balanced(
-        self, knee: Knee, numbers, cases: LoadCases, flexion: float, near: Curves | None, sure: bool
-    ) -> Equilibria:
-        begin = None
-        if not sure and self._last is not None and abs(flexion - self._last[0]) < _NEAR_DEG:
-            begin = self._last[1:3]
-        elif not sure and near is not None:
-            q, points = near.at(flexion)
-            begin = q[None, None], points[None, None]
-        if begin is not None and np.isfinite(begin[0]).all():
-            found = balance_near(knee, self._vary, numbers, cases, *begin)
-            if converged(found.status).all():
-                return found
-        return balance_many(knee, self._vary, numbers, cases, holding=True)
+    def go_on_from(self, answer: Answer) -> None:
+        """Begin the next pose at an answer, if it balances."""
+        if answer.found is not None:
+            self._trail = [*self._trail[-1:], (answer, answer.found)]
+
+    def ready(self) -> None:
+        """Have the program of a pose, which is compiled while others are."""
+        _, _, knee = self._knees(Setting())
+        nothing = np.full((len(self._free), 1), np.nan), np.full((knee.patch_count, 2, 1), np.nan)
+        _sought(knee, self._cases([0.0], Setting()), *nothing)
+
+    def _knees(self, setting: Setting) -> tuple[Knee, np.ndarray, Knee]:
+        """See `Subject.numbers`, and the knee that they vary: the same while only flexion and loads
+        change."""
+        parts, known = tuple(x for x in setting.numbers if "." in x[0]), self._known
+        if known[0] != parts:
+            own, numbers = self.subject.numbers(Setting(parts))
+            knee = _varied(self._vary, own, numbers).for_many_poses()
+            self._known = known = parts, (own, numbers, knee)
+        return known[1]
+
+    def _begin(self, setting: Setting, near: Curves | None) -> tuple[np.ndarray, np.ndarray] | None:
+        """Coordinates and contact points at which a pose is sought: beyond the last two poses where
+        the same number moves on, at the last one, or on curves."""
+        flexion = self.subject.value(setting, "flexion_deg")
+        for last, found in self._trail[-1:]:
+            if abs(flexion - self.subject.value(last.setting, "flexion_deg")) < _NEAR_DEG:
+                (before, old), q = self._trail[0], found.q
+                name, step = self._moved(last.setting, setting)
+                same, made = self._moved(before.setting, last.setting)
+                if same == name and 0.0 < abs(step) <= _AHEAD * abs(made):
+                    q = q + (q - old.q) * step / made
+                return q, found.contact_points
+        if near is None:
+            return None
+        q, points = near.at(flexion)
+        return (q[:, None], points[..., None]) if np.isfinite(q).all() else None
 
     def differs(self, one: Answer, other: Answer) -> bool:
         """Whether two answers are different balances."""
@@ -297,37 +248,53 @@ class Solver:
             loads.append(pull_of(QUADRICEPS, self.subject.value(setting, "quadriceps_N")))
         return LoadCases.at(np.asarray(flexion_deg, float), loads).of(self.subject.knee)
 
+    def _moved(self, one: Setting, other: Setting) -> tuple[str, float]:
+        """The number that differs between two settings, and by how much; no name where it is not
+        one alone."""
+        names = {name for name, _ in {*one.numbers} ^ {*other.numbers}}
+        if len(names) != 1:
+            return "", 0.0
+        (name,) = names
+        return name, self.subject.value(other, name) - self.subject.value(one, name)
+
     def _described(
-        self,
-        setting: Setting,
-        own: Knee,
-        found: Equilibria,
-        state: State,
-        numbers: np.ndarray,
-        cases: LoadCases,
-    ) -> Answer:
-        knee = _varied(self._vary, own, numbers)
-        held = jax.tree.map(np.asarray, _mechanics(knee, state))
-        names, owners = self.subject.ligaments, np.array(self._owners)
-        q = found.q[0, 0] * table_units(self._free)
-        shown = {k: x for k, x in zip(self._free, q.tolist(), strict=True) if k in FREE_COORDINATES}
-        tension, strain = held.tension[0], held.strain[0]
+        self, setting: Setting, own: Knee, knee: Knee, numbers: np.ndarray, cases: LoadCases,
+        found: Equilibrium, held: Sequence[Any],
+    ) -> Answer:  # fmt: skip
+        found = jax.tree.map(np.asarray, found)
+        status, q = Status(int(found.status[0])), found.q
+        if not status.converged:
+            return self._lost(setting, knee, status)
+        tension, strain, pressure = map(np.asarray, held)
+        owners, ligaments = np.array(self._owners), self.subject.ligaments
+        shown = zip(self._free, (q[:, 0] * table_units(self._free)).tolist(), strict=True)
         return Answer(
-            setting, knee, Status(int(found.status[0, 0])), shown, state, held,
-            {one: float(tension[owners == i].sum()) for i, one in enumerate(names)},
-            {one: float(strain[owners == i].max()) for i, one in enumerate(names)},
-            dict(zip(knee.contact_names, held.max_pressure[0].tolist(), strict=True)),
-            lambda: {name: x[0] for name, x in self._derived(own, found, numbers, cases).items()
-                     if converged(found.status).all()},
+            setting, knee, status, {name: x for name, x in shown if name in FREE_COORDINATES},
+            jax.tree.map(np.asarray, found.state), found,
+            {one: float(tension[owners == i].sum()) for i, one in enumerate(ligaments)},
+            {one: float(strain[owners == i].max()) for i, one in enumerate(ligaments)},
+            dict(zip(knee.contact_names, pressure.tolist(), strict=True)),
+            lambda: {name: x[0] for name, x in self._derived(
+                own, found.status, q.T, np.moveaxis(found.tangent, -1, 0), numbers, cases).items()},
         )  # fmt: skip
 
+    def _lost(self, setting: Setting, knee: Knee, status: Status) -> Answer:
+        """What is shown where nothing balances: the last pose that did, without coordinates."""
+        nowhere = dict.fromkeys(FREE_COORDINATES, np.nan)
+        if not self._trail:
+            state = jax.tree.map(np.atleast_1d, self.subject.knee.at_reference)
+            return Answer(setting, knee, status, nowhere, state, None, {}, {}, {}, dict)
+        last, _ = self._trail[-1]
+        return dataclasses.replace(last, setting=setting, knee=knee, status=status,
+                                   coordinates=nowhere, found=None, derive=dict)  # fmt: skip
+
     def _derived(
-        self, knee: Knee, found: Equilibria, numbers: np.ndarray, cases: LoadCases, count: int = 1
-    ) -> dict[str, np.ndarray]:
+        self, knee: Knee, status: np.ndarray, q: np.ndarray, tangent: np.ndarray,
+        numbers: np.ndarray, cases: LoadCases,
+    ) -> dict[str, np.ndarray]:  # fmt: skip
         """Derivatives at the first poses, `(poses, parameters)`; NaN by what is no ligament's."""
-        good = converged(found.status)[0, :count]
+        good, count = converged(status), len(q)
         held_at = {name: x[:count] for name, x in dict(cases.prescribed).items()}
-        q, tangent = found.q[0, :count], found.holding["tangent"][0, :count]
         tangent = np.where(good[:, None, None], tangent, np.eye(tangent.shape[-1]))
         moved, pulled = map(np.asarray, _slopes(
             self._vary, self._free, knee, numbers, held_at, q, tangent))  # fmt: skip
@@ -339,7 +306,10 @@ class Solver:
         every = dict(zip((*self._free, *names), each, strict=True))
         return {name: every[name] for name in (*FREE_COORDINATES, *names)}
 
-    def curves(self, setting: Setting, test: str = "", near: Curves | None = None) -> Curves:
+    def curves(
+        self, setting: Setting, test: str = "", near: Curves | None = None,
+        progress: Progress | None = None,
+    ) -> Curves:  # fmt: skip
         """What a setting does over flexion.
 
         Args:
@@ -347,19 +317,22 @@ class Solver:
             test: one of `TESTS`, whose laxity is asked for.
             near: curves of a setting like this one, from which poses are sought; where one is not
                 found, and by default, each is followed from the reference pose.
+            progress: see `kneejax.statics.balance_many`; what it raises ends the search.
         """
+        if near is not None and [*near.laxity] == [test][: len(test)]:
+            if self._moved(near.setting, setting)[0] == "flexion_deg":
+                return dataclasses.replace(near, setting=setting)
         count, extra, loads = len(self.flexion_deg), {}, 1
         if test:
             size, loads = TESTS[test], 3
             extra = {test: np.repeat([0.0, size, -size], count)}
         cases = self._cases(np.tile(self.flexion_deg, loads), setting, extra)
-        own, numbers = self.subject.numbers(setting)
-        found = self._along(own, numbers[None], cases, near)
+        own, numbers, knee = self._knees(setting)
+        found = self._along(own, numbers[None], cases, near, progress)
         q = np.where(converged(found.status)[0][:, None], found.q[0], np.nan)
         table = dict(zip(self._free, (q * table_units(self._free)).T, strict=True))
         prescribed = {k: x[:count] for k, x in cases.prescribed.items()}
         state = State.of(prescribed, jnp.asarray(q[:count].T), self.subject.knee.bodies)
-        knee = _varied(self._vary, own, numbers)
         tension = np.asarray(_tension(knee, state))
         owners, laxity = np.array(self._owners), {}
         if test:
@@ -370,20 +343,22 @@ class Solver:
             {k: table[k][:count] for k in FREE_COORDINATES},
             {one: tension[owners == i].sum(axis=0) for i, one in enumerate(self.subject.ligaments)},
             laxity, q, found.contact_points[0],
-            lambda: self._derived(own, found, numbers, cases, count),
+            lambda: self._derived(own, found.status[0, :count], found.q[0, :count],
+                                  found.holding["tangent"][0, :count], numbers, cases),
         )  # fmt: skip
 
     def _along(
-        self, knee: Knee, numbers: np.ndarray, cases: LoadCases, near: Curves | None
-    ) -> Equilibria:
+        self, knee: Knee, numbers: np.ndarray, cases: LoadCases, near: Curves | None,
+        progress: Progress | None,
+    ) -> Equilibria:  # fmt: skip
         """Balances of curves: near other ones if every pose of those is found again and none has
         left its neighbours."""
         if near is not None and len(near.own) == len(cases) and np.isfinite(near.own).all():
             found = balance_near(knee, self._vary, numbers, cases, near.own[None],
-                                 near.contact_points[None])  # fmt: skip
+                                 near.contact_points[None], progress)  # fmt: skip
             if converged(found.status).all() and not self._torn(found.q[0], near):
                 return found
-        return balance_many(knee, self._vary, numbers, cases, holding=True)
+        return balance_many(knee, self._vary, numbers, cases, holding=True, progress=progress)
 
     def _torn(self, q: np.ndarray, near: Curves) -> bool:
         """Whether a curve has a kink over flexion that the one before had not: another branch."""

@@ -155,8 +155,9 @@ def balance_lines(
 
 
 def balance_near(
-    knee: Knee, vary: Vary, values: Any, load_cases: LoadCases, q, contact_points
-) -> Equilibria:
+    knee: Knee, vary: Vary, values: Any, load_cases: LoadCases, q, contact_points,
+    progress: Progress | None = None,
+) -> Equilibria:  # fmt: skip
     """Balance variants at load cases, each by itself near where it is expected: no path leads
     there.
 
@@ -169,6 +170,7 @@ def balance_near(
         q: free coordinates to begin with, `(variants, load_cases, free)`, rad and mm; the reference
             pose where they are NaN.
         contact_points: parameters of the contact points, `(variants, load_cases, n, 2)`.
+        progress: as in `balance_many`.
 
     Returns:
         The balances, with what holds them.
@@ -182,7 +184,7 @@ def balance_near(
     count = len(variants) * size
     variant, load_case = np.arange(count) // max(size, 1), np.arange(count) % max(size, 1)
     q, contact_points = (np.reshape(x, (count, *np.shape(x)[2:])) for x in (q, contact_points))
-    batch.seek(variant, load_case, q, contact_points, lambda _: None)
+    batch.seek(variant, load_case, q, contact_points, _counter(progress, count))
     return batch.answer((len(variants),))
 
 

@@ -298,7 +298,7 @@ def test_thousands_of_slider_moves_leave_no_memory_behind(page):
     import psutil
 
     process, rng, kept = psutil.Process(), np.random.default_rng(0), []
-    for move in range(4000):
+    for move in range(5000):
         page.set("flexion_deg", rng.uniform(0.0, 120.0))
         if move % 4 == 0:
             until(lambda: page.answer.setting == page.setting)

@@ -92,7 +92,6 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
 def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
     """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, and tensions of ligaments,
     `(fibres, poses)`."""
-    kinds = [course.rows for course in fibres.kinds]
     parts = [_drawn(fibres, some) for some in lots(state)]
     count = state.shape[0]
 
@@ -100,7 +99,7 @@ def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray
         return np.concatenate([np.asarray(x) for x in arrays], axis=-1)[..., :count]
 
     lines = {}
-    for rows, *drawn in zip(kinds, *(part[0] for part in parts), strict=True):
+    for rows, *drawn in zip(parts[0][3], *(part[0] for part in parts), strict=True):
         points = joined(drawn)
         lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
     of_all = (joined(part[i] for part in parts) for i in (1, 2))
@@ -109,13 +108,14 @@ def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray
 
 @eqx.filter_jit
 def _drawn(fibres: Fibres, state: State):
-    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths and tensions.
+    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths and tensions; the
+    rows of each kind.
 
     One array a kind: each point as a result of its own would take minutes to compile.
     """
     fibres = add_lane_axis(fibres)
-    drawn = []
-    for course in fibres.kinds:
+    drawn, kinds = [], fibres.kinds
+    for course in kinds:
         rows = np.array(course.rows)
         ends = fibres.femoral_attachment[rows], fibres.tibial_attachment[rows]
         shape = (len(rows), *state.shape)
@@ -126,7 +126,8 @@ def _drawn(fibres: Fibres, state: State):
                    for point in points]  # fmt: skip
         drawn.append(jnp.stack(stacked))
     length = fibres.length(state)
-    return drawn, length, fibres.tension_at(length) if isinstance(fibres, Ligaments) else length
+    tension = fibres.tension_at(length) if isinstance(fibres, Ligaments) else length
+    return drawn, length, tension, [course.rows for course in kinds]
 
 
 def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -36,6 +37,7 @@ def pressure_limit(every: Sequence[Scene]) -> float:
     return peak if peak > 0 else 1.0
 
 
+@functools.cache
 def strain_colours():
     """The scale of colours of strained fibres, from no strain to the largest."""
     from matplotlib import colormaps
@@ -54,13 +56,25 @@ def strain_colour(strain: float, limit: float) -> str:
 
     Example:
         >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
-        ('#b40426', '#a9adb2')
+        ('#b40426', '#A9ADB2')
     """
+    return SLACK if not strain > 0 else _shades()[round(255 * min(strain / limit, 1.0))]
+
+
+@functools.cache
+def _shades() -> list[str]:
     from matplotlib.colors import to_hex
 
-    if not strain > 0:
-        return to_hex(SLACK)
-    return to_hex(strain_colours()(min(strain / limit, 1.0)))
+    return [to_hex(one) for one in strain_colours()(np.arange(256))]
+
+
+@functools.cache
+def _bands(count: int) -> list[str]:
+    """Colours of so many equal bands of pressure; the ground's before them."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [GROUND, *map(to_hex, colormaps[PRESSURE_COLOURS](np.linspace(0.12, 1.0, count)))]
 
 
 def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
@@ -83,15 +97,10 @@ def pressure_bands(plateau: Plateau, limit: float, count: int) -> list[tuple[str
         limit: pressure at the end of the colours, MPa.
         count: of equal bands; one for what is not pressed comes before them.
     """
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit).ravel()[plateau.faces].mean(axis=1)
     level = np.where(pressure > 0.02 * limit, np.ceil(pressure / limit * count), 0.0)
     level = np.minimum(level, count).astype(int)
-    shades = colormaps[PRESSURE_COLOURS](np.linspace(0.12, 1.0, count))
-    colours = [GROUND, *map(to_hex, shades)]
-    return [(colour, plateau.faces[level == i]) for i, colour in enumerate(colours)]
+    return [(colour, plateau.faces[level == i]) for i, colour in enumerate(_bands(count))]
 
 
 #: View -> where the camera stands: anterior, superior and lateral share.

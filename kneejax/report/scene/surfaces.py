@@ -66,15 +66,24 @@ def tube(line: np.ndarray, thickness: float, sides: int = 8) -> tuple[np.ndarray
         >>> corners.shape, faces.shape, round(float(np.abs(corners[:, :2]).max()), 6)
         ((8, 3), (8, 3), 1.0)
     """
-    along = np.gradient(line, axis=0)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-    away = np.eye(3)[np.argmin(np.abs(line[-1] - line[0]))]
-    first = away - (along @ away)[:, None] * along
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(along, first)
-    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)[:, None, None]
-    rings = line + 0.5 * thickness * (np.cos(turn) * first + np.sin(turn) * second)
-    return rings.swapaxes(0, 1).reshape(-1, 3).astype(np.float32), _faces(len(line), sides)
+    apart = line[1:] - line[:-1]
+    along = np.concatenate([apart[:1], apart[1:] + apart[:-1], apart[-1:]])
+    along /= np.maximum(np.sqrt((along**2).sum(axis=1, keepdims=True)), 1e-9)
+    axis = int(np.argmin(np.abs(line[-1] - line[0])))
+    first = -along[:, axis : axis + 1] * along
+    first[:, axis] += 1.0
+    first *= 0.5 * thickness / np.sqrt((first**2).sum(axis=1, keepdims=True))
+    (x, y, z), (u, v, w) = along.T, first.T
+    second = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+    cosine, sine = _circle(sides)
+    rings = line[:, None] + cosine * first[:, None] + sine * second[:, None]
+    return rings.reshape(-1, 3).astype(np.float32), _faces(len(line), sides)
+
+
+@functools.cache
+def _circle(sides: int) -> tuple[np.ndarray, np.ndarray]:
+    turn = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)[:, None]
+    return np.cos(turn), np.sin(turn)
 
 
 @functools.cache
