@@ -211,13 +211,12 @@ def fitted(document: dict, folder: Path) -> dict:
     """A knee document with what a calibration found of its bundles."""
     found = yaml.safe_load((folder / "knee.yaml").read_text())["ligaments"]
     for name, fibre in document["ligaments"].items():
-        for field in ("stiffness_N", "slack_length_mm"):
-            fibre[field] = float(f"{found[name][field]:.6g}")
         said = "calibrated, study average_knee"
+        fields = ("stiffness_N", "reference_strain" if name == "ALL" else "slack_length_mm")
+        for field in fields:
+            fibre[field] = float(f"{found[name][field]:.6g}")
         if name == "ALL":
-            del fibre["reference_strain"]
-            fibre["source"] |= {"stiffness_N": said, "slack_length_mm": said}
-            del fibre["source"]["reference_strain"]
+            fibre["source"] |= dict.fromkeys(fields, said)
         else:
             fibre["source"] += f"; stiffness and slack length: {said}"
         if name.startswith(MOVED):
