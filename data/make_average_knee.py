@@ -47,24 +47,28 @@ ATTACHMENT_MM = 3.0
 TIMES, AROUND, AWAY = 2.0, 0.25, 8.0
 #: Walker's femur is not this one: mm and degrees by which a motion may differ from the average.
 NOISE_MM, NOISE_DEG = 3.0, 2.0
+#: The knee's own numbers and draws from the prior.
+STARTS = 4
 #: Of a mean of twelve knees that scatter by 1.4 to 2.5 mm.
 LAXITY_MM = 0.5
 #: Of forces that are published as "below 20 N". Without them a fit as good exists in which the
 #: medial collateral ligament holds the tibia and the ACL is idle.
 COLLATERAL_N = 10.0
-#: The standard deviations that were published of forces of the ACL.
+#: Standard errors of the mean of forces of the ACL, of nine and ten knees: N.
 SAKANE = {"file": "sakane1997"}
 GABRIEL = {"file": "gabriel2004"}
 IN_SITU = [
-    SAKANE | {"name": "ACL", "sd_N": 10.0, "ignore": ["ACLpl.tension_N"]},
-    SAKANE | {"name": "ACLpl at 15 degrees", "sd_N": 18.3, "ignore": ["ACL.tension_N"]},
-    GABRIEL | {"name": "ACLpl in extension", "sd_N": 30.0, "ignore": ["ACLam.tension_N"]},
-    GABRIEL | {"name": "ACLam at 60 degrees", "sd_N": 17.0, "ignore": ["ACLpl.tension_N"]},
+    SAKANE | {"name": "ACL", "sd_N": 5.0, "ignore": ["ACLpl.tension_N"]},
+    SAKANE | {"name": "ACLpl at 15 degrees", "sd_N": 6.0, "ignore": ["ACL.tension_N"]},
+    GABRIEL | {"name": "ACLpl in extension", "sd_N": 9.5, "ignore": ["ACLam.tension_N"]},
+    GABRIEL | {"name": "ACLam at 60 degrees", "sd_N": 5.4, "ignore": ["ACLpl.tension_N"]},
 ]
-#: Assumed, since nobody published it: what posterior capsule and collateral ligaments pull in
-#: unloaded extension, N, and what 1 kN of compression does to the tibia, mm and degrees.
+#: Assumed, with what it may be wrong by: what posterior capsule and collateral ligaments pull in
+#: unloaded extension, N; how far 1 kN of compression moves and turns the tibia, mm and degrees; and
+#: how far an anterior load does, which turns it inwards (Fukubayashi 1982).
 EXTENSION_N, COMPRESSION_MM, COMPRESSION_DEG = (25.0, 12.0), (2.0, 2.0), (2.0, 4.0)
 COMPRESSION_N, COMPRESSED_AT = 1000.0, (0, 30, 60, 90)
+COUPLED_DEG, COUPLED_N, COUPLED_AT = (3.0, 4.0), 110.0, (15, 30, 60, 90)
 #: Mean posterior slopes of the medial and the lateral plateau, degrees, of 33 women and 22 men:
 #: Hashemi 2008, the mean of both sexes.
 SLOPES = {"medial": 4.8, "lateral": 6.2}
@@ -122,6 +126,8 @@ def study() -> dict:
          "counted_from": "unloaded"},
         {"name": "compression", "file": f"{NAME}_compression.csv", "sd_mm": COMPRESSION_MM[1],
          "sd_deg": COMPRESSION_DEG[1], "counted_from": "unloaded"},
+        {"name": "coupled rotation", "file": f"{NAME}_coupled.csv", "sd_deg": COUPLED_DEG[1],
+         "counted_from": "unloaded"},
     ]  # fmt: skip
     prior = {n: round(STIFFNESS_PART * x, 1) for n, x in stiffness.items()}
     prior |= dict.fromkeys(strains, STRAIN) | dict.fromkeys(ends, ATTACHMENT_MM)
@@ -146,6 +152,7 @@ def study() -> dict:
         "noise_deg": NOISE_DEG,
         "weights": {"lateral": 0.0},
         "procedures": ["III"],
+        "starts": STARTS,
     }
 
 
@@ -161,6 +168,10 @@ def write_assumptions() -> None:
     rows = [f"{x},0,0,0\n{x},{COMPRESSION_N:g},{moved}\n" for x in COMPRESSED_AT]
     (HERE / "studies" / f"{NAME}_compression.csv").write_text(
         "flexion_deg,compression_N,anterior_mm,internal_rotation_deg\n" + "".join(rows)
+    )
+    rows = [f"{x},0,0\n{x},{COUPLED_N:g},{COUPLED_DEG[0]:g}\n" for x in COUPLED_AT]
+    (HERE / "studies" / f"{NAME}_coupled.csv").write_text(
+        "flexion_deg,anterior_N,internal_rotation_deg\n" + "".join(rows)
     )
 
 
