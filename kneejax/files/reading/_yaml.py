@@ -1,0 +1,180 @@
+"""YAML as people mean it: `1e-3` is a number, `10:50:5` and `no` are text, no key stands twice."""
+
+from __future__ import annotations
+
+import os
+import re
+from typing import Any
+
+import yaml
+
+from kneejax.files.reading._problem import InputProblem
+from kneejax.files.reading._text import LONGEST_NUMBER, read_text
+
+_WIDTH = 96
+
+#: Levels of lists and mappings in one another; no file of the package has more than eight.
+_DEEPEST = 50
+_TOO_DEEP = "lists or mappings too deep in one another"
+#: Values that aliases may add to those that are written out.
+_MOST_BY_ALIASES = 100_000
+
+# What a plain scalar means, as in YAML 1.2; YAML 1.1 would read 10:50:5 as 39005.
+_MEANINGS = (
+    ("tag:yaml.org,2002:null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("tag:yaml.org,2002:bool", r"true|True|TRUE|false|False|FALSE", list("tTfF")),
+    ("tag:yaml.org,2002:int", r"[-+]?[0-9]+", list("-+0123456789")),
+    (
+        "tag:yaml.org,2002:float",
+        r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)"
+        r"|\.(?:nan|NaN|NAN)",
+        list("-+.0123456789"),
+    ),
+)
+_PLAIN = {tag: re.compile(pattern) for tag, pattern, _ in _MEANINGS}
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+_TEXT = "tag:yaml.org,2002:str"
+_LIST, _MAPPING = "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map"
+
+
+class _Loader(yaml.SafeLoader):
+    yaml_implicit_resolvers: dict = {}
+
+    def __init__(self, stream):
+        super().__init__(stream)
+        #: Node -> values in it, aliases written out, and levels in one another.
+        self.measured: dict[yaml.Node, tuple[int, int]] = {}
+        self.level = 0
+
+    def fetch_flow_collection_start(self, TokenClass):
+        # Refused before the scanner looks ahead, which takes time with the square of the depth.
+        if self.flow_level >= _DEEPEST:
+            raise _fault(_TOO_DEEP, self.get_mark())
+        super().fetch_flow_collection_start(TokenClass)
+
+    def compose_node(self, parent, index):
+        event = self.peek_event()
+        if isinstance(event, yaml.AliasEvent):
+            node = super().compose_node(parent, index)
+            if node not in self.measured:
+                raise _fault("an alias inside what it names", event.start_mark)
+            return node
+        if self.level >= _DEEPEST:
+            raise _fault(_TOO_DEEP, event.start_mark)
+        self.level += 1
+        node = super().compose_node(parent, index)
+        self.level -= 1
+        if event.tag is not None:
+            _check_tag(node)
+        if isinstance(node, yaml.ScalarNode):
+            if len(node.value) > LONGEST_NUMBER and node.tag in _NUMBERS:
+                raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
+            self.measured[node] = 1, 1
+            return node
+        assert node is not None  # the types of PyYAML allow for none
+        below = [self.measured[one] for one in _below(node)]
+        size = 1 + sum(size for size, _ in below)
+        depth = 1 + max((depth for _, depth in below), default=0)
+        self.measured[node] = size, depth
+        if size - len(self.measured) > _MOST_BY_ALIASES:
+            raise _fault(f"aliases that stand for {size:,} values", node.start_mark)
+        if depth > _DEEPEST:
+            raise _fault(_TOO_DEEP, node.start_mark)
+        return node
+
+
+def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
+    return yaml.constructor.ConstructorError(None, None, problem, mark)
+
+
+def _check_tag(node: yaml.Node) -> None:
+    """A tag that is written out is one of those that are found without, and fits what it marks."""
+    if isinstance(node, yaml.ScalarNode):
+        plain = _PLAIN.get(node.tag)
+        if node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
+            raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
+    elif node.tag != (_LIST if isinstance(node, yaml.SequenceNode) else _MAPPING):
+        raise _fault(f"the tag {node.tag}", node.start_mark)
+
+
+def _below(node: yaml.Node) -> list[yaml.Node]:
+    """What a list or a mapping holds; keys are texts, none twice."""
+    if isinstance(node, yaml.SequenceNode):
+        return node.value
+    seen, found = set(), []
+    for key, value in node.value:
+        if not isinstance(key, yaml.ScalarNode) or key.tag != _TEXT:
+            what = repr(key.value) if isinstance(key, yaml.ScalarNode) else "a list or mapping"
+            raise _fault(f"the key {what}, which is not text", key.start_mark)
+        if key.value in seen:
+            raise _fault(f"the key {key.value} twice", key.start_mark)
+        seen.add(key.value)
+        found += (key, value)
+    return found
+
+
+class _Dumper(yaml.SafeDumper):
+    yaml_implicit_resolvers: dict = {}
+
+    def ignore_aliases(self, data):
+        return True
+
+    def increase_indent(self, flow=False, indentless=False):
+        return super().increase_indent(flow, False)
+
+
+def _decimal(loader: _Loader, node: yaml.ScalarNode) -> int:
+    # YAML 1.1 would read 010 as eight.
+    return int(loader.construct_scalar(node))
+
+
+_Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
+for _kind in (_Loader, _Dumper):
+    for _tag, _pattern, _first in _MEANINGS:
+        _kind.add_implicit_resolver(_tag, re.compile(f"^(?:{_pattern})$"), _first)
+
+
+def _list_in_one_line(dumper: _Dumper, items: list) -> yaml.Node:
+    short = not any(isinstance(item, list | dict) for item in items)
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=short)
+
+
+_Dumper.add_representer(list, _list_in_one_line)
+
+
+def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
+    """Read a YAML file.
+
+    Args:
+        path: the file.
+        kind: what it should be, for the error.
+
+    Returns:
+        Mappings, lists, texts, numbers, booleans and None.
+
+    Raises:
+        InputProblem: the file cannot be read, is not YAML, holds a key twice or one that is not
+            text, is too deep, or aliases make it too large.
+    """
+    text = read_text(path, kind)
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        place = "file" if mark is None else f"line {mark.line + 1}, column {mark.column + 1}"
+        found = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+        raise InputProblem(path, place, found, f"{kind} in well-formed YAML") from None
+    except (RecursionError, ValueError) as error:
+        raise InputProblem(path, "file", str(error), f"{kind} in well-formed YAML") from None
+
+
+def format_yaml(document: Any) -> str:
+    """Write YAML: keys in the order given, lists of plain values in one line.
+
+    Args:
+        document: mappings, lists, texts, numbers, booleans and None.
+
+    Returns:
+        The text, the same for the same document.
+    """
+    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)
