@@ -59,7 +59,10 @@ def drawn() -> Figure:
     drawing.set_ylabel("Anterior of the intact path under 90 N, mm")
     for axes in (turning, drawing):
         axes.set_xlabel("Flexion, deg")
-        axes.legend(fontsize=7.5, ncol=2, loc="upper center", bbox_to_anchor=(0.5, -0.17))
+        axes.legend(
+            fontsize=7, ncol=2, columnspacing=1.0, handlelength=1.5, loc="upper center",
+            bbox_to_anchor=(0.5, -0.17),
+        )  # fmt: skip
     figure.subplots_adjust(left=0.08, right=0.99, top=0.97, bottom=0.28, wspace=0.22)
     return figure
 
