@@ -1,9 +1,9 @@
 """Load, area and pressure of a knee with menisci and after meniscectomy, beside published ones.
 
 Menisci that fill the room between condyle and plateau in extension are made of `average_knee`: its
-rims, with rings, and a little higher than that room, since an unloaded knee rests on its
-menisci (Walker and Erkman 1975). The tibia is pressed against the femur in extension without
-turning, and all is read at the same load of the compartment. The command
+rims, with rings, on the plateaus of `lenhart2015`, and a little higher than that room, since an
+unloaded knee rests on its menisci (Walker and Erkman 1975). The tibia is pressed against the femur
+in extension without turning, and all is read at the same load of the compartment. The command
 `kneejax simulate compression --cut medial_meniscus` says the same of any knee in equilibrium.
 
 Published of human knees in extension: menisci bear at least 45 % of the load (Shrive, O'Connor and
@@ -36,14 +36,16 @@ HORNS_DEG = {"medial": (135.0, 405.0), "lateral": (-45.0, 225.0)}
 
 
 def knee_with_menisci(hoop_modulus=ALONG_MPA, coronary=60.0):
-    """The average knee with rings that touch the femur all around in extension."""
-    knee, contacts = kj.load_knee("average_knee"), []
+    """The average knee with rings that touch the femur all around in extension, on the plateaus of
+    lenhart2015 as they were measured: their reference pose is extension."""
+    knee, contacts, own = kj.load_knee("average_knee"), [], kj.load_knee("lenhart2015")
+    measured = dict(zip(own.contact_names, own.contacts, strict=True))
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
         if name not in knee.menisci:
-            contacts.append(contact)
+            contacts.append(measured[name])
             continue
         compartment = name.partition("_")[0]
-        below = knee.contacts[knee.contact_names.index(compartment)]
+        below = measured[compartment]
         outline = np.asarray(contact.tibial.outline)
         middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
         ring = Ring(hoop_modulus, 0.5 * WIDTH_MM * 8.0, 200.0, coronary, middle,
