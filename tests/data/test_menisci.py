@@ -59,7 +59,7 @@ def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "name", [RIMS[0], pytest.param(RIMS[1], marks=pytest.mark.slow)]
+    "name", [RIMS[0], pytest.param(RIMS[1], marks=pytest.mark.long)]
 )
 def test_their_wrench_is_the_derivative_of_their_energy(rims, forwards, name):
     contact = rims[name]

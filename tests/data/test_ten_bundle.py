@@ -43,13 +43,13 @@ def test_what_was_reconstructed_of_paper_3_is_said():
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", [NAMES[0], pytest.param(NAMES[1], marks=pytest.mark.long)])
 def test_they_stand_from_0_to_90_degrees(name):
     motion = kj.passive_flexion(kj.load_knee(name), [0.0, 30.0, 60.0, 90.0])
     assert np.asarray(motion.status).tolist() == [0, 0, 0, 0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_ten_bundles_give_most_near_20_to_30_degrees():
     (test,) = kj.lab_tests("drawer", [0.0, 20.0, 30.0, 60.0, 90.0], force_N=90.0, steps=4)
     (curves,) = kj.load_curves(kj.load_knee("ten_bundle"), test)

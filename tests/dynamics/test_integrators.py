@@ -45,7 +45,7 @@ def ball(dissipation=None):
     ids=["damped", "undamped", "damped bounce"],
 )
 def test_diffrax_integrates_the_same_motion(make, start, span, held):
-    """Lagrange's equations from energies alone, by Kvaerno's method of fifth order."""
+    """Lagrange's equations from energies alone, by Dormand and Prince's method of eighth order."""
     pytest.importorskip("diffrax")
     times = np.linspace(0.0, span, 41)
     expected, rates = integrated(make(), start, times, held=held)

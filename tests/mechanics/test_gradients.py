@@ -293,7 +293,7 @@ def _of_part(part):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "part", [pytest.param(x, marks=[pytest.mark.slow] * (x == "quadrature")) for x in PARTS]
+    "part", [pytest.param(x, marks=[pytest.mark.long] * (x == "quadrature")) for x in PARTS]
 )
 @few
 @given(seed=seeds)

@@ -13,7 +13,7 @@ from kneejax.numerics import instantiate
 from kneejax.statics import balance, force, force_derivative
 from kneejax.statics._balance import force_derivative_without_contacts
 
-OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+OPTIONS = {}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
 HELD = {"flexion": FLEXION}
 # The first pose lifts one compartment off, the last presses one of them deep.

@@ -236,7 +236,7 @@ def test_a_search_that_ends_on_another_branch_is_not_believed(knee):
     assert (np.abs(np.diff(q, axis=1)).max(axis=0) <= np.diff(FLEXION[balanced])).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_motion_works_inside_another_jit(knee, motion):
     """A person's own jit around a motion gives the same numbers."""
 

@@ -24,8 +24,6 @@ CHOICES = {
 }
 MORE = {"rotation held", "flexion free"}
 
-pytestmark = pytest.mark.usefixtures("optimised_code")
-
 
 @pytest.fixture(scope="module")
 def knee():
@@ -46,7 +44,7 @@ def knee():
 
 @pytest.fixture(
     scope="module",
-    params=[pytest.param(x, marks=[pytest.mark.slow] * (x in MORE)) for x in CHOICES],
+    params=[pytest.param(x, marks=[pytest.mark.long] * (x in MORE)) for x in CHOICES],
 )
 def choice(request):
     return CHOICES[request.param]
@@ -178,7 +176,7 @@ def test_what_is_held_must_be_a_coordinate(knee):
         kj.passive_flexion(knee, [20.0]).reaction("anterior")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_knee_with_contact_is_drawn_forwards_and_pulls_back():
     """The bundled knee at 30 degrees, moved as in Figure 10 of paper 3: the force grows with it."""
     knee = kj.load_knee("four_ligament")

@@ -62,8 +62,8 @@ _MAX_EVALUATIONS = 200
 _WINDOW, _INSIGNIFICANT = 6, 0.5
 # Relative decrease of the objective, and relative step, that end a stage.
 _RTOL, _ATOL = 1e-10, 1e-9
-# Effect of a number, relative to the largest of all, below which no pose depends on it.
-_SILENT = 1e-6
+# Effect of a number, relative to the largest of all, below which poses hardly depend on it.
+_SILENT = 1e-3
 # Cycles that Anderson's extrapolation looks back on.
 _MEMORY = 6
 
@@ -223,8 +223,8 @@ def run_side_by_side(
 
 
 def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
-    """Balances with what no pose depends on, numbers of a ligament that went slack, as it was at
-    the start: by turns it would stay slack. None where there is none, or no balance."""
+    """Balances with what poses hardly depend on, numbers of a ligament that went slack, as it was
+    at the start: by turns it would stay slack. None where there is none, or no balance."""
     _, jacobian = problem.residual(trail.known)
     effect = np.linalg.norm(jacobian, axis=0) * np.abs(start.values[0])
     silent = effect < _SILENT * effect.max()

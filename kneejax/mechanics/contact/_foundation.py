@@ -118,7 +118,8 @@ class Foundation(eqx.Module):
         Args:
             depth: at the points, `(points, ...)`.
         """
-        there = self.of_each(jnp.sum, self.points.area) > 0.0
+        area = jnp.broadcast_to(self.points.area, depth.shape)
+        there = self.of_each(jnp.sum, area) > 0.0
         return jnp.where(there, self.of_each(jnp.max, depth), 0.0)
 
     def passed_through(self, tibia: Placement) -> Array:

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact
 
-OPTIONS = {"xla_disable_hlo_passes": "fusion"}
+OPTIONS = {}
 POSE = np.array([0.35, 0.03, -0.08, 1.0, 1.2, 0.6])
 
 

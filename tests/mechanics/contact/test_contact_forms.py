@@ -1,7 +1,5 @@
 """The closed form over a patch and the sum over points, against exact integrals."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -32,7 +30,7 @@ SLOPE = {"linear": lambda s: 1.0, "log": lambda s: 1 / (1 - s), "ratio": lambda 
 every_law = pytest.mark.parametrize("law", cartilage_law.LAWS)
 
 
-@partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+@jax.jit
 def energy_and_force(contact, y):
     """Energy, and the force that lifts the femur (N), of a tibia shifted to height `y`."""
     return jax.value_and_grad(
@@ -112,8 +110,8 @@ def test_the_closed_form_is_wrong_by_depth_over_radius(law, semi, slope_on_log_a
     [
         (EGG, "linear"),
         (EGG, "ratio"),
-        *(pytest.param(BALL, law, marks=pytest.mark.slow) for law in ("linear", "ratio", "log")),
-        pytest.param(EGG, "log", marks=pytest.mark.slow),
+        *(pytest.param(BALL, law, marks=pytest.mark.long) for law in ("linear", "ratio", "log")),
+        pytest.param(EGG, "log", marks=pytest.mark.long),
     ],
 )
 def test_closed_form_and_sum_agree_when_the_patch_is_small(semi, law):
@@ -127,12 +125,12 @@ def test_closed_form_and_sum_agree_when_the_patch_is_small(semi, law):
     assert patch[1] == pytest.approx(summed[1], rel=3e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("semi", [BALL, EGG], ids=["sphere", "ellipsoid"])
 def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
     semi, slope_on_log_axes
 ):
-    depth, counts = 1e-6, (96, 192, 384, 768)
+    depth, counts = 1e-6, (96, 768)
     patch = ellipsoid_on_plane(semi, depth, "linear", layer=3 * depth)
     summed = [
         ellipsoid_on_plane(semi, depth, "linear", n, layer=3 * depth, margin=1.02) for n in counts
@@ -143,7 +141,7 @@ def test_force_and_energy_of_both_forms_agree_to_a_millionth_with_enough_points(
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("law", ["linear", pytest.param("log", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("law", ["linear", pytest.param("log", marks=pytest.mark.long)])
 def test_the_closed_form_is_exact_for_a_paraboloid_on_a_plane(law):
     # An upturned paraboloid, y = -x^2 / 60 - z^2 / 40, above a plane: radii 30 and 20 mm.
     bowl = [[0, 0, -(40**2) / 40], [0, 0, 0], [-(40**2) / 60, 0, 0]]
@@ -188,7 +186,7 @@ def told(contact, tibia):
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    "law", ["ratio", *(pytest.param(law, marks=pytest.mark.slow) for law in ("linear", "log"))]
+    "law", ["ratio", *(pytest.param(law, marks=pytest.mark.long) for law in ("linear", "log"))]
 )
 def test_off_the_cartilage_nothing_is_pressed_however_deep(law):
     """A ball over the rim: 7 mm deep where the fitted surface goes on, up to 5 mm on cartilage."""

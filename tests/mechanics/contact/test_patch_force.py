@@ -41,7 +41,7 @@ PAIRS = {
 
 
 # Fused, a reverse derivative of a search computes its values anew at each of its many uses.
-@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+@functools.partial(jax.jit)
 def both(contact, pose):
     """Written out and by reverse differentiation through the search for the contact point."""
     tibia = pose.placement

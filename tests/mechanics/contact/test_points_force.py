@@ -58,7 +58,7 @@ def both(contact, state, flexion):
 
 # The other basis against its energy and differences, where rays graze: test_rays.py.
 @pytest.mark.long
-@pytest.mark.parametrize("basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.long)])
 def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
     contact = condyle_on_plateau(basis, rng)
     state = jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
@@ -167,7 +167,7 @@ def test_all_numbers_of_joined_contacts_have_their_derivatives(rng):
     np.testing.assert_allclose(together, apart, rtol=1e-8, atol=1e-10 * np.abs(apart).max())
 
 
-@pytest.mark.slow  # where operations are fused as in a command: gathers once ended the process
+@pytest.mark.long  # where operations are fused as in a command: gathers once ended the process
 def test_their_energy_is_differentiated_backwards_as_forwards(rng):
     contacts, state = pair_of_splines(rng), jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
     tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement

@@ -96,7 +96,7 @@ class Followed(NamedTuple):
 
 
 # Fused, without optimisation, values are computed anew at each of their many uses.
-@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+@functools.partial(jax.jit)
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
