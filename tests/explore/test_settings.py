@@ -113,8 +113,9 @@ def test_thousands_of_moves_leave_no_memory_behind(solver):
 
     process, rng, kept = psutil.Process(os.getpid()), np.random.default_rng(0), []
     for move in range(5000):
-        setting = Setting.of({"flexion_deg": rng.uniform(0.0, 120.0),
-                              "ACL.stiffness": rng.uniform(2000.0, 6000.0)})  # fmt: skip
+        # As a hand slides, with now and then a click far off.
+        flexion = 60.0 + 59.0 * np.sin(0.1 * move) if move % 50 else rng.uniform(0.0, 120.0)
+        setting = Setting.of({"flexion_deg": flexion, "ACL.stiffness": 4000.0 + 20.0 * (move % 99)})
         solver.answer(setting)
         if move % 1000 == 999:
             kept.append(process.memory_info().rss / 2**20)

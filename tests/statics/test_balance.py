@@ -13,7 +13,6 @@ from kneejax.numerics import instantiate
 from kneejax.statics import balance, force, force_derivative
 from kneejax.statics._balance import force_derivative_without_contacts
 
-OPTIONS = {}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
 HELD = {"flexion": FLEXION}
 # The first pose lifts one compartment off, the last presses one of them deep.
@@ -29,7 +28,7 @@ def knee(small_knee):
 
 @pytest.fixture(scope="module")
 def compiled_balance():
-    return jax.jit(balance, compiler_options=OPTIONS)
+    return jax.jit(balance)
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +38,18 @@ def balanced(knee, compiled_balance):
 
 @pytest.fixture(scope="module")
 def compiled_force():
-    return jax.jit(force, compiler_options=OPTIONS)
+    return jax.jit(force)
 
 
 @pytest.fixture(scope="module")
 def compiled_derivative():
-    return jax.jit(force_derivative, compiler_options=OPTIONS)
+    return jax.jit(force_derivative)
 
 
 @pytest.fixture(scope="module")
 def energy():
     return jax.jit(
-        lambda knee, q: knee.energy(geo.State.of(HELD, q)), compiler_options=OPTIONS
+        lambda knee, q: knee.energy(geo.State.of(HELD, q))
     )
 
 

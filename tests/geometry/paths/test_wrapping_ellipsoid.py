@@ -1,6 +1,5 @@
 """Geodesics of the ellipsoid against an independent minimisation, and against a sphere's."""
 
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -142,7 +141,7 @@ def test_pulls_over_many_obstacles(rng, central_difference):
         return pull, (path.length, path.detour_other_side)
 
     # Fused, without optimisation, values are computed anew at each of their many uses.
-    @functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+    @jax.jit
     def followed(shift):
         pull, push, rest = jax.linearize(pulls, shift, has_aux=True)
         return pull, *rest, jax.vmap(push, out_axes=-1)(jnp.eye(6))

@@ -9,6 +9,7 @@ from kneejax.geometry import FREE_COORDINATES, coordinates_of, table_units
 from kneejax.inference.transients import Recorded, fit_transient
 from kneejax.mechanics import load_of
 from tests.dynamics.massed import in_a_vice
+
 TIMES = np.linspace(0.0, 0.02, 21)
 START = np.zeros(6)
 TRUE = {"critical": 0.35, "damping_N_s_per_mm": 0.08}

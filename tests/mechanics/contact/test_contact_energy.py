@@ -10,7 +10,6 @@ from scipy.spatial.transform import Rotation
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact
 
-OPTIONS = {}
 POSE = np.array([0.35, 0.03, -0.08, 1.0, 1.2, 0.6])
 
 
@@ -19,9 +18,9 @@ def energy_at_pose(contact, c):
 
 
 placed = jax.jit(lambda c: geo.Pose(*c).placement)
-slope = jax.jit(jax.grad(energy_at_pose, 1), compiler_options=OPTIONS)
+slope = jax.jit(jax.grad(energy_at_pose, 1))
 energy_of_placement = jax.jit(
-    lambda contact, tibia: contact.energy(tibia), compiler_options=OPTIONS
+    lambda contact, tibia: contact.energy(tibia)
 )
 
 
@@ -100,8 +99,7 @@ def test_second_derivatives_are_finite_at_first_touch(touching):
     contact = knee_contact()
     direction = jnp.ones(6)
     curve = jax.jit(
-        lambda c: jax.jvp(jax.grad(lambda x: energy_at_pose(contact, x)), (c,), (direction,))[1],
-        compiler_options=OPTIONS,
+        lambda c: jax.jvp(jax.grad(lambda x: energy_at_pose(contact, x)), (c,), (direction,))[1]
     )
     assert np.isfinite(np.asarray(curve(jnp.asarray(touching)))).all()
 

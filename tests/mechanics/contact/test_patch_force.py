@@ -1,6 +1,5 @@
 """The wrench of a patch, written out, against the reverse derivative of its energy."""
 
-import functools
 
 import jax
 import jax.numpy as jnp
@@ -12,9 +11,6 @@ from hypothesis import strategies as st
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, add_lane_axis
 from kneejax.mechanics._wrench import wrench_of
-from kneejax.numerics import compiler_options
-
-OPTIONS = dict(compiler_options())
 
 
 def condyle(rng):
@@ -41,7 +37,7 @@ PAIRS = {
 
 
 # Fused, a reverse derivative of a search computes its values anew at each of its many uses.
-@functools.partial(jax.jit)
+@jax.jit
 def both(contact, pose):
     """Written out and by reverse differentiation through the search for the contact point."""
     tibia = pose.placement

@@ -1,4 +1,3 @@
-import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -96,7 +95,7 @@ class Followed(NamedTuple):
 
 
 # Fused, without optimisation, values are computed anew at each of their many uses.
-@functools.partial(jax.jit)
+@jax.jit
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
