@@ -292,9 +292,7 @@ def _of_part(part):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "part", [pytest.param(x, marks=[pytest.mark.long] * (x == "quadrature")) for x in PARTS]
-)
+@pytest.mark.parametrize("part", PARTS)
 @few
 @given(seed=seeds)
 def test_each_part_follows_all_its_numbers_and_the_pose(part, seed):

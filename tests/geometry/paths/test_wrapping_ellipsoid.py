@@ -1,6 +1,8 @@
 """Geodesics of the ellipsoid against an independent minimisation, and against a sphere's."""
 
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -141,7 +143,7 @@ def test_pulls_over_many_obstacles(rng, central_difference):
         return pull, (path.length, path.detour_other_side)
 
     # Fused, without optimisation, values are computed anew at each of their many uses.
-    @jax.jit
+    @partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
     def followed(shift):
         pull, push, rest = jax.linearize(pulls, shift, has_aux=True)
         return pull, *rest, jax.vmap(push, out_axes=-1)(jnp.eye(6))

@@ -1,6 +1,8 @@
 """The wrench of a patch, written out, against the reverse derivative of its energy."""
 
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -37,7 +39,7 @@ PAIRS = {
 
 
 # Fused, a reverse derivative of a search computes its values anew at each of its many uses.
-@jax.jit
+@partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def both(contact, pose):
     """Written out and by reverse differentiation through the search for the contact point."""
     tibia = pose.placement

@@ -1,3 +1,4 @@
+from functools import partial
 from typing import NamedTuple
 
 import equinox as eqx
@@ -37,8 +38,6 @@ def around(kind, bone, rows=(0, 2), **via):
 VIA = {"via": [[[9.0, -12.0, 4.0]], [[8.0, 8.0, 3.0]]], "via_bones": ("femur", "tibia")}
 COURSES = {
     "straight": [],
-    "via on both bones": [Course((1,), **VIA)],
-    "sphere on the tibia": [around("sphere", "tibia")],
     "cylinder on the femur": [around("cylinder", "femur")],
     "ellipsoid on the tibia, via on the femur": [
         around("ellipsoid", "tibia"),
@@ -95,7 +94,7 @@ class Followed(NamedTuple):
 
 
 # Fused, without optimisation, values are computed anew at each of their many uses.
-@jax.jit
+@partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
