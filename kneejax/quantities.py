@@ -8,7 +8,8 @@ once.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+import difflib
+from collections.abc import Iterable, Mapping
 
 #: Components of points and directions.
 AXES = ("anterior", "superior", "lateral")
@@ -306,3 +307,47 @@ def range_of_parameter(name: str) -> Range | None:
     """
     found = quantity_of(name)
     return found.allowed if found.name and found.unit != "rad" else None
+
+
+#: What is compared of a word.
+_LONGEST_NAME = 100
+#: Words of opposite sense: names that differ in them are never suggested for one another.
+_OPPOSITE = (
+    ("anterior", "posterior"), ("lateral", "medial"), ("superior", "inferior"),
+    ("compression", "distraction"), ("varus", "valgus"), ("adduction", "abduction"),
+    ("internal", "external"), ("flexion", "extension"),
+)  # fmt: skip
+
+
+def nearest_name(word: str, known: Iterable[str]) -> str | None:
+    """The known name most like a word.
+
+    Args:
+        word: what a person wrote.
+        known: names that exist.
+
+    Returns:
+        The name, or None if nothing is like it; never one of the opposite sense.
+
+    Example:
+        >>> nearest_name("stifness_N", ["stiffness_N", "slack_length_mm"])
+        'stiffness_N'
+        >>> nearest_name("posterior_N", ["anterior_N", "lateral_N"])
+    """
+    lower = word.lower()[:_LONGEST_NAME]
+    by_lower = {name.lower(): name for name in known}
+    opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
+    if opposites & {*by_lower}:
+        return None
+    like = [name for name in by_lower if not _opposite(lower, name)]
+    found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
+    return by_lower[found[0]] if found else None
+
+
+def _turned(word: str, one: str, other: str) -> str:
+    return word.replace(one, other) if one in word else word.replace(other, one)
+
+
+def _opposite(word: str, name: str) -> bool:
+    return any((one in word and other in name) or (other in word and one in name)
+               for one, other in _OPPOSITE)  # fmt: skip

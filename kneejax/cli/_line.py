@@ -33,7 +33,8 @@ from kneejax.cli._command import (
     marks,
 )
 from kneejax.cli._words import Split, choices_of, plain_type
-from kneejax.files import InputProblem, nearest_name
+from kneejax.files import InputProblem
+from kneejax.quantities import nearest_name
 
 #: Packages that the numbers depend on most.
 _PACKAGES = ("jax", "numpy", "optimistix")

@@ -77,7 +77,6 @@ if TYPE_CHECKING:
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import InputProblems as InputProblems
     from kneejax.files.reading import counted as counted
-    from kneejax.files.reading import nearest_name as nearest_name
     from kneejax.files.reading import write_bytes as write_bytes
     from kneejax.files.reading import write_text as write_text
     from kneejax.files.results import Calibrated as Calibrated

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
+from kneejax.quantities import nearest_name
 
 if TYPE_CHECKING:
     import numpy as np
@@ -254,7 +255,7 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
         return path
     names = ", ".join(known) or "none are installed"
     expected = f"a bundled {one} ({names}) or a {one} file"
-    near = reading.nearest_name(path.stem, known)
+    near = nearest_name(path.stem, known)
     if path.suffix or len(path.parts) != 1:
         near = reading.neighbour(path) or near
     raise InputProblem(one, "name", os.fspath(name_or_path), expected, near)

@@ -8,7 +8,6 @@ prescribed, is a set of names.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -20,6 +19,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry._pose import Placement, Pose, from_drawer
 from kneejax.numerics import numpy_for
+from kneejax.quantities import nearest_name
 
 #: mm at which a rotation moves what counts: the condyles are as far from the knee's centre.
 ARM_MM = 30.0
@@ -228,8 +228,8 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
     names = {one.column: one for one in (*COORDINATES.values(), *ALONG_FLEXED_TIBIA.values())}
     for column in columns:
         if column not in names:
-            near = difflib.get_close_matches(column, names, 1, 0.5)
-            meant = f"; did you mean {near[0]!r}?" if near else ""
+            near = nearest_name(column, names)
+            meant = f"; did you mean {near!r}?" if near else ""
             known = ", ".join(names)
             raise ValueError(f"{column!r} is no coordinate: expected any of {known}{meant}")
     given = {names[column].name for column in columns}

@@ -16,7 +16,6 @@ from kneejax.parameters._selection import Selection as Selection
 from kneejax.parameters._selection import UnknownParameter as UnknownParameter
 from kneejax.parameters._selection import UnsuitableData as UnsuitableData
 from kneejax.parameters._selection import fibre_rows as fibre_rows
-from kneejax.parameters._selection import nearest_of as nearest_of
 from kneejax.parameters._selection import replaced as replaced
 from kneejax.parameters._selection import select as select
 from kneejax.parameters._structures import MEANING as MEANING

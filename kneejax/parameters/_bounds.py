@@ -15,10 +15,9 @@ from kneejax.parameters._selection import (
     Selection,
     UnknownParameter,
     UnsuitableData,
-    nearest_of,
 )
 from kneejax.parameters._structures import Assumption, DoubtfulValue, of_one_fibre, structure_range
-from kneejax.quantities import quantity_of
+from kneejax.quantities import nearest_name, quantity_of
 
 T = TypeVar("T")
 
@@ -163,7 +162,7 @@ def stated(selection: Selection, given: Mapping[str, T], what: str) -> list[T | 
     for key in given:
         if key not in known:
             # A wildcard is no misspelling of one parameter.
-            near = nearest_of(key, [name for name in known if ("*" in name) == ("*" in key)])
+            near = nearest_name(key, [name for name in known if ("*" in name) == ("*" in key)])
             end = f"; did you mean {near!r}?" if near else f": free are {', '.join(known)}"
             raise UnknownParameter(f"{what} of {key!r}, which is not free{end}")
     return looked_up(selection, given)

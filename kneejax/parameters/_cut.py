@@ -11,7 +11,8 @@ import numpy as np
 
 from kneejax.mechanics import Contact, Knee
 from kneejax.numerics import numpy_for
-from kneejax.parameters._selection import UnknownParameter, fibre_rows, nearest_of
+from kneejax.parameters._selection import UnknownParameter, fibre_rows
+from kneejax.quantities import nearest_name
 
 #: What a partial meniscectomy may be of.
 _PARTS = ("inner", "anterior", "posterior")
@@ -98,7 +99,7 @@ def _meniscus(knee: Knee, name: str) -> int | None:
     if ":" in name or "menisc" in owner.lower():
         if not knee.menisci:
             raise UnknownParameter(f"knee {knee.name!r} has no menisci: {name!r} cannot be removed")
-        near = nearest_of(owner, knee.menisci) or " or ".join(knee.menisci)
+        near = nearest_name(owner, knee.menisci) or " or ".join(knee.menisci)
         end = f"has no meniscus {owner!r}; did you mean {near}?"
         raise UnknownParameter(f"knee {knee.name!r} {end}")
     return None
@@ -132,7 +133,7 @@ def _parts(name: str) -> dict[str, float]:
         except ValueError:
             parts[part] = np.nan
         if part not in _PARTS or not 0.0 < parts[part] < 1.0:
-            near = nearest_of(part, _PARTS) or " or ".join(_PARTS)
+            near = nearest_name(part, _PARTS) or " or ".join(_PARTS)
             raise UnknownParameter(f"{name}: {word!r}: expected {near}=PART, between 0 and 1")
     if sum(parts.get(end, 0.0) for end in _PARTS[1:]) >= 1.0:
         raise UnknownParameter(f"{name}: expected less than the whole arc, or no part of it")

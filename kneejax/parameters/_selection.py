@@ -7,10 +7,9 @@ means stands in `_structures.py`), or to another part (`_leaves.py`).
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import functools
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 import jax.numpy as jnp
 import numpy as np
@@ -29,7 +28,13 @@ from kneejax.parameters._structures import (
     value_of,
     write_value,
 )
-from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, quantity_of
+from kneejax.quantities import (
+    AXES,
+    BAND_QUANTITIES,
+    FIBRE_QUANTITIES,
+    nearest_name,
+    quantity_of,
+)
 
 _MOST_SHOWN = 12  # names in an error
 #: Quantity -> the one whose numbers it sets, where that has another name.
@@ -232,7 +237,7 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
     there are of the part that is wrong."""
     fibres = (*knee.ligaments.names, *(name for name, _ in knee.groups))
     owners = tuple(dict.fromkeys((*fibres, *parts_of(knee))))
-    near_owner = owner if owner == "*" else nearest_of(owner, owners)
+    near_owner = owner if owner == "*" else nearest_name(owner, owners)
     if owner in fibres and quantity.split(".")[0] in BONES:
         joined = {bone for row in fibre_rows(knee, owner) for bone in knee.ligaments.bodies[row]}
         if BONES[quantity.split(".")[0]] not in joined:
@@ -242,25 +247,13 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
     if near_owner in fibres:
         known = _quantities_of_fibres(knee, near_owner)
     quantities = (*known, *quantities_of(knee, near_owner or ""))
-    near_quantity = nearest_of(quantity, quantities)
+    near_quantity = nearest_name(quantity, quantities)
     if near_owner and near_quantity:
         return f"; did you mean {f'{near_owner}.{near_quantity}'!r}?"
     if near_owner:
         return f": expected {near_owner}. and one of {', '.join(quantities)}"
     shown = [*owners[:_MOST_SHOWN], *["..."] * (len(owners) > _MOST_SHOWN)]
     return f": expected a ligament, a group or a part of the knee, of {', '.join(shown) or 'none'}"
-
-
-def nearest_of(word: str, known: Iterable[str]) -> str | None:
-    """The one of some names that a word may be meant to be; None if it is like none of them.
-
-    Example:
-        >>> nearest_of("stifness", ["stiffness", "slack_length"]), nearest_of("xyz", ["stiffness"])
-        ('stiffness', None)
-    """
-    by_lower = {name.lower(): name for name in known}
-    near = difflib.get_close_matches(word.lower(), by_lower, 1)
-    return by_lower[near[0]] if near else None
 
 
 @functools.cache
@@ -339,7 +332,7 @@ def fibre_rows(knee: Knee, name: str) -> list[int]:
     fibres = knee.ligaments.names
     groups = {**{own: (own,) for own in fibres}, **dict(knee.groups)}
     if name not in groups:
-        near = nearest_of(name, groups)
+        near = nearest_name(name, groups)
         end = f"; did you mean {near!r}?" if near else f": expected one of {', '.join(groups)}"
         raise UnknownParameter(f"knee {knee.name!r} has no ligament {name!r}{end}")
     return [fibres.index(fibre) for fibre in groups[name]]

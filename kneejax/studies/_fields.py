@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import GetCoreSchemaHandler, PlainValidator
 from pydantic_core import core_schema
 
-from kneejax.files import nearest_name, reading
+from kneejax.files import reading
 from kneejax.files.reading import (
     Choice,
     InputProblem,
@@ -19,7 +19,7 @@ from kneejax.files.reading import (
     reads,
     wrong,
 )
-from kneejax.quantities import FIBRE_QUANTITIES, RANGES
+from kneejax.quantities import FIBRE_QUANTITIES, RANGES, nearest_name
 
 if TYPE_CHECKING:
     from numpy import ndarray

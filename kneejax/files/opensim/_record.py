@@ -32,10 +32,11 @@ from kneejax.files.opensim._joints import (
 from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
 from kneejax.files.opensim._record_muscles import recorded_muscles
-from kneejax.files.reading import InputProblem, nearest_name
+from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
+from kneejax.quantities import nearest_name
 
 #: Between the five instants by which accelerations are taken, s.
 _STEP_S = 5e-4

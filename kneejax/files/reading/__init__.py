@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from kneejax.files.reading._problem import InputProblem as InputProblem
     from kneejax.files.reading._problem import InputProblems as InputProblems
     from kneejax.files.reading._problem import counted as counted
-    from kneejax.files.reading._problem import nearest_name as nearest_name
     from kneejax.files.reading._problem import wrong as wrong
     from kneejax.files.reading._text import load_json as load_json
     from kneejax.files.reading._text import neighbour as neighbour

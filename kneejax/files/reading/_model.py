@@ -23,7 +23,8 @@ from pydantic import (
 )
 from pydantic_core import core_schema
 
-from kneejax.files.reading._problem import InputProblem, InputProblems, nearest_name, wrong
+from kneejax.files.reading._problem import InputProblem, InputProblems, wrong
+from kneejax.quantities import nearest_name
 
 _P = TypeVar("_P", bound="Part")
 

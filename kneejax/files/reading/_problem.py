@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from kneejax.quantities import nearest_name
+
 #: Characters of a value, of a place and of what is expected that are shown at most.
 _LONGEST_VALUE, _LONGEST_FIELD, _LONGEST_EXPECTED = 60, 200, 1500
-#: Characters of a word that are compared with known names.
-_LONGEST_NAME = 100
-#: Words of opposite sense: names that differ in them are never suggested for one another.
-_OPPOSITE = (
-    ("anterior", "posterior"), ("lateral", "medial"), ("superior", "inferior"),
-    ("compression", "distraction"), ("varus", "valgus"), ("adduction", "abduction"),
-    ("internal", "external"), ("flexion", "extension"),
-)  # fmt: skip
 #: Binary digits of the largest whole number that is written out.
 _LONGEST_INTEGER = 1000
 
@@ -102,40 +95,6 @@ def wrong(
 ) -> InputProblem:  # fmt: skip
     """The error that says what was expected of a value, whose file its reader knows."""
     return InputProblem("", at, value, expected, nearest)
-
-
-def nearest_name(word: str, known: Iterable[str]) -> str | None:
-    """The known name most like a word.
-
-    Args:
-        word: what a person wrote.
-        known: names that exist.
-
-    Returns:
-        The name, or None if nothing is like it; never one of the opposite sense.
-
-    Example:
-        >>> nearest_name("stifness_N", ["stiffness_N", "slack_length_mm"])
-        'stiffness_N'
-        >>> nearest_name("posterior_N", ["anterior_N", "lateral_N"])
-    """
-    lower = word.lower()[:_LONGEST_NAME]
-    by_lower = {name.lower(): name for name in known}
-    opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
-    if opposites & {*by_lower}:
-        return None
-    like = [name for name in by_lower if not _opposite(lower, name)]
-    found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
-    return by_lower[found[0]] if found else None
-
-
-def _turned(word: str, one: str, other: str) -> str:
-    return word.replace(one, other) if one in word else word.replace(other, one)
-
-
-def _opposite(word: str, name: str) -> bool:
-    return any((one in word and other in name) or (other in word and one in name)
-               for one, other in _OPPOSITE)  # fmt: skip
 
 
 def counted(count: int, noun: str) -> str:

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from kneejax._whole_files import write_whole, written_place
-from kneejax.files.reading._problem import InputProblem, nearest_name
+from kneejax.files.reading._problem import InputProblem
+from kneejax.quantities import nearest_name
 
 #: A number as files and options have it: digits of ASCII, without underscores.
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")

@@ -11,8 +11,8 @@ from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandle
 from pydantic_core import core_schema
 
 from kneejax.files.reading._model import Mistakes, together
-from kneejax.files.reading._problem import InputProblem, nearest_name, wrong
-from kneejax.quantities import RANGES, Range, range_of_parameter
+from kneejax.files.reading._problem import InputProblem, wrong
+from kneejax.quantities import RANGES, Range, nearest_name, range_of_parameter
 
 _T = TypeVar("_T")
 #: No seed and no count is larger.

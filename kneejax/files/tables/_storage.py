@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from kneejax.files.reading import InputProblem, counted, nearest_name, plain_number, read_text
+from kneejax.files.reading import InputProblem, counted, plain_number, read_text
+from kneejax.quantities import nearest_name
 
 _KIND = "an OpenSim table (.sto or .mot)"
 #: Words of a header that count rows and columns, as OpenSim and as SIMM call them.

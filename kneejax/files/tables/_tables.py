@@ -14,11 +14,12 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Mistakes, counted, nearest_name, plain_number
+from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number
 from kneejax.files.tables._headers import METRES_BELOW, by_headers
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 from kneejax.parameters import Assumption
+from kneejax.quantities import nearest_name
 
 #: How a text begins that spreadsheets take for a formula (OWASP, CSV injection), with the wide
 #: characters that some of them take for the same.

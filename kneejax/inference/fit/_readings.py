@@ -14,7 +14,8 @@ from kneejax.geometry import OTHER_COLUMNS, State
 from kneejax.inference.fit._cut import without
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt
-from kneejax.parameters import Selection, UnknownParameter, fibre_rows, nearest_of
+from kneejax.parameters import Selection, UnknownParameter, fibre_rows
+from kneejax.quantities import nearest_name
 from kneejax.statics import LoadCases, Slopes, Vary, in_lanes
 
 if TYPE_CHECKING:
@@ -115,7 +116,7 @@ def _asked(knee: Knee, name: str) -> _Asked:
     if kind != "contact_N":
         return kind, tuple(fibre_rows(knee, part))
     if part not in knee.contact_names:
-        near = nearest_of(part, knee.contact_names)
+        near = nearest_name(part, knee.contact_names)
         known = ", ".join(knee.contact_names)
         end = f"; did you mean {near!r}?" if near else f": expected one of {known}"
         raise UnknownParameter(f"knee {knee.name!r} has no contact {part!r}{end}")

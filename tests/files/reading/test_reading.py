@@ -6,7 +6,8 @@ import time
 import pytest
 
 from kneejax.files import InputProblem, load_knee
-from kneejax.files.reading import load_json, load_yaml, nearest_name, plain_number, read_text
+from kneejax.files.reading import load_json, load_yaml, plain_number, read_text
+from kneejax.quantities import nearest_name
 
 #: Each line nine times the one before: 451 bytes that stand for 3.9e8 texts.
 BOMB = "name0: &n0 [lol, lol, lol, lol, lol, lol, lol, lol, lol]\n" + "".join(
