@@ -131,7 +131,7 @@ def compared():
     return compare_knees({"four": kj.load_knee("four_ligament")}, COARSE)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_change_of_nothing_scores_nothing(compared):
     knee = compared.knees[0]
     for ligament in ("MCL", "LCL"):
@@ -150,7 +150,7 @@ def settled_on_a_ramp(knee, load_cases):
     return solve_equilibrium(lanes, load_cases.prescribed, Guess(q, nowhere))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_error_of_rotation_is_that_of_direct_balances(compared):
     knee, ramp = kj.load_knee("four_ligament"), COARSE.ramp("varus")
     changes, knees = varied(knee, ("LCL",), modulus_MPa=(100.0,), reference_modulus_MPa=345.0)
@@ -169,7 +169,7 @@ def test_the_error_of_rotation_is_that_of_direct_balances(compared):
     assert own.rmse_deg == pytest.approx(direct, abs=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_collaterals_tighten_on_their_sides(compared):
     tension = compared.knees[0].tension_N
     assert tension["varus"]["LCL"] > tension["valgus"]["LCL"]

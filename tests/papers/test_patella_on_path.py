@@ -93,7 +93,7 @@ def test_where_the_patella_is_has_its_second_derivative(central_difference):
     assert bend == pytest.approx(float(central_difference(slope, 40.0, 0.05)), rel=1e-6)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_patella_on_its_path_moves_the_knee_as_the_patella_in_balance_does():
     """Of which the path was taken, within a degree; a line of constant tension is eight away."""
     two, three = (kj.load_knee("four_ligament_fitted", patella=x) for x in (False, True))

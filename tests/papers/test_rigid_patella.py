@@ -79,7 +79,7 @@ def test_four_forces_keep_the_patella_in_balance(patella, found):
     np.testing.assert_allclose(sum(map(np.cross, points, forces)), 0.0, atol=1e-7)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_its_derivative_is_exact(patella):
     @jax.jit
     def of(change):
@@ -116,7 +116,7 @@ def elastic(patella, modulus, stiffness):
     return dataclasses.replace(knee, contacts=stiff, ligaments=strong)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_elastic_patella_becomes_the_rigid_one_with_the_root_of_its_stiffness(patella, found):
     """A patch under a force sinks in by the root of force over stiffness; a tendon stretches by
     force over stiffness itself. From 10 MPa on, in factors of ten."""
@@ -137,7 +137,7 @@ def test_the_elastic_patella_becomes_the_rigid_one_with_the_root_of_its_stiffnes
     np.testing.assert_allclose(tension[-1], found[12], atol=1e-4)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_leg_on_a_rigid_patella_is_held_and_differentiable(patella, hinged_knee):
     """Along the length of the tendon, the stiffness of the ligaments and the weight at once."""
     knee, flexion, shank = hinged_knee, np.array([10.0, 25.0]), kj.Shank.of_person(75.0, 1.75)

@@ -27,7 +27,7 @@ def push_off():
     return LegRecord(time, pose, acting, muscles, none, ground, True, 4.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_planned_graft_pulls_while_the_patella_is_pulled(pulled_knee):
     tibia, femur = (footprint_of(pulled_knee, "ACL", bone) for bone in ("tibia", "femur"))
     plan = read_plan("ten_bundle")

@@ -10,6 +10,8 @@ from kneejax.inference.transients import Recorded, fit_transient
 from kneejax.mechanics import load_of
 from tests.dynamics.massed import in_a_vice
 
+pytestmark = pytest.mark.usefixtures("optimised_code")
+
 TIMES = np.linspace(0.0, 0.02, 21)
 START = np.zeros(6)
 TRUE = {"critical": 0.35, "damping_N_s_per_mm": 0.08}
