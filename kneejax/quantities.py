@@ -336,6 +336,8 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     """
     lower = word.lower()[:_LONGEST_NAME]
     by_lower = {name.lower(): name for name in known}
+    if lower in by_lower:
+        return by_lower[lower]
     opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
     if opposites & {*by_lower}:
         return None
