@@ -338,18 +338,10 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     by_lower = {name.lower(): name for name in known}
     if lower in by_lower:
         return by_lower[lower]
-    opposites = {_turned(lower, *pair) for pair in _OPPOSITE} - {lower}
+    opposites = {lower.replace(a, b) if a in lower else lower.replace(b, a) for a, b in _OPPOSITE}
     if opposites & {*by_lower}:
         return None
-    like = [name for name in by_lower if not _opposite(lower, name)]
+    like = [name for name in by_lower if not any(
+        (a in lower and b in name) or (b in lower and a in name) for a, b in _OPPOSITE)]  # fmt: skip
     found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
-
-
-def _turned(word: str, one: str, other: str) -> str:
-    return word.replace(one, other) if one in word else word.replace(other, one)
-
-
-def _opposite(word: str, name: str) -> bool:
-    return any((one in word and other in name) or (other in word and one in name)
-               for one, other in _OPPOSITE)  # fmt: skip

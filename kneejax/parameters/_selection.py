@@ -28,13 +28,7 @@ from kneejax.parameters._structures import (
     value_of,
     write_value,
 )
-from kneejax.quantities import (
-    AXES,
-    BAND_QUANTITIES,
-    FIBRE_QUANTITIES,
-    nearest_name,
-    quantity_of,
-)
+from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, nearest_name, quantity_of
 
 _MOST_SHOWN = 12  # names in an error
 #: Quantity -> the one whose numbers it sets, where that has another name.
