@@ -341,7 +341,9 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     opposites = {lower.replace(a, b) if a in lower else lower.replace(b, a) for a, b in _OPPOSITE}
     if opposites & {*by_lower}:
         return None
-    like = [name for name in by_lower if not any(
-        (a in lower and b in name) or (b in lower and a in name) for a, b in _OPPOSITE)]  # fmt: skip
+    like = [
+        name for name in by_lower
+        if not any((a in lower and b in name) or (b in lower and a in name) for a, b in _OPPOSITE)
+    ]  # fmt: skip
     found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None
