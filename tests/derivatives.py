@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 #: By hand: the compiler's own choice copies shared values and takes minutes.
+OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 _WEIGHTS = np.random.default_rng(0).uniform(0.5, 1.0, size=200)
 
 
@@ -38,7 +39,7 @@ def both_ways(function, step=1e-3):
         part of each answer, are added to what errors are relative to.
     """
 
-    @jax.jit
+    @jax.jit(compiler_options=OPTIONS)
     def derivatives(x, size):
         # One batch holds the place, once for each direction, and its neighbours: the function is
         # compiled once for all of them, not once for values and once for derivatives.

@@ -13,6 +13,7 @@ from kneejax.numerics import instantiate
 from kneejax.statics import balance, force, force_derivative
 from kneejax.statics._balance import force_derivative_without_contacts
 
+OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
 HELD = {"flexion": FLEXION}
 # The first pose lifts one compartment off, the last presses one of them deep.
@@ -28,7 +29,7 @@ def knee(small_knee):
 
 @pytest.fixture(scope="module")
 def compiled_balance():
-    return jax.jit(balance)
+    return jax.jit(balance, compiler_options=OPTIONS)
 
 
 @pytest.fixture(scope="module")
@@ -38,18 +39,18 @@ def balanced(knee, compiled_balance):
 
 @pytest.fixture(scope="module")
 def compiled_force():
-    return jax.jit(force)
+    return jax.jit(force, compiler_options=OPTIONS)
 
 
 @pytest.fixture(scope="module")
 def compiled_derivative():
-    return jax.jit(force_derivative)
+    return jax.jit(force_derivative, compiler_options=OPTIONS)
 
 
 @pytest.fixture(scope="module")
 def energy():
     return jax.jit(
-        lambda knee, q: knee.energy(geo.State.of(HELD, q))
+        lambda knee, q: knee.energy(geo.State.of(HELD, q)), compiler_options=OPTIONS
     )
 
 

@@ -1,7 +1,6 @@
 """Geodesics of the ellipsoid against an independent minimisation, and against a sphere's."""
 
-
-from functools import partial
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -143,7 +142,7 @@ def test_pulls_over_many_obstacles(rng, central_difference):
         return pull, (path.length, path.detour_other_side)
 
     # Fused, without optimisation, values are computed anew at each of their many uses.
-    @partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+    @functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
     def followed(shift):
         pull, push, rest = jax.linearize(pulls, shift, has_aux=True)
         return pull, *rest, jax.vmap(push, out_axes=-1)(jnp.eye(6))

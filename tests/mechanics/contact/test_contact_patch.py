@@ -18,7 +18,7 @@ def at(y, x=0.0, z=0.0):
 
 
 def compiled(function):
-    return jax.jit(function)
+    return jax.jit(function, compiler_options={"xla_disable_hlo_passes": "fusion"})
 
 
 @compiled

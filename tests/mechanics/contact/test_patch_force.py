@@ -1,7 +1,6 @@
 """The wrench of a patch, written out, against the reverse derivative of its energy."""
 
-
-from functools import partial
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +12,9 @@ from hypothesis import strategies as st
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, add_lane_axis
 from kneejax.mechanics._wrench import wrench_of
+from kneejax.numerics import compiler_options
+
+OPTIONS = dict(compiler_options())
 
 
 def condyle(rng):
@@ -39,7 +41,7 @@ PAIRS = {
 
 
 # Fused, a reverse derivative of a search computes its values anew at each of its many uses.
-@partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def both(contact, pose):
     """Written out and by reverse differentiation through the search for the contact point."""
     tibia = pose.placement
