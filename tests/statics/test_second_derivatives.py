@@ -216,8 +216,8 @@ def test_the_other_nestings(outer, inner):
 def test_every_part_of_a_knee(name, outer, inner):
     """Each in one nesting: the rule of a balance, which all share, is tested in all four above.
 
-    Second derivatives of every obstacle and of every contact by themselves are tested where those
-    are (tests/geometry/paths/test_wrapping.py, tests/mechanics/contact).
+    The second derivatives of every obstacle by itself are tested in
+    tests/geometry/paths/test_wrapping.py.
     """
     check(name, outer, inner)
 

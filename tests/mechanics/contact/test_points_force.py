@@ -58,8 +58,9 @@ def both(contact, state, flexion):
 
 # The other basis against its energy and differences, where rays graze: test_rays.py.
 @pytest.mark.long
-def test_stiffness_over_points_is_the_derivative_of_the_wrench(rng):
-    contact = condyle_on_plateau("cubic_spline", rng)
+@pytest.mark.parametrize("basis", ["cubic_spline", pytest.param("power", marks=pytest.mark.long)])
+def test_stiffness_over_points_is_the_derivative_of_the_wrench(basis, rng):
+    contact = condyle_on_plateau(basis, rng)
     state = jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
     out, differentiated, of_energy = both(contact, state, jnp.asarray(0.5))
     largest = np.abs(out[0]).max()
@@ -69,6 +70,33 @@ def test_stiffness_over_points_is_the_derivative_of_the_wrench(rng):
     np.testing.assert_allclose(
         out[1], differentiated[1], rtol=1e-8, atol=1e-8 * np.abs(out[1]).max()
     )
+
+
+@pytest.mark.long
+def test_a_wrench_has_a_derivative_by_everything_else_too(rng, central_difference):
+    contact = condyle_on_plateau("power", rng)
+    tibia = geo.Pose(*(jnp.asarray(x) for x in (0.5, 0.02, -0.05, 0.7, 1.5, -0.6))).placement
+
+    def force(numbers):
+        modulus, radius, lift = numbers
+        moved = dataclasses.replace(
+            contact, youngs_modulus=modulus,
+            femoral=dataclasses.replace(
+                contact.femoral, coefficients=contact.femoral.coefficients.at[0, 0].set(radius)
+            ),
+            tibial=dataclasses.replace(
+                contact.tibial, coefficients=contact.tibial.coefficients.at[0, 0].set(lift)
+            ),
+        )  # fmt: skip
+        found = jnp.stack(moved.wrench(tibia).force)
+        return found, found
+
+    x = jnp.array([5.0, 23.0, 0.1])
+    # One program for both: forces take as long to compile as their derivative.
+    derivative_and_force = jax.jit(jax.jacfwd(force, has_aux=True))
+    exact, _ = derivative_and_force(x)
+    expected = central_difference(lambda x: derivative_and_force(x)[1], np.asarray(x), 1e-3)
+    np.testing.assert_allclose(exact, expected, rtol=1e-6, atol=1e-6 * np.abs(expected).max())
 
 
 @compiled()

@@ -1,4 +1,4 @@
-from functools import partial
+import functools
 from typing import NamedTuple
 
 import equinox as eqx
@@ -38,6 +38,8 @@ def around(kind, bone, rows=(0, 2), **via):
 VIA = {"via": [[[9.0, -12.0, 4.0]], [[8.0, 8.0, 3.0]]], "via_bones": ("femur", "tibia")}
 COURSES = {
     "straight": [],
+    "via on both bones": [Course((1,), **VIA)],
+    "sphere on the tibia": [around("sphere", "tibia")],
     "cylinder on the femur": [around("cylinder", "femur")],
     "ellipsoid on the tibia, via on the femur": [
         around("ellipsoid", "tibia"),
@@ -94,7 +96,7 @@ class Followed(NamedTuple):
 
 
 # Fused, without optimisation, values are computed anew at each of their many uses.
-@partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
+@functools.partial(jax.jit, compiler_options={"xla_disable_hlo_passes": "fusion"})
 def followed(ligaments, pose):
     """One program for each kind of course: three would share most of what they compile."""
     wrench, push = jax.linearize(lambda x: pull(ligaments, x), pose)
