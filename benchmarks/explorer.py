@@ -72,8 +72,9 @@ def main() -> None:
     kj.configure()
     begun = time.perf_counter()
     page = begin(Explore.read({"subject": asked.knee, "port": str(asked.port)}))
-    rows: dict[str, object] = {"knee": asked.knee, "begun_s": time.perf_counter() - begun}
+    rows: dict[str, object] = {"knee": asked.knee, "opened_s": time.perf_counter() - begun}
     page.solved.wait()
+    rows["solved_s"] = time.perf_counter() - begun
     socket = connected(page)
     for name, (low, high) in MOVES.items():
         clock, processor, curves = [], [], []

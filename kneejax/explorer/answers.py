@@ -28,7 +28,7 @@ class Answer:
     Attributes:
         setting: that was asked for.
         knee: with its parameters.
-        status: of the pose.
+        status: of the pose; None until the first is known.
         coordinates: free coordinate -> degrees or mm; NaN where nothing balances.
         state: where the bones are, of shape `(1,)`; of the last pose that balanced where this one
             does not, as are the numbers below.
@@ -41,7 +41,7 @@ class Answer:
 
     setting: Setting
     knee: Knee
-    status: Status
+    status: Status | None
     coordinates: dict[str, float]
     state: State
     found: Equilibrium | None
@@ -59,6 +59,8 @@ class Answer:
     @property
     def sentence(self) -> str:
         """What is wrong with the pose and what to try; empty where nothing is."""
+        if self.status is None:
+            return "Compiling: some minutes the first time that a knee is opened, seconds later."
         if self.status == Status.BALANCED:
             return ""
         last = "" if self.status.converged else " The last pose that balanced is shown, grey."

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 
 from kneejax.explorer import panels
-from kneejax.explorer.answers import TESTS, Answer, Curves
+from kneejax.explorer.answers import Answer, Curves
 from kneejax.explorer.ends import Ends
 from kneejax.explorer.latest import Latest
 from kneejax.explorer.saving import Folder
 from kneejax.explorer.setting import Setting, Subject
 from kneejax.explorer.solving import Solver
-from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
 from kneejax.report.scene import Drawing, look_at
@@ -29,10 +28,9 @@ _ONE_STEP_S = 1.5
 _MOST_PAST = 1000
 #: A setting that stays for so long is computed as the command line does, s.
 _REST_S = 0.6
-_NOTHING = "none"
 #: Width over height of a screen below which the panel lies at its foot; how much farther the knee
-#: then is, and how much lower the middle, of that way.
-_NARROW, _FARTHER, _LOWER = 0.8, 1.3, 0.14
+#: then is, times that; and how much lower the middle, of that way.
+_NARROW, _FARTHER, _LOWER = 0.8, 0.7, 0.1
 
 
 class Page:
@@ -80,16 +78,17 @@ class Page:
         self.solved = self._latest.settled
         self._drawing = Drawing(server.scene, self._clicked)
         self._ends = Ends(server.scene, subject, self.set)
-        compiling = self._latest.aside.submit(self._solver.ready)
-        self._own = self._solver.curves(self.setting)
-        compiling.result()
-        self.answer = self._solver.answer(self.setting, self._own)
+        self.answer = self._solver.unsolved()
         self._scene = self._placed(self.answer)
+        self._own: Curves | None = None
         self.curves: Curves | None = None
         self._sliders: dict[str, Any] = {}
+        self._charts: dict[Any, panels.Charts] = {}
+        self._test = ""
         self._build()
         look_at(server, self._scene)
         server.on_client_connect(self._make_room)
+        server.on_client_disconnect(lambda client: self._charts.pop(client.client_id, None))
         self._again()
 
     def stop(self) -> None:
@@ -154,9 +153,14 @@ class Page:
 
     def _solve(self) -> None:
         latest, solver = self._latest, self._solver
+        if self._own is None:
+            compiling = latest.aside.submit(solver.ready)
+            self._own = solver.curves(Setting())
+            compiling.result()
+            self._show_curves()
         with latest.lock:
-            setting, test = self.setting, self._tests[self._test.value]
-        self._pose(solver.answer(setting, self.curves))
+            setting, test = self.setting, self._test
+        self._pose(solver.answer(setting, self.curves or self._own))
         latest.go_on()
         latest.meanwhile(lambda progress: self.answer.slopes)
         self._show_bars()
@@ -175,8 +179,7 @@ class Page:
         self._status.content = panels.sentence("This setting could not be computed.", True)
 
     def _pose(self, answer: Answer) -> None:
-        good = answer.status.converged
-        if good:
+        if answer.found is not None:
             self._scene = self._placed(answer)
         self.answer = answer
         with self._server.atomic():
@@ -191,7 +194,7 @@ class Page:
         setting, kept = self.answer.setting, None if self._kept is None else self._kept[2]
         gone = self.subject.cut_in(setting)
         self._drawing.show(
-            self._scene, self.subject.loads(setting), kept, not self.answer.status.converged,
+            self._scene, self.subject.loads(setting), kept, self.answer.found is None,
             [fibre for fibre, owner in self._solver.owner.items() if owner in gone],
         )  # fmt: skip
 
@@ -218,7 +221,9 @@ class Page:
             self._build_saving(gui)
         with gui.add_folder("Look", expand_by_default=False):
             self._build_look(gui)
-        self._build_curves(gui)
+        panel = gui.add_panel()
+        panel.dock_below(gui.main_panel)
+        self._add_charts(None, gui, panel)
         self._show_numbers()
         self._draw()
         self._show_answer()
@@ -278,30 +283,6 @@ class Page:
         for one in (labels, strain, pressure):
             one.on_update(changed)
 
-    def _build_curves(self, gui: Any) -> None:
-        panel = gui.add_panel()
-        panel.dock_below(gui.main_panel)
-        numbers = (*FREE_COORDINATES, *self.subject.ligaments)
-        self._numbers = {panels.title_of(name): name for name in numbers}
-        self._tests = {_NOTHING: ""}
-        for name, size in TESTS.items():
-            load = NAMED_LOADS[name]
-            self._tests[f"{load.positive} ± {size:g} {load.unit}"] = name
-        titles = tuple(self._numbers)
-        with panel.add_tab("Curves"):
-            self._shown = gui.add_dropdown("Coordinate", titles[: len(FREE_COORDINATES)],
-                                           initial_value=titles[1])  # fmt: skip
-            first, *others = self._plots()
-            self._charts = [gui.add_uplot(**first), gui.add_uplot(**others[0])]
-            self._test = gui.add_dropdown("Laxity test", tuple(self._tests))
-            self._charts.append(gui.add_uplot(**others[1], visible=False))
-        with panel.add_tab("Sensitivity"):
-            self._of = gui.add_dropdown("What moves", titles, initial_value=titles[1])
-            self._bars = gui.add_html("")
-        self._shown.on_update(lambda _: self._show_curves())
-        self._of.on_update(lambda _: self._show_bars())
-        self._test.on_update(lambda _: self._again())
-
     def _slider(self, name: str, label: str, step: float) -> None:
         own, low, high = self.subject.limits[name]
         handle = self._server.gui.add_slider(label, low, high, step, own)
@@ -336,30 +317,43 @@ class Page:
         self._address.value = f"{self.link}&{query}" if query else self.link
 
     def _show_bars(self) -> None:
-        name, solver = self._numbers[self._of.value], self._solver
-        self._bars.content = panels.bars(self.answer, name, solver.names, solver.unknown)
-
-    def _plots(self) -> list[dict[str, Any]]:
-        now, kept = self.curves or self._own, self._kept[1] if self._kept else None
-        name = self._numbers[self._shown.value]
-        before = {self.first: self._own, "A": kept}
-        shown = panels.coordinate_plot(name, now, before, self.measured)
-        return [shown, panels.force_plot(now), panels.laxity_plot(now, kept)]
+        for charts in (*self._charts.values(),):
+            charts.explain(self.answer)
 
     def _show_curves(self) -> None:
-        self._charts[2].visible = self.curves is not None and bool(self.curves.laxity)
-        for chart, wanted in zip(self._charts, self._plots(), strict=True):
-            for key in ("title", "series", "scales", "data"):
-                setattr(chart, key, wanted[key])
+        kept = self._kept[1] if self._kept else None
+        every = {self.first: self._own, "A": kept, "now": self.curves or self._own}
+        with self._server.atomic():
+            for charts in (*self._charts.values(),):
+                charts.draw(every)
 
     def _make_room(self, client: Any) -> None:
-        """On a narrow screen the panel lies upon the lower part: look from farther, and lower."""
-        if client.camera.aspect < _NARROW:
-            own = self._server.initial_camera
-            away = np.array(own.position) - own.look_at
-            low = np.array(own.look_at) - [0.0, _LOWER * np.linalg.norm(away), 0.0]
-            client.camera.position = low + _FARTHER * away
-            client.camera.look_at = low
+        """On a narrow screen the panel lies upon the lower part: look from farther, and lower; and
+        what stands below the panel elsewhere is in it."""
+        camera, own = client.camera, self._server.initial_camera
+        if camera.aspect >= _NARROW:
+            return
+        away = _FARTHER / camera.aspect * (np.array(own.position) - own.look_at)
+        low = np.array(own.look_at) - [0.0, _LOWER * np.linalg.norm(away), 0.0]
+
+        def put(_: Any = None) -> None:
+            if np.allclose(camera.position, own.position):  # as a page begins, or is told to
+                camera.position, camera.look_at = low + away, low
+
+        put()
+        camera.on_update(put)
+        tabs = client.gui.add_tab_group(order=self._status.order + 0.5)
+        self._add_charts(client.client_id, client.gui, tabs)
+        self._show_curves()
+        self._show_bars()
+
+    def _add_charts(self, key: Any, gui: Any, tabs: Any) -> None:
+        self._charts[key] = panels.Charts(gui, tabs, self._solver, self.measured, self._ask)
+
+    def _ask(self, test: str) -> None:
+        """Another test of laxity, or none."""
+        self._test = test
+        self._again()
 
     # Settings side by side, and files.
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from kneejax.explorer.answers import FLEXIONS, MOVED, Answer, Curves
+from kneejax.explorer.answers import FLEXIONS, MOVED, TESTS, Answer, Curves
+from kneejax.explorer.solving import Solver
 from kneejax.geometry import FREE_COORDINATES, coordinate
+from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look.colours import (
     BLUE,
     GREY,
@@ -17,17 +19,21 @@ from kneejax.report.look.colours import (
     VERMILLION,
     part_styles,
 )
+from kneejax.report.look.tables import NONE, plain
 from kneejax.report.scene import scales
 from kneejax.report.scene.scene import Fibre
 
 _BARS = 12
+#: Something is being computed, for as long as nobody knows.
+WAITING = "<progress aria-label='computing' style='width:100%'></progress>"
 #: Seen on white and on black.
 NOW = VERMILLION
 _ROW = "display:flex;justify-content:space-between"
 _SMALL = "padding:0 1em;font-size:0.8em;line-height:1.35"
 #: On a phone the panel takes the lower two fifths, and the knee has the rest.
 _NARROW = ("<style>@media (max-width:36em){.mantine-Paper-root[style*='bottom: 0px']"
-           "{max-height:38%!important}}</style>")  # fmt: skip
+           "{max-height:38%!important;width:100%!important}"
+           "[style*='bottom: 0px'] [style*='width: 20em']{width:100%!important}}</style>")
 
 
 def unit_of(name: str) -> str:
@@ -53,13 +59,17 @@ def numbers(answer: Answer, strain: float, pressure: float, picked: Sequence[Fib
         pressure: likewise, MPa.
         picked: fibres that were clicked.
     """
-    rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}") for n, x in answer.coordinates.items()]
+    rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}" if np.isfinite(x) else NONE)
+            for n, x in answer.coordinates.items()]  # fmt: skip
     rows += [(f"Peak pressure, {n.replace('_', ' ')}", f"{x:.2f} MPa")
              for n, x in answer.peak_MPa.items()]  # fmt: skip
     rows += [(f"Fibre {x.name}", f"{x.tension_N:.1f} N, {100 * x.strain:.2f} %") for x in picked]
     body = "".join(f"<div style='{_ROW}'><span>{html.escape(what)}</span>{number}</div>"
                    for what, number in rows)  # fmt: skip
-    bad = sentence(answer.sentence, not answer.status.sound) if answer.sentence else ""
+    if answer.status is None:
+        bad = sentence(answer.sentence, False) + WAITING
+    else:
+        bad = sentence(answer.sentence, not answer.status.sound) if answer.sentence else ""
     return f"{_NARROW}<div style='{_SMALL}'>{bad}{body}{scales(strain, pressure)}</div>"
 
 
@@ -67,6 +77,65 @@ def sentence(words: str, is_bad: bool) -> str:
     """A doubt or a failure as HTML."""
     colour = "#B03A2E" if is_bad else "#7A6000"
     return f"<p style='margin:0.2em 0;color:{colour}'>{html.escape(words)}</p>"
+
+
+class Charts:
+    """Curves over flexion, and what moves a number: two tabs, each with what it can be asked."""
+
+    def __init__(
+        self, gui: Any, tabs: Any, solver: Solver, measured: np.ndarray,
+        asked: Callable[[str], None],
+    ):  # fmt: skip
+        """Show nothing yet.
+
+        Args:
+            gui: viser's, of the page or of one client.
+            tabs: of it, where they stand.
+            solver: of the knee.
+            measured: poses behind the curves, `(n, 6)`, degrees and mm.
+            asked: called with the load of a laxity test that is chosen, empty for none.
+        """
+        self._solver, self._measured = solver, measured
+        self._every: Mapping[str, Curves | None] = {"now": None}
+        self._answer = solver.unsolved()
+        numbers = (*FREE_COORDINATES, *solver.subject.ligaments)
+        self._numbers = {title_of(name): name for name in numbers}
+        titles, tests = tuple(self._numbers), {"none": ""}
+        for name, size in TESTS.items():
+            load = NAMED_LOADS[name]
+            tests[f"{load.positive} ± {size:g} {load.unit}"] = name
+        with tabs.add_tab("Curves"):
+            self._shown = gui.add_dropdown("Coordinate", titles[: len(FREE_COORDINATES)],
+                                           initial_value=titles[1])  # fmt: skip
+            *first, laxity = self._plots()
+            self._plotted = [gui.add_uplot(**one) for one in first]
+            test = gui.add_dropdown("Laxity test", tuple(tests))
+            self._plotted.append(gui.add_uplot(**laxity, visible=False))
+        with tabs.add_tab("Sensitivity"):
+            self._of = gui.add_dropdown("What moves", titles, initial_value=titles[1])
+            self._bars = gui.add_html(WAITING)
+        self._shown.on_update(lambda _: self.draw(self._every))
+        self._of.on_update(lambda _: self.explain(self._answer))
+        test.on_update(lambda _: asked(tests[test.value]))
+
+    def draw(self, every: Mapping[str, Curves | None]) -> None:
+        """Show curves: of the knee as it was, of A, and those of now."""
+        self._every, now = every, every["now"]
+        self._plotted[2].visible = now is not None and bool(now.laxity)
+        for plotted, wanted in zip(self._plotted, self._plots(), strict=True):
+            for key in ("title", "series", "scales", "data"):
+                setattr(plotted, key, wanted[key])
+
+    def explain(self, answer: Answer) -> None:
+        """Show what moves a pose."""
+        self._answer, solver = answer, self._solver
+        name = self._numbers[self._of.value]
+        self._bars.content = bars(answer, name, solver.names, solver.unknown)
+
+    def _plots(self) -> list[dict[str, Any]]:
+        every, name = self._every, self._numbers[self._shown.value]
+        return [coordinate_plot(name, every, self._measured), force_plot(every["now"]),
+                laxity_plot(every["now"], every.get("A"))]  # fmt: skip
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
@@ -78,13 +147,15 @@ def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -
         names: of the parameters.
         unknown: their prior standard deviations.
     """
+    if answer.status is None:
+        return WAITING
     if of not in answer.slopes or not np.isfinite(answer.slopes[of]).all():
         return sentence("There are no derivatives where nothing balances.", True)
     moves = answer.slopes[of] * unknown
     most, rows = max(float(np.abs(moves).max()), 1e-12), []
     for i in np.argsort(-np.abs(moves))[:_BARS]:
         colour, long = VERMILLION if moves[i] > 0 else BLUE, 100.0 * abs(moves[i]) / most
-        words = html.escape(names[i].replace("_", " ").replace(".", " ", 1))
+        words = html.escape(plain(names[i]))
         rows.append(
             f"<div style='{_ROW}'><span>{words}</span><span>{moves[i]:+.2g} {unit_of(of)}</span>"
             f"</div><div style='background:{LIGHT};height:5px;margin-bottom:4px'>"
@@ -95,49 +166,52 @@ def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -
 
 
 def coordinate_plot(
-    name: str, now: Curves, before: Mapping[str, Curves | None], measured: np.ndarray
+    name: str, every: Mapping[str, Curves | None], measured: np.ndarray
 ) -> dict[str, Any]:
-    """A coordinate over flexion: of two other settings, now, and as measured, `(n, 6)`."""
+    """A coordinate over flexion: of the knee as it was, of A, now, and as measured, `(n, 6)`."""
     at = np.union1d(FLEXIONS, measured[:, 0])
     seen = np.full(len(at), np.nan)
     seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
-    how = (_line(GREY, [4, 4]), _line(BLUE, [9, 4]), _line(NOW))
-    every = {**before, "now": now}
-    lines = dict(zip(every, how, strict=True))
-    curves = [x and np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan)
-              for x in every.values()]  # fmt: skip
+    how = {"A": _line(BLUE, [9, 4]), "now": _line(NOW)}
+    found = [(label, how.get(label, _line(GREY, [4, 4])),
+              np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan))
+             for label, x in every.items() if x]  # fmt: skip
     dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
-    return _plot(title_of(name), at, lines | {"measured": dots}, [*curves, seen])
+    found += [("measured", dots, seen)] * bool(len(measured))
+    return _plot(title_of(name), at, found)
 
 
-def force_plot(now: Curves) -> dict[str, Any]:
+def force_plot(now: Curves | None) -> dict[str, Any]:
     """Every ligament's force over flexion."""
-    styles = part_styles(now.force_N)
-    lines = {one: _line(styles[one]["color"], [] if styles[one]["linestyle"] == "-" else [6, 3])
-             for one in now.force_N}  # fmt: skip
-    return _plot("Ligament force, N", FLEXIONS, lines, [*now.force_N.values()])
+    force = {} if now is None else now.force_N
+    styles = part_styles(force)
+    return _plot("Ligament force, N", FLEXIONS, [
+        (one, _line(styles[one]["color"], [] if styles[one]["linestyle"] == "-" else [6, 3]), x)
+        for one, x in force.items()])  # fmt: skip
 
 
-def laxity_plot(now: Curves, kept: Curves | None) -> dict[str, Any]:
+def laxity_plot(now: Curves | None, kept: Curves | None) -> dict[str, Any]:
     """Laxity over flexion in the test that was asked for."""
-    test, values = next(iter(now.laxity.items()), ("anterior_N", None))
-    before = None if kept is None else kept.laxity.get(test)
-    lines = {"A": _line(BLUE, [9, 4]), "now": _line(NOW)}
-    return _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, lines, [before, values])
+    (test,) = now.laxity if now and now.laxity else ("anterior_N",)
+    curves = ("A", _line(BLUE, [9, 4]), kept), ("now", _line(NOW), now)
+    return _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, [
+        (label, line, x.laxity[test]) for label, line, x in curves if x and test in x.laxity
+    ])  # fmt: skip
 
 
 def _line(colour: str, dash: list[int] | None = None) -> dict[str, Any]:
     return {"stroke": colour, "width": 1.8, "dash": dash or [], "points": {"show": False}}
 
 
-def _plot(title: str, x: np.ndarray, lines: dict[str, Any], every: list) -> dict[str, Any]:
-    """Arguments of a uPlot; a curve that is not there, or not finite, has no place in its range."""
-    data = [np.full(len(x), np.nan) if y is None else y for y in every]
+def _plot(title: str, x: np.ndarray, lines: list[tuple]) -> dict[str, Any]:
+    """Arguments of a uPlot of labelled lines; what is not finite has no place in its range."""
+    lines = lines or [("now", _line(NOW), np.full(len(x), np.nan))]
+    data = [y for *_, y in lines]
     found = np.concatenate(data)
-    found = found[np.isfinite(found)] if np.isfinite(found).any() else np.zeros(1)
+    found = found[np.isfinite(found)] if np.isfinite(found).any() else np.array([-1.0, 1.0])
     room = 0.08 * np.ptp(found) + 1e-3
     heights = float(found.min() - room), float(found.max() + room)
-    series = [{"label": label, **how} for label, how in lines.items()]
+    series = [{"label": label, **how} for label, how, _ in lines]
     return {
         "title": title, "aspect": 1.9, "data": (x, *data),
         "series": ({"label": "flexion, °"}, *series),

@@ -195,6 +195,10 @@ class Solver:
         if answer.found is not None:
             self._trail = [*self._trail[-1:], (answer, answer.found)]
 
+    def unsolved(self) -> Answer:
+        """The knee as it was read, before anything is known of it."""
+        return self._lost(Setting(), self.subject.knee, None)
+
     def ready(self) -> None:
         """Have the program of a pose, which is compiled while others are."""
         _, _, knee = self._knees(Setting())
@@ -230,7 +234,7 @@ class Solver:
 
     def differs(self, one: Answer, other: Answer) -> bool:
         """Whether two answers are different balances."""
-        if one.status.converged != other.status.converged:
+        if (one.found is None) != (other.found is None):
             return True
         own, its = (np.asarray(x.state.at(self._free))[:, 0] for x in (one, other))
         return bool(np.max(np.abs(own - its) / np.array(scales(self._free))) > _BRANCH_MM)
@@ -278,7 +282,7 @@ class Solver:
                 own, found.status, q.T, np.moveaxis(found.tangent, -1, 0), numbers, cases).items()},
         )  # fmt: skip
 
-    def _lost(self, setting: Setting, knee: Knee, status: Status) -> Answer:
+    def _lost(self, setting: Setting, knee: Knee, status: Status | None) -> Answer:
         """What is shown where nothing balances: the last pose that did, without coordinates."""
         nowhere = dict.fromkeys(FREE_COORDINATES, np.nan)
         if not self._trail:
