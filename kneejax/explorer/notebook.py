@@ -20,6 +20,7 @@ from kneejax.studies import Study
 _CURVES, _MAP = (430, 560), (400, 560)
 #: Marks of poses, and of points of a map.
 _FAULTS = {"not to be trusted": "triangle-down-open", "no balance": "x-thin-open"}
+#: Steps of a slider at least, each a power of ten: a page shows round numbers as they are.
 _STEPS = 200
 
 
@@ -74,7 +75,7 @@ class Explorer:
         pair = pair or (hand.names[0], hand.names[len(hand.names) // 2])
         self._choices = [
             self._widgets.Dropdown(options=hand.names, value=name, description=axis,
-                                   layout={"width": "230px"})
+                                   layout={"width": "280px"}, style={"description_width": "60px"})
             for axis, name in zip(("across", "up"), pair, strict=True)
         ]  # fmt: skip
         self.words = self._widgets.HTML()
@@ -122,8 +123,9 @@ class Explorer:
         value, (low, high) = self.hand.values[name], self.hand.study.limits[name]
         low, high = min(low, value), max(high, value)
         slider = self._widgets.FloatSlider(
-            value, min=low, max=high, step=(high - low) / _STEPS, readout_format=".4g",
-            description=_said(name), layout={"width": "275px"},
+            value, min=low, max=high, step=10.0 ** np.floor(np.log10((high - low) / _STEPS)),
+            readout_format=".4g",
+            description=_said(name), layout={"width": "350px"},
             style={"description_width": "100px"},
         )  # fmt: skip
         self._listen(name, slider)

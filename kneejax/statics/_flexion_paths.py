@@ -8,9 +8,8 @@ ones.
 
 Paths cannot be shared where numbers are not known yet. So each goes all the way to its own load
 case: from the reference pose in strides of 5 degrees, and then under its loads, one after the
-    other.
-Where the knee does not balance at its reference pose, a path that found nothing goes once more by
-way of 45 degrees, from where the knee may be followed back.
+other. Where the knee does not balance at its reference pose, a path that found nothing goes once
+more by way of 45 degrees, from where the knee may be followed back.
 """
 
 from __future__ import annotations

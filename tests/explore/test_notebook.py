@@ -37,6 +37,8 @@ def test_a_page_that_rounds_a_slider_moves_nothing(shown):
     slider, before = shown.sliders["MCL.stiffness"], shown.values
     slider.value += 0.4 * slider.step
     assert shown.values == before
+    steps = (before["MCL.stiffness"] - slider.min) / slider.step
+    assert abs(steps - round(steps)) < 1e-6, "a round number is rounded"
 
 
 def test_a_map_without_a_pair_waits(shown):
