@@ -17,6 +17,7 @@ SOFTWARE = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftsha
 
 
 def main() -> None:
+    """Serve the page, set it, and take its picture."""
     kj.configure()
     page = begin(Explore.read({"subject": "average_knee"}))
     page.solved.wait()
