@@ -223,7 +223,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
-        from kneejax.files.meshes import MeshOptions, import_meshes
+        from kneejax.files.meshes._import import MeshOptions, import_meshes
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,

@@ -13,7 +13,8 @@ from kneejax.files.opensim._joints import Movement
 from kneejax.files.opensim._model import GROUND, Model
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, read_storage
+from kneejax.files.tables import Storage
+from kneejax.files.tables._storage import read_storage
 
 KIND = "external loads of OpenSim (.xml)"
 #: Parts of the largest force above which a force's point is looked at: below, points are noise.

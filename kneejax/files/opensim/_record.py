@@ -33,7 +33,8 @@ from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_kn
 from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
 from kneejax.files.opensim._record_muscles import recorded_muscles
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
+from kneejax.files.tables import Storage, angles_rad, common_times, last_word
+from kneejax.files.tables._storage import read_storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name

@@ -22,7 +22,8 @@ from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
-from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
+from kneejax.files.tables import Storage, angles_rad, common_times
+from kneejax.files.tables._storage import read_storage
 from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 

@@ -12,7 +12,6 @@ from scipy.interpolate import make_interp_spline
 
 from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number, read_text
 from kneejax.files.tables._tables import Table
-from kneejax.quantities import nearest_name
 
 _KIND = "an OpenSim table (.sto or .mot)"
 #: Words of a header that count rows and columns, as OpenSim and as SIMM call them.
@@ -212,30 +211,6 @@ def common_times(tables: Sequence[Storage], count: int | None = None) -> np.ndar
         return np.linspace(begin, end, count)
     inside = [x.time[(x.time >= begin) & (x.time <= end)] for x in tables]
     return min(inside, key=len)
-
-
-def column_of(table: Storage, sought: Sequence[str], what: str) -> str:
-    """The first of several names that a table has; names may be the last part of a path.
-
-    Args:
-        table: with the columns.
-        sought: names in order of preference.
-        what: is sought, for the error.
-
-    Raises:
-        InputProblem: there is none of them, or the first word is nearly another.
-
-    Example:
-        >>> table = Storage("walk.sto", np.zeros(2), {"/jointset/knee_r/knee_angle_r": 0}, True)
-        >>> column_of(table, ["knee_angle_r"], "flexion")
-        '/jointset/knee_r/knee_angle_r'
-    """
-    by_last = {last_word(name): name for name in table.columns}
-    for name in sought:
-        if name in table.columns or name in by_last:
-            return name if name in table.columns else by_last[name]
-    near = nearest_name(sought[0], by_last)
-    raise InputProblem(table.file, "columns", sought[0], f"a column with {what}", near)
 
 
 def last_word(column: str) -> str:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, read_storage
-from kneejax.files.tables import angles_rad, column_of, common_times
+from kneejax.files.tables import angles_rad, common_times
 
 SECOND = r"row 2 \(line 7\)"
 HEAD = "walk\nversion=1\ninDegrees={}\nendheader\ntime\tknee_angle_r\tankle\n"
@@ -50,8 +50,6 @@ def test_a_column_that_is_not_there_has_the_nearest_name(tmp_path):
     table = read_storage(written(tmp_path / "walk.sto", [(0, 1, 2), (1, 3, 4)]))
     with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
         table.named("knee_angel_r")
-    with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
-        column_of(table, ["knee_angel_r"], "flexion")
 
 
 def test_a_quintic_is_its_own_spline(tmp_path):

@@ -12,7 +12,8 @@ from pydantic import model_validator
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
-from kneejax.files.tables import Table, write_rows
+from kneejax.files.tables import Table
+from kneejax.files.tables._tables import write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")
