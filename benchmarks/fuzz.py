@@ -89,7 +89,7 @@ def kinds() -> dict[str, Kind]:
     from kneejax.cohorts import read_cohort
     from kneejax.files import tables
     from kneejax.files.meshes._points import read_mesh_points
-    from kneejax.files.opensim._ground import read_external_loads
+    from kneejax.files.opensim._acting import read_external_loads
     from kneejax.files.opensim._model import read_model
     from kneejax.studies import read_study
     from kneejax.studies._acl_plan import read_plan

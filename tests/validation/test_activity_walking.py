@@ -24,7 +24,7 @@ from kneejax.files.opensim._record import (
     moved_around,
     sorted_files,
 )
-from kneejax.files.opensim._record_muscles import crossing
+from kneejax.files.opensim._acting import crossing
 from kneejax.files.tables import common_times
 from kneejax.geometry import TIBIA, Pose, State
 

@@ -10,15 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim import _acting as forces
 from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
-from kneejax.files.opensim._ground import (
-    ExternalLoads,
-    of_contacts,
-    on_bodies,
-    place_doubts,
-    read_external_loads,
-)
 from kneejax.files.opensim._joints import (
     Joint,
     Movement,
@@ -31,7 +25,6 @@ from kneejax.files.opensim._joints import (
 )
 from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
-from kneejax.files.opensim._record_muscles import recorded_muscles
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word
 from kneejax.files.tables._storage import read_storage
@@ -66,7 +59,7 @@ class RecordedFiles:
 
     motion: Storage
     muscles: Storage | None
-    ground: ExternalLoads | None
+    ground: forces.ExternalLoads | None
     reaction: Storage | None
 
     @property
@@ -139,10 +132,10 @@ def read_activity(
     if absent:
         notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
     if given.ground is not None:
-        doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
+        doubts += [*given.ground.doubts, *forces.place_doubts(given.ground, movement, below, time)]
     elif given.reaction is None and not ground.any():
         notes.append("No external loads were given: none act on the leg.")
-    muscles, quadriceps = recorded_muscles(
+    muscles, quadriceps = forces.recorded_muscles(
         given.muscles, movement, bones, below, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frames_of[TIBIA].inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
@@ -170,7 +163,7 @@ def sorted_files(
     flexion, on_tibia = flexion_coordinate(bones), f"_on_{bones.tibia}_in_".lower()
     for path in files:
         if Path(path).suffix.lower() == ".xml":
-            kind, value = "external loads", read_external_loads(path, model, called)
+            kind, value = "external loads", forces.read_external_loads(path, model, called)
         else:
             value = read_storage(path).renamed(called)
             words = {last_word(name) for name in value.columns}
@@ -249,10 +242,10 @@ def acting_on(
     gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     masses = [_mass(model, around, name) for name in sorted(below)]
     if given.ground is not None:
-        ground = on_bodies(given.ground, movement, below, time)
+        ground = forces.on_bodies(given.ground, movement, below, time)
     else:
         assert given.muscles is not None  # with the contacts of the model, if it has some
-        ground = of_contacts(model, given.muscles, below, time)
+        ground = forces.of_contacts(model, given.muscles, below, time)
     none = np.zeros((len(time), 3))
     parts = {
         "ground": [ground],

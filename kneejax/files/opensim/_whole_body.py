@@ -14,9 +14,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from kneejax.files.opensim._acting import read_external_loads
 from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
 from kneejax.files.opensim._frames import flexion_coordinate
-from kneejax.files.opensim._ground import read_external_loads
 from kneejax.files.opensim._joints import coordinate_columns, read_joints
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
