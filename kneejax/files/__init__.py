@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import named_document as named_document
     from kneejax.files._bundled import named_path as named_path
     from kneejax.files._bundled import study_path as study_path
-    from kneejax.files._flexion import parse_flexion as parse_flexion
-    from kneejax.files._flexion import parse_range as parse_range
     from kneejax.files._joint import JointExport as JointExport
     from kneejax.files._joint import JointFile as JointFile
     from kneejax.files._joint import export_joint as export_joint
@@ -79,6 +77,8 @@ if TYPE_CHECKING:
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import write_bytes as write_bytes
     from kneejax.files.reading import write_text as write_text
+    from kneejax.files.reading._values import parse_flexion as parse_flexion
+    from kneejax.files.reading._values import parse_range as parse_range
     from kneejax.files.results import Calibrated as Calibrated
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated

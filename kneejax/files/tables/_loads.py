@@ -150,12 +150,11 @@ def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
     names = [cell for _, cell in table.cells("name")] if "name" in table.header else []
     tests: dict[tuple[float, ...], int] = {}
     found = []
-    for row, (line, _) in enumerate(table.rows):
+    for row in range(len(table.rows)):
         values = dict.fromkeys(_CANDIDATE[:-1], 0.0) | {x: float(y[row]) for x, y in read.items()}
         if (first := tests.setdefault(tuple(values.values()), row)) != row:
-            place = f"row {row + 1} (line {line})"
             again = f"the test of row {first + 1} again"
-            raise InputProblem(table.file, place, again, "every test once")
+            raise InputProblem(table.file, table.place(row), again, "every test once")
         found.append(CandidateRow(names[row] if names else "", values.pop("flexion_deg"), values))
     return tuple(found)
 
