@@ -11,9 +11,9 @@ import numpy as np
 
 from kneejax.files.knee import mirror_part
 from kneejax.files.meshes import _anatomy as anatomy
-from kneejax.files.meshes import _layer as layer
+from kneejax.files.meshes import _surfaces as fitted
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
-from kneejax.files.meshes._surfaces import PATCH_MM, SheetFit, fit_compartment, fit_patellofemoral
+from kneejax.files.meshes._surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Pose
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
@@ -214,14 +214,14 @@ def import_meshes(
         bones = read(options.femur_bone), read(options.tibia_bone)
     contacts, tibia = {}, _reference(options).placement
     for name, sheet in plateaus.items():
-        condyle, plateau = fit_compartment(
+        condyle, plateau = fitted.fit_compartment(
             name, sheet, femur, tibia, options.angle_deg, options.splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
-        found = layer.Layer(float(given_mm or 0.0), "given at import")
+        found = fitted.Layer(float(given_mm or 0.0), "given at import")
         if given_mm is None:
-            found = layer.find_layer(
+            found = fitted.find_layer(
                 name, condyle, plateau, femur, sheet, bones, options.thickness, findings)
         varies = {} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}
         contact = {
@@ -238,13 +238,13 @@ def import_meshes(
         on_patella, sheets = Path(options.patellar_cartilage).name, read(options.patellar_cartilage)
         for sheet in sheets:
             check_holes(sheet, findings)
-        patella, trochlea = fit_patellofemoral(sheets, femur, findings, options.splines)
+        patella, trochlea = fitted.fit_patellofemoral(sheets, femur, findings, options.splines)
         for name, part in (("patella", patella), ("trochlea", trochlea)):
             _judge(name, part, "everywhere", on_patella, findings)
             fits[name] = part
         contact = {
             "points": _points(patella),
-            "layer_thickness_mm": float(given_mm or layer.ASSUMED_MM),
+            "layer_thickness_mm": float(given_mm or fitted.ASSUMED_MM),
             "femoral_surface": _surface(trochlea, stated),
             "patellar_surface": _surface(patella, on_patella),
         }
@@ -252,7 +252,7 @@ def import_meshes(
         patellofemoral = _contact(options, contact, ["layer_thickness_mm"], said, left)
     if given_mm is None and bones is None:
         findings.append(
-            f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
+            f"No bone meshes, no thickness: the layer is taken as {fitted.ASSUMED_MM:g} mm thick."
         )
     if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
@@ -300,8 +300,8 @@ def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[st
         f"{name}: {part.fit.cells[0]} x {part.fit.cells[1]} cells, smoothed below "
         f"{part.fit.smoothing_mm:g} mm; {where} {q.rms:.3f} mm rms, "
         f"{q.maximum:.2f} mm at most, {q.mean:+.4f} mm on average, {q.patch_maximum:.3f} mm on "
-        f"average over the worst {PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm rms "
-        "over the whole surface."
+        f"average over the worst {fitted.PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm "
+        "rms over the whole surface."
     )
     if q.rms > WORST_RMS_MM:
         expected = f"one sheet, single-valued from the joint, within {WORST_RMS_MM} mm rms"

@@ -61,15 +61,7 @@ def main(file: str) -> None:
 
 
 def named_once(table: str) -> str:
-    """A table of OpenSim without columns of one name: contacts write theirs once for each force.
-
-    Args:
-        table: text of a .sto.
-
-    Example:
-        >>> named_once("nColumns=4\\nendheader\\ntime\\ta\\tb\\tb\\n0\\t1\\t2\\t3\\n").splitlines()
-        ['nColumns=2', 'endheader', 'time\\ta', '0\\t1']
-    """
+    """A table of OpenSim without columns of one name: contacts write theirs once for each force."""
     lines = table.splitlines()
     begin = lines.index("endheader") + 1
     names = lines[begin].split("\t")

@@ -92,9 +92,7 @@ def find_knee(
     """
     if side not in SIDES:
         raise InputProblem(model.file.path, "--side", side, "r or l")
-    joints = read_joints(model)
-    findings: list[str] = []
-    doubts: list[str] = []
+    joints, findings, doubts = read_joints(model), list[str](), list[str]()
     unusual: tuple[str, ...] = ()
     if (femur is None) != (tibia is None):
         given = "--femur" if femur is not None else "--tibia"

@@ -203,24 +203,19 @@ def _numbers(element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
     return values, tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
 
 
-def outside_obstacles(
-    knee: OsimKneeJoint, found: Found, inside: str
-) -> list[OsimLigament]:
-    """The fibres; those with a point inside their obstacle run straight, if that is allowed.
-
-    OpenSim itself leaves out an obstacle as long as a point lies inside it.
-    """
+def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:
+    """The fibres; those with a point inside their obstacle run straight, if that is allowed:
+    OpenSim itself leaves out an obstacle as long as a point lies inside it."""
     answer = []
     for ligament in found.ligaments:
-        depth, point = 0.0, None
-        if ligament.wrap is not None:
-            depth, point = ligament.wrap.deepest(knee, ligament.points)
-        if ligament.wrap is None or point is None:
+        wrap = ligament.wrap
+        depth, point = (0.0, None) if wrap is None else wrap.deepest(knee, ligament.points)
+        if wrap is None or point is None:
             answer.append(ligament)
             continue
-        there = knee.bone_of(point.body) == knee.bone_of(ligament.wrap.body)
-        where, kind = point.element.name or "a path point", ligament.wrap.element.tag
-        shape = f"the {kind.removeprefix('Wrap').lower()} {ligament.wrap.key}"
+        there = knee.bone_of(point.body) == knee.bone_of(wrap.body)
+        where, kind = point.element.name or "a path point", wrap.element.tag
+        shape = f"the {kind.removeprefix('Wrap').lower()} {wrap.key}"
         shape += "" if there else " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
             raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",

@@ -83,10 +83,8 @@ def untaken(
     on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.other(GROUND)]
     parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
     bodies = _bodies(model)
-    coordinates = {
-        c.name for joint in cut for c in joint.coordinates
-        if {joint.parent, joint.child} & near
-    }
+    coordinates = {c.name for joint in cut for c in joint.coordinates
+                   if {joint.parent, joint.child} & near}
     answer = []
     for element in model.forces():
         if element in known:
@@ -107,12 +105,7 @@ def untaken(
 
 
 def listed(found: Iterable[Untaken]) -> list[str]:
-    """Things counted by class, with their names and what they are attached to.
-
-    Example:
-        >>> listed([])
-        []
-    """
+    """Things counted by class, with their names and what they are attached to."""
     by_class = collections.defaultdict(list)
     for one in found:
         by_class[one.element.tag].append(one)
@@ -125,12 +118,7 @@ def listed(found: Iterable[Untaken]) -> list[str]:
 
 
 def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
-    """How many of which kind, from the classes of elements and the names of bodies.
-
-    Example:
-        >>> numbers_of_kinds(["PathSpring", "HuntCrossleyForce", "PathSpring"], ["meniscus_r"])
-        '1 contact, 2 springs, 1 meniscus'
-    """
+    """How many of which kind, from the classes of elements and the names of bodies."""
     names = [next(kind[1:] for kind in _KINDS if kind[0].search(tag)) for tag in tags]
     names += [("meniscus", "menisci") if "menisc" in body.lower() else ("body", "bodies")
               for body in bodies]
@@ -232,9 +220,8 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     """
     model, knee = read.model, read.knee
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
-    joints = [
-        f"{joint.name} ({joint.kind}): {text}" for joint in knee.joints for text in joint.describe()
-    ]
+    joints = [f"{joint.name} ({joint.kind}): {text}"
+              for joint in knee.joints for text in joint.describe()]
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
     if geometry:
         contacts += geometry
@@ -299,15 +286,10 @@ def _table(read: OsimImport) -> list[str]:
     lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
     lines.append("|---|---|---|---|---|---|")
     for name, entry in read.document["ligaments"].items():
-        row = (
-            name,
-            str(2 + len(entry.get("via_points", ()))),
-            entry.get("wrap", ""),
-            f"{entry['stiffness_N']:g}",
-            f"{entry['slack_length_mm']:.6g}",
-            f"{entry['transition_strain']:g}",
-        )
-        lines.append(f"| {' | '.join(row)} |")
+        points = str(2 + len(entry.get("via_points", ())))
+        numbers = (f"{entry[field]:{shown}}" for field, shown in (
+            ("stiffness_N", "g"), ("slack_length_mm", ".6g"), ("transition_strain", "g")))
+        lines.append(f"| {' | '.join((name, points, entry.get('wrap', ''), *numbers))} |")
     groups = read.document.get("groups", {})
     if groups:
         names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())

@@ -78,13 +78,7 @@ class Header(NamedTuple):
 
 
 def header_meaning(own: str) -> Header | None:
-    """What a header says in words and unit; None where it is of something else.
-
-    Example:
-        >>> header_meaning("JCS Load External Rotation Torque [Nm]")[1:3]
-        ('internal_Nm', -1.0)
-        >>> header_meaning("Patella Flexion [deg]")
-    """
+    """What a header says in words and unit; None where it is of something else."""
     match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", own)
     text, unit = (match[1], re.sub(r"[\s.*·-]", "", match[2]).lower()) if match else (own, "")
     words = re.split(r"[\s/-]+", text.strip().lower())

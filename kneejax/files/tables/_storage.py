@@ -156,10 +156,11 @@ def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
     """
     has_version = False
     for line in header:
-        name, _, value = (x.strip().lower() for x in line.partition("="))
+        name, _, value = (x.strip() for x in line.lower().partition("="))
         if name == "indegrees":
             if value not in ("yes", "no"):
-                raise InputProblem(file, "inDegrees", value or "empty", "yes or no")
+                own = line.partition("=")[2].strip()
+                raise InputProblem(file, "inDegrees", own or "empty", "yes or no")
             return value == "yes", f"as inDegrees={value} says"
         if line.strip().lower() in _SENTENCES:
             return _SENTENCES[line.strip().lower()], "as its header says"
