@@ -107,12 +107,10 @@ def fit_compartment(
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets, everywhere.
-
-    The groove is one surface of the femur's cartilage from its upper border down and around both
-    condyles. It overlaps with the condyles that meet the tibia, which are fitted to the same
-    cartilage: no load is handed over from one surface to another. Across the notch it falls off.
-    """
+    """Fits of the patella and of the groove that it meets, everywhere. The groove is one surface of
+    the femur's cartilage from its upper border down and around both condyles. It overlaps with the
+    condyles that meet the tibia, which are fitted to the same cartilage: no load is handed over
+    from one surface to another. Across the notch it falls off."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
     angle, _, along = femur.cylindrical(cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
@@ -130,10 +128,8 @@ def fit_patella(
     sheets: list[Sheet], findings: list[str], splines: dict[str, float]
 ) -> SplineFit[Plateau]:
     """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
-
     Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
-    where they are no patella's cartilage that faces backwards, in one sheet.
-    """
+    where they are no patella's cartilage that faces backwards, in one sheet."""
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))
     low, high = _PATELLA_WIDTHS_MM
@@ -165,12 +161,10 @@ def fit_patella(
 def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which points of a condyle and its plateau can touch: masks of both.
-
-    The plateau, with points `(n, 3)` at the reference pose in the femur's frame, is carried around
-    the femoral axis as by a hinge, and slid along itself. At each place the gap counts from where
-    it is smallest: the pose of the meshes need not be one of contact.
-    """
+    """Which points of a condyle and its plateau can touch: masks of both. The plateau, with points
+    `(n, 3)` at the reference pose in the femur's frame, is carried around the femoral axis as by a
+    hinge, and slid along itself. At each place the gap counts from where it is smallest: the pose
+    of the meshes need not be one of contact."""
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, touched = np.zeros(len(tibial), bool), []

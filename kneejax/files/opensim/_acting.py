@@ -125,11 +125,9 @@ def _doubts(file: str, forces: list[ExternalForce], table: Storage) -> Iterator[
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s.
-
-    In the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
-    straight: forces jump where a foot meets the ground.
-    """
+    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s. In
+    the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
+    straight: forces jump where a foot meets the ground."""
     force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
     inside = loads.table.time
     for one in loads.forces:
@@ -204,11 +202,9 @@ def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
 def of_contacts(
     model: Model, table: Storage, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment of the ground on some bodies, by the contacts of the model itself.
-
-    As `on_bodies`, from a table of forces in which OpenSim records each contact with the bodies
-    that it acts on: the opposite of what the ground bears.
-    """
+    """Force and moment of the ground on some bodies, by the contacts of the model itself. As
+    `on_bodies`, from a table of forces in which OpenSim records each contact with the bodies that
+    it acts on: the opposite of what the ground bears."""
     carriers = {e.name: e.last_word("socket_frame") for e in model.elements
                 if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
     force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
@@ -328,11 +324,9 @@ def recorded_muscles(
     table: Storage | None, movement: Movement, knee: OsimKneeJoint, below: set[str],
     frames: dict[str, Rigid], shifts: Registration, time: np.ndarray, notes: list[str],
 ) -> tuple[Muscles, np.ndarray]:  # fmt: skip
-    """Muscles with their tensions, and the pull of the quadriceps on the patella.
-
-    `frames` lead from the ground to those of the knee's bones, mm; arrays end in instants. `notes`
-    get a sentence for what was left out.
-    """
+    """Muscles with their tensions, and the pull of the quadriceps on the patella. `frames` lead
+    from the ground to those of the knee's bones, mm; arrays end in instants. `notes` get a sentence
+    for what was left out."""
     none = np.zeros(len(time))
     if table is None:
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")

@@ -172,10 +172,8 @@ def placed(
     shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
 ) -> dict[str, Rigid]:  # fmt: skip
     """Where bodies are in one of them to which joints connect them: forward kinematics.
-
     Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
-    exact as long as nothing turns.
-    """
+    exact as long as nothing turns."""
     still = Rigid()
     if shape is not None:
         still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))

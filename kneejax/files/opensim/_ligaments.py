@@ -267,9 +267,7 @@ def read_patella(
     at: Mapping[str, float],
 ) -> PatellaSection:  # fmt: skip
     """The section of the patella, with the muscles over the knee and ligaments from the pelvis.
-
-    `whole` is the knee with pelvis and foot, at coordinates `at`.
-    """
+    `whole` is the knee with pelvis and foot, at coordinates `at`."""
     where = ", ".join(f"{name}={value:g}" for name, value in at.items())
     file = model.name + (f" at {where}" if at else "")
     notes: list[str] = []
@@ -325,10 +323,8 @@ def _muscles(
     model: Model, knee: OsimKneeJoint, notes: list[str], doubts: list[str]
 ) -> list[paths.OsimPath]:
     """Muscles from the femur, or the pelvis above it, to the patella, the tibia or the foot.
-
     `notes` gets a sentence for what was left out or assumed, `doubts` for a path that is not the
-    model's.
-    """
+    model's."""
     wraps, found = paths.read_wraps(model), []
     for element in model.muscles():
         points = paths.path_points(model, element) if element.applied else []

@@ -109,10 +109,8 @@ class OsimWrap(_Carried):
         self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
     ) -> tuple[float, OsimPoint | None]:
         """How deep inside it points lie at the reference pose, mm, and which is the deepest; zero
-        and none where all lie outside.
-
-        Depth is along the ray from its centre, or in a cylinder across it or to its end.
-        """
+        and none where all lie outside. Depth is along the ray from its centre, or in a cylinder
+        across it or to its end."""
         entry, found = self.document(knee, ""), (0.0, None)
         back = knee.in_femur[entry["bone"]].inverse()
         turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))

@@ -277,10 +277,8 @@ def _mass(model: Model, around: Movement, name: str) -> MovingMass:
 def _reaction(
     table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
 ) -> np.ndarray:
-    """The opposite of a joint's reaction: the knee's own parts take the joint's place.
-
-    Numbers in other units than N, N m and m are refused.
-    """
+    """The opposite of a joint's reaction: the knee's own parts take the joint's place. Numbers in
+    other units than N, N m and m are refused."""
     ends = {}
     for axis in _AXES:
         ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"

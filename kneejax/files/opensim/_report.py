@@ -61,14 +61,11 @@ def untaken(
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those that were read or about which everything has been said, and
     bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
-
     `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`.
-
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
     does not matter: every word of it that is the name of a body, of a frame or contact geometry on
-    one, or of a coordinate counts.
-    """
+    one, or of a coordinate counts."""
     joints, known = read_joints(model), {*taken}
     own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]

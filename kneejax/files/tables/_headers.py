@@ -105,11 +105,9 @@ def by_headers(
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
 ) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
     """Columns that their headers name, beside those that are `taken` (name -> column and factor).
-
     `ignore` are columns that do not count, `known` names that do; `about` says what the table is
     of, for a load without a direction. Doubts are added to the table's mistakes. Gives name ->
-    column and factor; what was assumed, a phrase each; columns that are not used.
-    """
+    column and factor; what was assumed, a phrase each; columns that are not used."""
     used = {column for column, _ in taken.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]
     read = [_directed(one, about) for one in read if one is not None]
