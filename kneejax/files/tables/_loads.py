@@ -318,11 +318,10 @@ def _check_header(
         meant = load_opposite_to(own)
         table.wrong("header", own, expected, f"columns: {{{meant}: -{own}}}" if meant else None)
     read = any(map(_is_reading, there))
-    for what, known, spared in (("load", {*NAMED_LOADS}, unloaded or loads_left),
-                                ("coordinate", {*COLUMNS[1:]}, read)):
-        if not spared and not known & there:
-            ordered = [x for x in (*NAMED_LOADS, *COLUMNS) if x in known]
-            table.wrong("header", f"no {what}", ordered, ())
+    for what, known, spared in (("load", NAMED_LOADS, unloaded or loads_left),
+                                ("coordinate", COLUMNS[1:], read)):
+        if not spared and not there.intersection(known):
+            table.wrong("header", f"no {what}", f"one of {', '.join(known)}")
     if flexion_deg is None and COLUMNS[0] not in there:
         expected = f"this column among {', '.join(table.header)}, or at_deg of the test"
         table.wrong(COLUMNS[0], "missing", expected)
