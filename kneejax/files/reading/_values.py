@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
 from kneejax.files.reading._model import Mistakes, together
@@ -285,10 +285,6 @@ def within(quantity: str) -> BeforeValidator:
     return reads(number, RANGES[quantity])
 
 
-def _as_named(value: Any, info: ValidationInfo) -> float:
-    return number(value, RANGES[info.field_name or ""])
-
-
 def numbers_within(count: int | None, quantity: str) -> BeforeValidator:
     """So many numbers in the range of this name; any number of them where None."""
     return reads(numbers, count, RANGES[quantity])
@@ -343,4 +339,6 @@ Name = Annotated[str, reads(name)]
 Text = Annotated[str, reads(text)]
 Flag = Annotated[bool, reads(_flag)]
 #: A number in the range of the name of its field.
-Number = Annotated[float, BeforeValidator(_as_named)]
+Number = Annotated[
+    float, BeforeValidator(lambda value, info: number(value, RANGES[info.field_name or ""]))
+]
