@@ -113,12 +113,14 @@ class Estimate(Written):
     standard_error: Annotated[float, reads(reading.number)] | None = meaning("if known", None)
 
 
+def _by_name(read: Callable[[Any, str], Any], names: Any = None) -> PlainValidator:
+    """A mapping whose values are read with their names."""
+    return PlainValidator(reading.mapping_of(read, "a mapping", names))
+
+
 #: Parameter -> value.
 Numbers = Annotated[
-    dict[str, float],
-    PlainValidator(
-        reading.mapping_of(lambda x, name: reading.number(x, range_of_parameter(name)), "a mapping")
-    ),
+    dict[str, float], _by_name(lambda x, name: reading.number(x, range_of_parameter(name)))
 ]
 
 
@@ -155,16 +157,16 @@ class ResultFile(Written):
 
     title: Any = meaning("of the study", None)
     knee: Text = meaning("name or file, in older files", "")
-    parameters: Annotated[
-        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping"))
-    ] | None = meaning("parameter -> estimate", None)
+    parameters: Annotated[dict[str, Estimate], _by_name(_estimate)] | None = meaning(
+        "parameter -> estimate", None
+    )
     settings: StudySettings | None = meaning("of the study", None)
     noise: dict[str, Annotated[float, reads(reading.number)] | None] | None = meaning(
         "estimated", None
     )
-    frame_offset: Annotated[
-        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping", _coordinate))
-    ] | None = meaning("free coordinate -> constant between frames", None)
+    frame_offset: Annotated[dict[str, Estimate], _by_name(_estimate, _coordinate)] | None = meaning(
+        "free coordinate -> constant between frames", None
+    )
     correlation: Correlation | None = meaning("of the estimates", None)
     stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = meaning(
         "of what a structure's stiffness is", None

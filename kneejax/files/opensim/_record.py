@@ -65,8 +65,7 @@ class RecordedFiles:
     @property
     def tables(self) -> list[Storage]:
         """All of them."""
-        ground = None if self.ground is None else self.ground.table
-        own = (self.motion, self.muscles, self.reaction, ground)
+        own = (self.motion, self.muscles, self.reaction, self.ground and self.ground.table)
         return [table for table in own if table is not None]
 
 

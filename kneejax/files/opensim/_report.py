@@ -25,18 +25,13 @@ ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
     "would act on the knee, switched off in the model", "does not act on this knee",
     "as asked by --without", "as asked by --without-patella",
 )
-#: What a class of OpenSim is called by, the first that fits, in the singular and the plural.
-_KINDS = (
-    (re.compile("Contact|HuntCrossley|ElasticFoundation|SmoothSphere"), "contact", "contacts"),
-    (re.compile("Muscle"), "muscle", "muscles"),
-    (re.compile("Ligament"), "fibre", "fibres"),
-    (re.compile("Coupler"), "coupler", "couplers"),
-    (re.compile("Constraint"), "constraint", "constraints"),
-    (re.compile("Bushing"), "bushing", "bushings"),
-    (re.compile("Spring|LimitForce|StopForce"), "spring", "springs"),
-    (re.compile("Actuator"), "actuator", "actuators"),
-    (re.compile(""), "other force", "other forces"),
-)
+#: What a class of OpenSim is called: the first whose words stand in its name.
+_KINDS = {
+    "contact": "Contact|HuntCrossley|ElasticFoundation|SmoothSphere", "muscle": "Muscle",
+    "fibre": "Ligament", "coupler": "Coupler", "constraint": "Constraint", "bushing": "Bushing",
+    "spring": "Spring|LimitForce|StopForce", "actuator": "Actuator", "other force": "",
+}  # fmt: skip
+_PLURALS = {"meniscus": "menisci", "body": "bodies"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -116,12 +111,12 @@ def listed(found: Iterable[Untaken]) -> list[str]:
 
 def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
     """How many of which kind, from the classes of elements and the names of bodies."""
-    names = [next(kind[1:] for kind in _KINDS if kind[0].search(tag)) for tag in tags]
-    names += [("meniscus", "menisci") if "menisc" in body.lower() else ("body", "bodies")
-              for body in bodies]
+    names = [next(kind for kind, words in _KINDS.items() if re.search(words, x)) for x in tags]
+    names += ["meniscus" if "menisc" in body.lower() else "body" for body in bodies]
     counts = collections.Counter(names)
-    order = [*(kind[1:] for kind in _KINDS), ("meniscus", "menisci"), ("body", "bodies")]
-    return ", ".join(f"{counts[name]} {name[counts[name] > 1]}" for name in order if counts[name])
+    every = ((counts[name], name) for name in (*_KINDS, *_PLURALS) if counts[name])
+    return ", ".join(f"{n} {name if n == 1 else _PLURALS.get(name, f'{name}s')}"
+                     for n, name in every)
 
 
 def _bodies(model: Model) -> dict[str, str]:
