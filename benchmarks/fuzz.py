@@ -89,7 +89,7 @@ def kinds() -> dict[str, Kind]:
     from kneejax.cohorts import read_cohort
     from kneejax.files import tables
     from kneejax.files.meshes._points import read_mesh_points
-    from kneejax.files.opensim._ground import read_external_loads
+    from kneejax.files.opensim._acting import read_external_loads
     from kneejax.files.opensim._model import read_model
     from kneejax.studies import read_study
     from kneejax.studies._acl_plan import read_plan
@@ -103,7 +103,7 @@ def kinds() -> dict[str, Kind]:
         return data.encode() if isinstance(data, str) else data
 
     def storage(path: Path) -> None:
-        table = tables.read_storage(path)
+        table = files.read_storage(path)
         tables.angles_rad(table, "knee_angle_r")
         table.at(tables.common_times([table], 5), [*table.columns])
 
@@ -131,10 +131,10 @@ def kinds() -> dict[str, Kind]:
         ),
         "plan": one("plan.yaml", PLAN, read_plan),
         "settings": one("settings.json", SETTINGS, settings),
-        "poses": one("poses.csv", POSES, tables.read_poses),
-        "test": one("drawer.csv", DRAWER, tables.read_lab_table),
-        "loads over time": one("loads.csv", LOADS, tables.read_loads_over_time),
-        "candidates": one("tests.csv", CANDIDATES, tables.read_candidates),
+        "poses": one("poses.csv", POSES, files.read_poses),
+        "test": one("drawer.csv", DRAWER, files.read_lab_table),
+        "loads over time": one("loads.csv", LOADS, files.read_loads_over_time),
+        "candidates": one("tests.csv", CANDIDATES, files.read_candidates),
         "storage": one("walk.sto", STO, storage),
         "joint": one("joint.yaml", JOINT, files.read_joint),
         "axes": one("axes.yaml", AXES, files.read_axis_points),

@@ -183,7 +183,7 @@ def _default(field: FieldInfo) -> str:
 def file_formats() -> str:
     """Fields of every file that a person writes, from their models."""
     from kneejax.cohorts import _reading
-    from kneejax.files.joint import _file
+    from kneejax.files import _joint
     from kneejax.files.knee import _document
     from kneejax.studies import _acl_plan, _lab_tests, _schema
 
@@ -192,7 +192,7 @@ def file_formats() -> str:
         "Knee": ("One knee; `kneejax init knee`.", _document.KneeDocument),
         "Cohort": ("Several knees, one template; `kneejax init cohort`.", _reading.CohortFile),
         "Plan of a reconstruction": ("`kneejax init plan`.", _acl_plan.PlanFields),
-        "Joint": ("A simple joint, as `kneejax joint fit` writes it.", _file.JointFields),
+        "Joint": ("A simple joint, as `kneejax joint fit` writes it.", _joint.JointFields),
     }
     of_study = [_schema.Measured, _schema.Synthetic, _schema.StudyStage, _lab_tests.StudyTest]
     out = [_FILES]

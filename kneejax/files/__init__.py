@@ -20,79 +20,79 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import named_document as named_document
     from kneejax.files._bundled import named_path as named_path
     from kneejax.files._bundled import study_path as study_path
-    from kneejax.files._flexion import parse_flexion as parse_flexion
-    from kneejax.files._flexion import parse_range as parse_range
+    from kneejax.files._joint import JointExport as JointExport
+    from kneejax.files._joint import JointFile as JointFile
+    from kneejax.files._joint import export_joint as export_joint
+    from kneejax.files._joint import format_joint as format_joint
+    from kneejax.files._joint import read_joint as read_joint
+    from kneejax.files._joint import write_joint as write_joint
     from kneejax.files._knees import check_new as check_new
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
     from kneejax.files._knees import said_of as said_of
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
-    from kneejax.files.joint import AxisPoints as AxisPoints
-    from kneejax.files.joint import FemurLandmarks as FemurLandmarks
-    from kneejax.files.joint import JointExport as JointExport
-    from kneejax.files.joint import JointFile as JointFile
-    from kneejax.files.joint import TibiaLandmarks as TibiaLandmarks
-    from kneejax.files.joint import export_joint as export_joint
-    from kneejax.files.joint import format_joint as format_joint
-    from kneejax.files.joint import read_axis_points as read_axis_points
-    from kneejax.files.joint import read_femur_landmarks as read_femur_landmarks
-    from kneejax.files.joint import read_joint as read_joint
-    from kneejax.files.joint import read_tibia_landmarks as read_tibia_landmarks
-    from kneejax.files.joint import write_axis_points as write_axis_points
-    from kneejax.files.joint import write_joint as write_joint
-    from kneejax.files.knee import KneeFile as KneeFile
-    from kneejax.files.knee import format_knee as format_knee
-    from kneejax.files.knee import mirror_document as mirror_document
-    from kneejax.files.knee import read_knee as read_knee
-    from kneejax.files.knee import reconstructed as reconstructed
-    from kneejax.files.knee import restated as restated
-    from kneejax.files.knee import write_knee as write_knee
-    from kneejax.files.meshes import MeshBand as MeshBand
-    from kneejax.files.meshes import MeshImport as MeshImport
-    from kneejax.files.meshes import MeshOptions as MeshOptions
-    from kneejax.files.meshes import MeshPoints as MeshPoints
-    from kneejax.files.meshes import SheetFit as SheetFit
-    from kneejax.files.meshes import band_of_meshes as band_of_meshes
-    from kneejax.files.meshes import bone_surface as bone_surface
-    from kneejax.files.meshes import import_meshes as import_meshes
-    from kneejax.files.meshes import read_mesh_points as read_mesh_points
-    from kneejax.files.opensim import SMALLEST_MODEL as SMALLEST_MODEL
-    from kneejax.files.opensim import CoupledMotion as CoupledMotion
-    from kneejax.files.opensim import OsimExport as OsimExport
-    from kneejax.files.opensim import OsimGeometry as OsimGeometry
-    from kneejax.files.opensim import OsimImport as OsimImport
-    from kneejax.files.opensim import Registration as Registration
-    from kneejax.files.opensim import WholeBody as WholeBody
-    from kneejax.files.opensim import WholeBodyForces as WholeBodyForces
-    from kneejax.files.opensim import add_osim_contacts as add_osim_contacts
-    from kneejax.files.opensim import ask_opensim as ask_opensim
-    from kneejax.files.opensim import couple_model as couple_model
-    from kneejax.files.opensim import coupled_motion as coupled_motion
-    from kneejax.files.opensim import export_osim as export_osim
-    from kneejax.files.opensim import format_import_report as format_import_report
-    from kneejax.files.opensim import import_osim as import_osim
-    from kneejax.files.opensim import read_activity as read_activity
-    from kneejax.files.opensim import registered as registered
-    from kneejax.files.opensim import whole_body as whole_body
+    from kneejax.files._landmarks import AxisPoints as AxisPoints
+    from kneejax.files._landmarks import FemurLandmarks as FemurLandmarks
+    from kneejax.files._landmarks import TibiaLandmarks as TibiaLandmarks
+    from kneejax.files._landmarks import read_axis_points as read_axis_points
+    from kneejax.files._landmarks import read_femur_landmarks as read_femur_landmarks
+    from kneejax.files._landmarks import read_tibia_landmarks as read_tibia_landmarks
+    from kneejax.files._landmarks import write_axis_points as write_axis_points
+    from kneejax.files.knee._document import format_knee as format_knee
+    from kneejax.files.knee._document import mirror_document as mirror_document
+    from kneejax.files.knee._file import KneeFile as KneeFile
+    from kneejax.files.knee._file import read_knee as read_knee
+    from kneejax.files.knee._file import write_knee as write_knee
+    from kneejax.files.knee._restated import reconstructed as reconstructed
+    from kneejax.files.knee._restated import restated as restated
+    from kneejax.files.meshes._bands import MeshBand as MeshBand
+    from kneejax.files.meshes._bands import band_of_meshes as band_of_meshes
+    from kneejax.files.meshes._import import MeshImport as MeshImport
+    from kneejax.files.meshes._import import MeshOptions as MeshOptions
+    from kneejax.files.meshes._import import import_meshes as import_meshes
+    from kneejax.files.meshes._points import MeshPoints as MeshPoints
+    from kneejax.files.meshes._points import bone_surface as bone_surface
+    from kneejax.files.meshes._points import read_mesh_points as read_mesh_points
+    from kneejax.files.meshes._surfaces import SheetFit as SheetFit
+    from kneejax.files.opensim._contact import OsimGeometry as OsimGeometry
+    from kneejax.files.opensim._contact import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim._coupled import CoupledMotion as CoupledMotion
+    from kneejax.files.opensim._coupled import couple_model as couple_model
+    from kneejax.files.opensim._coupled import coupled_motion as coupled_motion
+    from kneejax.files.opensim._export import OsimExport as OsimExport
+    from kneejax.files.opensim._export import export_osim as export_osim
+    from kneejax.files.opensim._frames import Registration as Registration
+    from kneejax.files.opensim._frames import registered as registered
+    from kneejax.files.opensim._import import OsimImport as OsimImport
+    from kneejax.files.opensim._import import import_osim as import_osim
+    from kneejax.files.opensim._model import SMALLEST_MODEL as SMALLEST_MODEL
+    from kneejax.files.opensim._record import read_activity as read_activity
+    from kneejax.files.opensim._report import format_import_report as format_import_report
+    from kneejax.files.opensim._whole_body import WholeBody as WholeBody
+    from kneejax.files.opensim._whole_body import WholeBodyForces as WholeBodyForces
+    from kneejax.files.opensim._whole_body import ask_opensim as ask_opensim
+    from kneejax.files.opensim._whole_body import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import InputProblems as InputProblems
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import write_bytes as write_bytes
     from kneejax.files.reading import write_text as write_text
+    from kneejax.files.reading._values import parse_flexion as parse_flexion
+    from kneejax.files.reading._values import parse_range as parse_range
     from kneejax.files.results import Calibrated as Calibrated
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated
     from kneejax.files.results import write_netcdf as write_netcdf
-    from kneejax.files.tables import CandidateRow as CandidateRow
-    from kneejax.files.tables import LabTable as LabTable
-    from kneejax.files.tables import read_candidates as read_candidates
-    from kneejax.files.tables import read_lab_table as read_lab_table
-    from kneejax.files.tables import read_loads as read_loads
-    from kneejax.files.tables import read_loads_over_time as read_loads_over_time
-    from kneejax.files.tables import read_patella_poses as read_patella_poses
-    from kneejax.files.tables import read_poses as read_poses
-    from kneejax.files.tables import read_storage as read_storage
-    from kneejax.files.tables import write_poses as write_poses
-    from kneejax.files.tables import write_rows as write_rows
+    from kneejax.files.tables._loads import CandidateRow as CandidateRow
+    from kneejax.files.tables._loads import LabTable as LabTable
+    from kneejax.files.tables._loads import read_candidates as read_candidates
+    from kneejax.files.tables._loads import read_lab_table as read_lab_table
+    from kneejax.files.tables._loads import read_loads as read_loads
+    from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
+    from kneejax.files.tables._storage import read_storage as read_storage
+    from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
+    from kneejax.files.tables._tables import read_poses as read_poses
+    from kneejax.files.tables._tables import write_poses as write_poses
+    from kneejax.files.tables._tables import write_rows as write_rows
 else:
     lazy_imports(globals())

@@ -136,11 +136,10 @@ def bundled_examples() -> dict[str, Example]:
         >>> bundled_examples()["specimen"].path.name
         'specimen'
     """
-    answer = {}
-    for about in sorted((_data_folder() / "examples").glob("*/README.txt")):
-        title = about.read_text(encoding="utf-8").partition("\n")[0]
-        answer[about.parent.name] = Example(about.parent, title)
-    return answer
+    every = sorted((_data_folder() / "examples").glob("*/README.txt"))
+    titles = (about.read_text(encoding="utf-8").partition("\n")[0] for about in every)
+    return {about.parent.name: Example(about.parent, title)
+            for about, title in zip(every, titles, strict=True)}
 
 
 def bundled_studies() -> dict[str, str]:
@@ -373,7 +372,7 @@ def _read(path: Path) -> list[LaxityBand]:
     ends, cuts = table.cells("end"), table.cells("cut")
     for place, end in ends:
         if end not in ENDS:
-            table.mistakes.append(InputProblem(table.file, place, end, ENDS))
+            table.wrong(place, end, ENDS)
     numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
                         table.column("sd", empty=True)], axis=1)  # fmt: skip
     table.mistakes.check()

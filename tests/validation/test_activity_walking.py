@@ -14,6 +14,7 @@ import pytest
 from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
+from kneejax.files.opensim._acting import crossing
 from kneejax.files.opensim._exact import Rigid
 from kneejax.files.opensim._joints import moved
 from kneejax.files.opensim._knee import find_knee
@@ -24,7 +25,6 @@ from kneejax.files.opensim._record import (
     moved_around,
     sorted_files,
 )
-from kneejax.files.opensim._record_muscles import crossing
 from kneejax.files.tables import common_times
 from kneejax.geometry import TIBIA, Pose, State
 

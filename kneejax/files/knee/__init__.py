@@ -6,16 +6,9 @@ from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
     from kneejax.files.knee._document import check_knee as check_knee
-    from kneejax.files.knee._document import format_knee as format_knee
-    from kneejax.files.knee._document import mirror_document as mirror_document
     from kneejax.files.knee._document import mirror_part as mirror_part
-    from kneejax.files.knee._file import KneeFile as KneeFile
     from kneejax.files.knee._file import build_knee as build_knee
-    from kneejax.files.knee._file import read_knee as read_knee
-    from kneejax.files.knee._file import write_knee as write_knee
     from kneejax.files.knee._parts import ENDS as ENDS
-    from kneejax.files.knee._restated import reconstructed as reconstructed
-    from kneejax.files.knee._restated import restated as restated
     from kneejax.files.knee._surfaces import build_obstacle as build_obstacle
     from kneejax.files.knee._surfaces import build_surface as build_surface
 else:

@@ -107,11 +107,9 @@ def fibre_names(name: str, band: Band) -> tuple[str, ...]:
 def drawn(
     document: dict[str, Any], bands: Mapping[str, Band], tibia: Placement
 ) -> dict[str, Any]:
-    """A knee document whose bands (its section `bands`, read) are fibres, each band a group.
-
-    Half diameters that are given belong to each other, first to first; those of an outline are
-    chosen so that the band is twisted least at the reference pose, where the tibia is at `tibia`.
-    """
+    """A knee document whose bands (its section `bands`, read) are fibres, each band a group. Half
+    diameters that are given belong to each other, first to first; those of an outline are chosen so
+    that the band is twisted least at the reference pose, where the tibia is at `tibia`."""
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
     for name, band in bands.items():
         areas = band.femoral_area, band.tibial_area

@@ -13,23 +13,9 @@ from pydantic import Field, create_model, model_validator
 
 from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
+from kneejax.files.knee import _parts as parts
+from kneejax.files.knee import _surfaces as faces
 from kneejax.files.knee._bands import Band, fibre_names
-from kneejax.files.knee._parts import (
-    Ligament,
-    LigamentOfTwo,
-    Line,
-    LoadOfFile,
-    Mirrored,
-    Muscle,
-)
-from kneejax.files.knee._surfaces import (
-    SURFACES,
-    AnyObstacle,
-    AnySurface,
-    ContactPart,
-    PatellarContact,
-    TibialContact,
-)
 from kneejax.files.reading import Chosen, InputProblem, Mistakes, Name, Part, Text, reads, wrong
 from kneejax.geometry import BODIES, PATELLA, TIBIA
 from kneejax.mechanics import BONES, RANGES
@@ -79,16 +65,16 @@ class Origin(Part):
 
 _PATTERNS = "names of ligaments, or patterns such as ACL*"
 Group = Annotated[tuple[Text, ...], reading.entries(_PATTERNS)]
-Obstacles = Annotated[dict[Name, AnyObstacle], reading.named("an obstacle")]
+Obstacles = Annotated[dict[Name, faces.AnyObstacle], reading.named("an obstacle")]
 
 
 class Patella(Part):
     """The patella: its pose, and all parts that join it, with the muscles."""
 
     reference_pose: PatellaPose  # pyright: ignore[reportInvalidTypeForm]
-    ligaments: Annotated[dict[Name, Ligament], reading.named("a ligament")]
-    contacts: Annotated[dict[Name, PatellarContact], reading.named("a contact", empty=True)]
-    muscles: Annotated[dict[Name, Muscle], reading.named("a muscle")]
+    ligaments: Annotated[dict[Name, parts.Ligament], reading.named("a ligament")]
+    contacts: Annotated[dict[Name, faces.PatellarContact], reading.named("a contact", empty=True)]
+    muscles: Annotated[dict[Name, parts.Muscle], reading.named("a muscle")]
     wraps: Obstacles = {}
 
     @model_validator(mode="after")
@@ -118,7 +104,7 @@ def _patella(value: Any) -> type[Part]:
 class Surfaces(Part):
     """Articular surfaces that no contact uses yet."""
 
-    patella: AnySurface | None = None
+    patella: faces.AnySurface | None = None
 
 
 class KneeDocument(Part):
@@ -130,15 +116,15 @@ class KneeDocument(Part):
     description: Text
     reference_pose: TibiaPose  # pyright: ignore[reportInvalidTypeForm]
     # A model without meshes has no contacts yet, meshes alone have no ligaments.
-    ligaments: Annotated[dict[Name, LigamentOfTwo], reading.named("a ligament", empty=True)]
-    contacts: Annotated[dict[Name, TibialContact], reading.named("a contact", empty=True)]
+    ligaments: Annotated[dict[Name, parts.LigamentOfTwo], reading.named("a ligament", empty=True)]
+    contacts: Annotated[dict[Name, faces.TibialContact], reading.named("a contact", empty=True)]
     patella: Annotated[Patella | SameAs, Chosen(_patella)] | None = None
     surfaces: Surfaces = Surfaces()
     bands: Annotated[dict[Name, Band], reading.named("a band")] = {}
     wraps: Obstacles = {}
     groups: Annotated[dict[Name, Group], reading.named("a list of ligaments")] = {}
-    lines: Annotated[dict[Name, Line], reading.named("one of the lines")] = {}
-    loads: Annotated[dict[Name, LoadOfFile], reading.named("one of the loads")] = {}
+    lines: Annotated[dict[Name, parts.Line], reading.named("one of the lines")] = {}
+    loads: Annotated[dict[Name, parts.LoadOfFile], reading.named("one of the loads")] = {}
     adaptations: Annotated[tuple[Adaptation, ...], reading.entries("adaptations")] = ()
     notes: Text = ""
     imported_from: Origin | None = None
@@ -175,10 +161,9 @@ class KneeDocument(Part):
 
 
 def _check_wraps(
-    parts: Mapping[str, Ligament | Muscle | Band], wraps: Mapping[str, Any], section: str,
-    mistakes: Mistakes,
-) -> None:  # fmt: skip
-    for name, part in parts.items():
+    fibres: Mapping[str, Any], wraps: Mapping[str, Any], section: str, mistakes: Mistakes
+) -> None:
+    for name, part in fibres.items():
         with mistakes.gathered(f"{section}.{name}.wrap"):
             if part.wrap is not None:
                 reading.choice(part.wrap, wraps or ("none: the file has no section wraps",))
@@ -273,7 +258,7 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
 def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
     """The other side's twin of a contact or a surface of a knee document."""
-    model = SURFACES[part["kind"]] if "kind" in part else ContactPart
+    model = faces.SURFACES[part["kind"]] if "kind" in part else faces.ContactPart
     return _walked(model, part, _image)
 
 
@@ -290,7 +275,7 @@ def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:
 
 def _image(value: Any, marks: tuple[Any, ...], part: Mapping[str, Any]) -> Any:
     for mark in marks:
-        if isinstance(mark, Mirrored):
+        if isinstance(mark, parts.Mirrored):
             return mark.image(value, part)
     return copy.deepcopy(value)
 

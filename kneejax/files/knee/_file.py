@@ -269,8 +269,17 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
     found = fibres(np.array(slack))
     try:
         mechanics.check_fibres(found, inside, lengths)
-    except Implausible as problem:
-        raise _at_its_place(problem, ways[problem.fibre].part, file) from None
+    except Implausible as problem:  # said of the field that gave it
+        part: Any = ways[problem.fibre].part
+        value, expected = problem.value, problem.expected
+        section = "ligaments" if part.patellar_attachment_mm is None else "patella.ligaments"
+        place = f"{section}.{problem.fibre}"
+        if problem.quantity == "wrap":
+            place, value = f"{place}.wrap", part.wrap
+        elif problem.quantity == "slack_length":
+            place, value = f"{place}.{part.slack_field}", getattr(part, part.slack_field)
+            expected = f"a value that gives a slack length {expected}"
+        raise InputProblem(file, place, value, expected) from None
     if PATELLA in state.poses:
         strains = lengths / np.asarray(found.slack_length) - 1.0
         for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
@@ -283,19 +292,6 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
                 place = f"patella.ligaments.{name}.{given}"
                 raise InputProblem(file, place, getattr(part, given), expected)
     return found
-
-
-def _at_its_place(problem: Implausible, part: Any, file: str) -> InputProblem:
-    """What is wrong with a fibre, said of the field that gave it."""
-    section = "ligaments" if part.patellar_attachment_mm is None else "patella.ligaments"
-    place, value, expected = f"{section}.{problem.fibre}", problem.value, problem.expected
-    if problem.quantity == "wrap":
-        place, value = f"{place}.wrap", part.wrap
-    elif problem.quantity == "slack_length":
-        given = part.slack_field
-        place, value = f"{place}.{given}", getattr(part, given)
-        expected = f"a value that gives a slack length {expected}"
-    return InputProblem(file, place, value, expected)
 
 
 def _courses(ways: list[Way]) -> list[mechanics.Course]:

@@ -156,10 +156,11 @@ class Sourced(Part):
     @model_validator(mode="after")
     def _check_source(self) -> Sourced:
         if isinstance(self.source, dict):
-            given = [name for name in self.model_fields_set if name != "source"]
+            fields, stated = type(self).model_fields, self.model_fields_set - {"source"}
+            given = [name for name in fields if name in stated]
             spared, mistakes = marked(type(self), Source), Mistakes()
-            for name in [x for x in type(self).model_fields if x in given and x not in spared]:
-                if name not in self.source:
+            for name in given:
+                if name not in spared and name not in self.source:
                     mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
             for name in [name for name in self.source if name not in given]:
                 expected = f"no such field, but one of {', '.join(given)}"
@@ -294,8 +295,7 @@ class LoadOfFile(Sourced):
         mistakes = Mistakes()
         if self.force_N is None and self.moment_Nmm is None:
             mistakes.append(wrong("neither", "force_N, moment_Nmm, or both"))
-        needed = ("point_mm", "point_in") if self.force_N is not None else ()
-        for name in needed:
+        for name in ("point_mm", "point_in") if self.force_N is not None else ():
             if name not in self.model_fields_set:
                 mistakes.append(wrong("missing", "this field", at=name))
         mistakes.check()

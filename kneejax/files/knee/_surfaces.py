@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 from pydantic import model_validator
@@ -87,6 +87,22 @@ class Surface(Sourced):
     source: Text
     fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
     fit_max_mm: Annotated[float, within("fit_mm")] | None = None
+    # of a table over a region: what its values are, and what the least and the greatest may be
+    bounds: ClassVar[tuple[str, Range, Range] | None] = None
+
+    @model_validator(mode="after")
+    def _check_table(self) -> Surface:
+        if self.bounds is not None:
+            (what, *allowed), mistakes = self.bounds, Mistakes()
+            table, spline = self.coefficients_mm, self.basis == CUBIC_SPLINE  # pyright: ignore
+            with mistakes.gathered("coefficients_mm"):
+                values = (_spline if spline else _powers)(table)
+                for value, one in zip((values.max(), values.min()), allowed[::-1], strict=True):
+                    if not one.holds(value):
+                        expected = f"{what} {one} all over the region{one.hint(value)}"
+                        raise wrong([*map(list, table)], expected)
+            mistakes.check()
+        return self
 
 
 def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
@@ -108,22 +124,11 @@ def _spline(table: list[tuple[float, ...]]) -> np.ndarray:
     return values
 
 
-def _check_table(surface: Condyle | Plateau, what: str, least: Range, greatest: Range) -> None:
-    """The least and the greatest value of a surface's table over its region."""
-    table, mistakes = surface.coefficients_mm, Mistakes()
-    with mistakes.gathered("coefficients_mm"):
-        values = (_spline if surface.basis == CUBIC_SPLINE else _powers)(table)
-        for value, allowed in ((values.max(), greatest), (values.min(), least)):
-            if not allowed.holds(value):
-                expected = f"{what} {allowed} all over the region{allowed.hint(value)}"
-                raise wrong([*map(list, table)], expected)
-    mistakes.check()
-
-
 class Condyle(Surface):
     """A radius over the angle about an axis, and along it."""
 
     makes = geometry.Condyle
+    bounds = "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"]
     axis_point_mm: Origin
     axis_rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
@@ -131,16 +136,12 @@ class Condyle(Surface):
     width_mm: Extent
     coefficients_mm: Table
 
-    @model_validator(mode="after")
-    def _check_values(self) -> Condyle:
-        _check_table(self, "a radius", RANGES["corner_radius_mm"], RANGES["radius_mm"])
-        return self
-
 
 class Plateau(Surface):
     """A height over a plane."""
 
     makes = geometry.Plateau
+    bounds = "a height", RANGES["point_mm"], RANGES["point_mm"]
     origin_mm: Origin
     rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
@@ -148,11 +149,6 @@ class Plateau(Surface):
     anterior_mm: Annotated[tuple[float, float], reads(_extent), Gives("x")]
     lateral_mm: Annotated[Extent, Gives("z")]
     coefficients_mm: Table
-
-    @model_validator(mode="after")
-    def _check_values(self) -> Plateau:
-        _check_table(self, "a height", RANGES["point_mm"], RANGES["point_mm"])
-        return self
 
 
 class PlaneSurface(Surface):

@@ -92,8 +92,12 @@ def find_femur(
         angle, radius, along = cylindrical(center, places)
         return angle * 10.0, along / 3.0, radius
 
-    facing = [towards_joint(sheet, _radial(center, sheet), findings) for sheet in sheets]
-    cloud = joined(outermost(facing, by_angle, "outer", findings))
+    def radial(sheet: Sheet) -> np.ndarray:
+        away = in_frame(center, sheet.centers) * [1.0, 1.0, 0.0]
+        away = _rows(center.placement.turn(tuple(away.T)), len(away))
+        return away / np.linalg.norm(away, axis=1, keepdims=True)
+
+    cloud = joined(articular(sheets, radial, by_angle, "outer", findings))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
         notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
@@ -109,18 +113,11 @@ def find_plateaus(
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:
     """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
-    upwards: at the lateral place `split_mm`, tibia frame, where it is given.
-
-    `tibia` is the pose in the femur at which the meshes meet; raises where they do not, or both
-    parts lie on one side of the notch.
-    """
+    upwards, at the lateral place `split_mm` if it is given. Raises where they do not meet the femur
+    at the pose `tibia`, or both parts lie on one side of the notch."""
     name = sheets[0].name
-    facing = [
-        towards_joint(sheet, np.tile([0.0, 1.0, 0.0], (len(sheet.faces), 1)), findings)
-        for sheet in sheets
-    ]
-    facing = outermost(
-        facing, lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
+    facing = articular(sheets, lambda _: np.array([0.0, 1.0, 0.0]),
+                       lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
     parts = _parted(facing, split_mm, femur, tibia, findings)
     found: dict[str, Sheet] = {}
@@ -154,12 +151,9 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 def condyle_region(
     femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau.
-
-    It begins a margin before the foremost of the plateau's points, `tibial`, at the reference pose,
-    since a knee may extend further, and ends with the cartilage. The condyle comes with the
-    trochlea of its side.
-    """
+    """Angles, degrees, and widths, mm, over which a condyle, with the trochlea of its side, can
+    meet its plateau: from a margin before the foremost of the plateau's points, `tibial`, at the
+    reference pose, since a knee may extend further, to the end of the cartilage."""
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()
@@ -183,37 +177,28 @@ def _rows(vector, count: int) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(c), count) for c in vector], axis=1)
 
 
-def _radial(axis: Frame, sheet: Sheet) -> np.ndarray:
-    away = in_frame(axis, sheet.centers)
-    away[:, 2] = 0.0
-    away = _rows(axis.placement.turn(tuple(away.T)), len(away))
-    return away / np.linalg.norm(away, axis=1, keepdims=True)
-
-
-def towards_joint(sheet: Sheet, direction: np.ndarray, findings: list[str]) -> Sheet:
-    """The sheet with its articular side out; of a volume, its articular side alone.
-
-    `direction` is towards the joint, one unit vector a triangle.
-    """
-    along = np.einsum("ij,ij->i", sheet.normals, direction)
-    if not sheet.closed:
-        if np.average(along, weights=sheet.face_areas) >= 0:
-            return sheet
-        findings.append(f"{Path(sheet.name).name}: the normals faced the bone and were turned.")
-        return sheet.turned()
-    findings.append(f"{Path(sheet.name).name}: a closed volume; its articular side was taken.")
-    return sheet.kept(along > _FACING)
-
-
-def outermost(sheets: list[Sheet], place, word: str, findings: list[str]) -> list[Sheet]:
-    """Sheets of one bone without those that lie behind another one.
-
-    `place` gives two parameters of points, in units of a cell, and the height over them; `word` is
-    for the sheet that is kept, in the sentence on the others.
-    """
+def articular(
+    sheets: list[Sheet], direction, place, word: str, findings: list[str]
+) -> list[Sheet]:
+    """Articular sides of one bone's sheets, of a volume that side alone, turned outwards, without
+    sheets behind another one. `direction` gives unit vectors of a sheet towards the joint, one or
+    one a triangle; `place` two parameters of points, in units of a cell, and the height over them;
+    `word` says in the sentence which sheet is kept."""
+    facing: list[Sheet] = []
+    for sheet in sheets:
+        named = Path(sheet.name).name
+        towards = np.broadcast_to(direction(sheet), sheet.normals.shape)
+        along = np.einsum("ij,ij->i", sheet.normals, towards)
+        if sheet.closed:
+            findings.append(f"{named}: a closed volume; its articular side was taken.")
+            sheet = sheet.kept(along > _FACING)
+        elif np.average(along, weights=sheet.face_areas) < 0:
+            findings.append(f"{named}: the normals faced the bone and were turned.")
+            sheet = sheet.turned()
+        facing.append(sheet)
     kept: list[Sheet] = []
-    grids = [_heights(*place(sheet.corners()[0])) for sheet in sheets]
-    for sheet, own in zip(sheets, grids, strict=True):
+    grids = [_heights(*place(sheet.corners()[0])) for sheet in facing]
+    for sheet, own in zip(facing, grids, strict=True):
         shared = ((grid, own.keys() & grid.keys()) for grid in grids if grid is not own)
         if any(2 * len(cells) >= len(own) and np.mean([grid[c] - own[c] for c in cells]) > 0
                for grid, cells in shared):

@@ -86,11 +86,9 @@ def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[
 
 
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """Repair a mesh, which findings call by a name, and take it apart into connected sheets.
-
-    Gives sheets, the largest first, without fragments of less than a twentieth of the area, and a
-    sentence for each thing that was found and repaired; raises of a mesh beyond repair.
-    """
+    """Repair a mesh, which findings call by a name, and take it apart into connected sheets, the
+    largest first, without fragments of less than a twentieth of the area; a sentence for each
+    repair."""
     findings: list[str] = []
     named = Path(name).name
     if mesh.scale != 1.0:

@@ -11,9 +11,9 @@ import numpy as np
 
 from kneejax.files.knee import mirror_part
 from kneejax.files.meshes import _anatomy as anatomy
-from kneejax.files.meshes import _layer as layer
+from kneejax.files.meshes import _surfaces as fitted
 from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
-from kneejax.files.meshes._surfaces import PATCH_MM, SheetFit, fit_compartment, fit_patellofemoral
+from kneejax.files.meshes._surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Pose
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
@@ -89,17 +89,6 @@ class MeshOptions:
         given = {"cell_mm": self.cell_mm, "smoothing_mm": self.smoothing_mm}
         return {name: value for name, value in given.items() if value is not None}
 
-    @property
-    def material(self) -> dict[str, Any]:
-        """What all contacts of a knee have alike."""
-        return {
-            "form": QUADRATURE,
-            "law": self.law,
-            "youngs_modulus_MPa": float(self.youngs_modulus_MPa),
-            "poisson_ratio": float(self.poisson_ratio),
-            "onset_width_mm": float(self.onset_width_mm),
-        }
-
     def check(self, femoral_cartilage: MeshPath, tibial_cartilage: MeshPath) -> None:
         """Refuse options and files that cannot be meant, before the work begins."""
         if (self.femur_bone is None) != (self.tibia_bone is None):
@@ -111,11 +100,9 @@ class MeshOptions:
             ("--patella-cartilage", self.patellar_cartilage), ("--femur-bone", self.femur_bone),
             ("--tibia-bone", self.tibia_bone),
         ):
-            place = "" if path is None else os.path.realpath(path)
-            if path is not None and place in seen:
-                expected = f"another file than that of {seen[place]}"
+            if path and (first := seen.setdefault(os.path.realpath(path), option)) != option:
+                expected = f"another file than that of {first}"
                 raise InputProblem(option, "file", os.fspath(path), expected)
-            seen[place] = option
         for name, value, known in (("law", self.law, cartilage_law.LAWS),
                                    ("thickness", self.thickness, THICKNESSES)):
             if value not in known:
@@ -214,45 +201,37 @@ def import_meshes(
         bones = read(options.femur_bone), read(options.tibia_bone)
     contacts, tibia = {}, _reference(options).placement
     for name, sheet in plateaus.items():
-        condyle, plateau = fit_compartment(
+        condyle, plateau = fitted.fit_compartment(
             name, sheet, femur, tibia, options.angle_deg, options.splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
-        found = layer.Layer(float(given_mm or 0.0), "given at import")
+        found = fitted.Layer(float(given_mm or 0.0), "given at import")
         if given_mm is None:
-            found = layer.find_layer(
+            found = fitted.find_layer(
                 name, condyle, plateau, femur, sheet, bones, options.thickness, findings)
         varies = {} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}
-        contact = {
-            "points": _points(plateau),
-            "layer_thickness_mm": round(found.thickness_mm, 3),
-            **varies,
-            "femoral_surface": _surface(condyle, stated),
-            "tibial_surface": _surface(plateau, stated),
-        }
-        contacts[name] = _contact(options, contact, ["layer_thickness_mm", *varies], found.source,
-                                  left)
+        layer = {"layer_thickness_mm": round(found.thickness_mm, 3), **varies}
+        surfaces = {"femoral_surface": _surface(condyle, stated),
+                    "tibial_surface": _surface(plateau, stated)}
+        contacts[name] = _contact(options, plateau, layer, surfaces, found.source, left)
     patellofemoral = None
     if options.patellar_cartilage is not None:
         on_patella, sheets = Path(options.patellar_cartilage).name, read(options.patellar_cartilage)
         for sheet in sheets:
             check_holes(sheet, findings)
-        patella, trochlea = fit_patellofemoral(sheets, femur, findings, options.splines)
+        patella, trochlea = fitted.fit_patellofemoral(sheets, femur, findings, options.splines)
         for name, part in (("patella", patella), ("trochlea", trochlea)):
             _judge(name, part, "everywhere", on_patella, findings)
             fits[name] = part
-        contact = {
-            "points": _points(patella),
-            "layer_thickness_mm": float(given_mm or layer.ASSUMED_MM),
-            "femoral_surface": _surface(trochlea, stated),
-            "patellar_surface": _surface(patella, on_patella),
-        }
+        layer = {"layer_thickness_mm": float(given_mm or fitted.ASSUMED_MM)}
+        surfaces = {"femoral_surface": _surface(trochlea, stated),
+                    "patellar_surface": _surface(patella, on_patella)}
         said = "given at import" if given_mm else "assumed"
-        patellofemoral = _contact(options, contact, ["layer_thickness_mm"], said, left)
+        patellofemoral = _contact(options, patella, layer, surfaces, said, left)
     if given_mm is None and bones is None:
         findings.append(
-            f"No bone meshes, no thickness: the layer is taken as {layer.ASSUMED_MM:g} mm thick."
+            f"No bone meshes, no thickness: the layer is taken as {fitted.ASSUMED_MM:g} mm thick."
         )
     if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
@@ -300,8 +279,8 @@ def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[st
         f"{name}: {part.fit.cells[0]} x {part.fit.cells[1]} cells, smoothed below "
         f"{part.fit.smoothing_mm:g} mm; {where} {q.rms:.3f} mm rms, "
         f"{q.maximum:.2f} mm at most, {q.mean:+.4f} mm on average, {q.patch_maximum:.3f} mm on "
-        f"average over the worst {PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm rms "
-        "over the whole surface."
+        f"average over the worst {fitted.PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm "
+        "rms over the whole surface."
     )
     if q.rms > WORST_RMS_MM:
         expected = f"one sheet, single-valued from the joint, within {WORST_RMS_MM} mm rms"
@@ -311,17 +290,19 @@ def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[st
 
 
 def _contact(
-    options: MeshOptions, fields: dict[str, Any], of_layer: list[str], said: str, left: bool
-) -> dict[str, Any]:
+    options: MeshOptions, part: SheetFit, layer: dict[str, Any], surfaces: dict[str, Any],
+    said: str, left: bool,
+) -> dict[str, Any]:  # fmt: skip
     """A contact of a knee document, on the side that was given, with its sources."""
-    source = dict.fromkeys(("youngs_modulus_MPa", "poisson_ratio"), "given at import")
-    contact = options.material | fields | {"source": source | dict.fromkeys(of_layer, said)}
-    return mirror_part(contact) if left else contact
-
-
-def _points(part: SheetFit) -> list[int]:
     extents = [float(upper - lower) for lower, upper in part.fit.surface.bounds()]
-    return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
+    points = [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
+    numbers = ("youngs_modulus_MPa", "poisson_ratio", "onset_width_mm")
+    contact: dict[str, Any] = {"form": QUADRATURE, "law": options.law}
+    contact |= {name: float(getattr(options, name)) for name in numbers}
+    contact |= {"points": points} | layer | surfaces
+    contact["source"] = dict.fromkeys(numbers[:2], "given at import")
+    contact["source"] |= dict.fromkeys(layer, said)
+    return mirror_part(contact) if left else contact
 
 
 def _surface(part: SheetFit, stated: str) -> dict[str, Any]:

@@ -261,8 +261,8 @@ def _ply_header(path: Path, data: bytes) -> tuple[str, list[_Rows], bytes]:
             case _:
                 raise InputProblem(path, "header", line, "a line of the header of a PLY mesh")
     if not form or not elements:
-        found_words = "no format" if not form else "no elements"
-        raise InputProblem(path, "header", found_words, "a triangle mesh in PLY")
+        lacks = "no elements" if form else "no format"
+        raise InputProblem(path, "header", lacks, "a triangle mesh in PLY")
     return form, elements, data[found.end() :]
 
 

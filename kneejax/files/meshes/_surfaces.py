@@ -1,26 +1,21 @@
-"""Articular surfaces fitted to cartilage: where they can touch, how good the fits are there."""
+"""Articular surfaces fitted to cartilage: where they can touch, how good the fits are there, and
+how thick the layer is that femoral and tibial cartilage form together, down to the bones."""
 
 from __future__ import annotations
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import numpy as np
+from numpy.polynomial import polynomial
 
+from kneejax import geometry
 from kneejax.files.meshes import _anatomy as anatomy
 from kneejax.files.meshes._anatomy import Femur
 from kneejax.files.meshes._health import Sheet
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import (
-    Condyle,
-    Frame,
-    Placement,
-    Plateau,
-    SplineFit,
-    fit_condyle_spline,
-    fit_plane,
-    fit_plateau_spline,
-)
+from kneejax.geometry import Condyle, Frame, Placement, Plateau, SplineFit, fit_condyle_spline
 
 #: Flexion of the hinge that carries the plateau around the condyle, from the reference pose.
 FLEXIONS_DEG = np.arange(-10.0, 151.0, 10.0)
@@ -38,6 +33,17 @@ _PATELLA_WIDTHS_MM = (20.0, 80.0)
 _LOWEST_DEG = 120.0
 #: The patella's joint looks backwards: Y of this frame points there, X upwards, Z to the right.
 _BACKWARDS = (0.0, 0.0, 0.5 * np.pi)
+#: Thickness of both cartilages where nothing is known of it, mm.
+ASSUMED_MM = 6.0
+#: A field is nowhere thinner than this, mm: else it is taken simpler.
+_THINNEST_MM = 0.5
+_DEGREES = (3, 2, 1)
+#: Bone is looked for this far below and above the cartilage's surface, mm.
+DEEPEST_MM, HIGHEST_MM = 12.0, 4.0
+#: Cartilage may end below the bone's surface at its rims: meshes are refused where more than this
+#: share of the area lies deeper than this, mm.
+MOST_NEGATIVE, TOUCHING_MM = 0.2, 0.1
+_CELL_MM = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,10 +82,8 @@ def fit_compartment(
     angle_deg: tuple[float, float] | None,
     splines: dict[str, float],
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of a condyle and its plateau, and where they can touch.
-
-    The region of the condyle is found unless it is given; `splines` are options of the fits.
-    """
+    """Fits of a condyle and its plateau, and where they can touch; the region of the condyle is
+    found unless it is given, `splines` are options of the fits."""
     lateral = femur.cylindrical(femur.cloud.points)[2] > femur.notch_mm
     cloud = femur.cloud.kept(lateral == (name == "lateral"))
     tibial = anatomy.joined([sheet])
@@ -88,7 +92,8 @@ def fit_compartment(
     angle = angle if angle_deg is None else tuple(float(a) for a in angle_deg)
     try:
         condyle = fit_condyle_spline(cloud.points, angle, width, femur.axis, cloud.areas, **splines)
-        plateau = _fit_plateau(sheet, fit_plane(tibial.points, tibial.areas).surface.frame, splines)
+        plane = geometry.fit_plane(tibial.points, tibial.areas).surface
+        plateau = _fit_plateau(sheet, plane.frame, splines)
     except ValueError as error:
         raise InputProblem(sheet.name, name, str(error), "enough of both cartilages") from None
     on_condyle, on_plateau = contact_regions(femur, condyle, at_reference)
@@ -102,12 +107,10 @@ def fit_compartment(
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets, everywhere.
-
-    The groove is one surface of the femur's cartilage from its upper border down and around both
-    condyles. It overlaps with the condyles that meet the tibia, which are fitted to the same
-    cartilage: no load is handed over from one surface to another. Across the notch it falls off.
-    """
+    """Fits of the patella and of the groove that it meets, everywhere. The groove is one surface of
+    the femur's cartilage from its upper border down and around both condyles. It overlaps with the
+    condyles that meet the tibia, which are fitted to the same cartilage: no load is handed over
+    from one surface to another. Across the notch it falls off."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
     angle, _, along = femur.cylindrical(cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
@@ -125,22 +128,17 @@ def fit_patella(
     sheets: list[Sheet], findings: list[str], splines: dict[str, float]
 ) -> SplineFit[Plateau]:
     """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
-
     Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
-    where they are no patella's cartilage that faces backwards, in one sheet.
-    """
+    where they are no patella's cartilage that faces backwards, in one sheet."""
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))
     low, high = _PATELLA_WIDTHS_MM
     if not low < width < high:
         expected = f"a patellar cartilage {low:g} to {high:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
-    facing = [
-        anatomy.towards_joint(sheet, np.tile([-1.0, 0.0, 0.0], (len(sheet.faces), 1)), findings)
-        for sheet in sheets
-    ]
-    facing = anatomy.outermost(
-        facing, lambda p: (p[:, 1] / 3.0, p[:, 2] / 3.0, -p[:, 0]), "rear", findings)
+    facing = anatomy.articular(
+        sheets, lambda _: np.array([-1.0, 0.0, 0.0]),
+        lambda p: (p[:, 1] / 3.0, p[:, 2] / 3.0, -p[:, 0]), "rear", findings)
     if len(facing) > 1:
         raise InputProblem(name, "sheets", f"{len(facing)} of them", "one sheet")
     (sheet,) = facing
@@ -160,12 +158,10 @@ def fit_patella(
 def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which points of a condyle and its plateau can touch: masks of both.
-
-    The plateau, with points `(n, 3)` at the reference pose in the femur's frame, is carried around
-    the femoral axis as by a hinge, and slid along itself. At each place the gap counts from where
-    it is smallest: the pose of the meshes need not be one of contact.
-    """
+    """Which points of a condyle and its plateau can touch: masks of both. The plateau, with points
+    `(n, 3)` at the reference pose in the femur's frame, is carried around the femoral axis as by a
+    hinge, and slid along itself. At each place the gap counts from where it is smallest: the pose
+    of the meshes need not be one of contact."""
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, touched = np.zeros(len(tibial), bool), []
@@ -193,8 +189,8 @@ def _fit_plateau(sheet: Sheet, frame: Frame, splines: dict[str, float]) -> Splin
     cloud = anatomy.joined([sheet])
     local = anatomy.in_frame(frame, cloud.points)
     x, z = ((float(c.min()), float(c.max())) for c in (local[:, 0], local[:, 2]))
-    outline = np.round(anatomy.outline(sheet, frame), 3)
-    return fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, outline=outline, **splines)
+    given = {**splines, "outline": np.round(anatomy.outline(sheet, frame), 3)}
+    return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, **given)
 
 
 def _along(femur: Femur, fit: SplineFit[Condyle]) -> np.ndarray:
@@ -232,3 +228,164 @@ def _radius(surface: Condyle, angle: np.ndarray, along: np.ndarray) -> jax.Array
 
 def _cells(angle: np.ndarray, along: np.ndarray) -> np.ndarray:
     return np.floor(np.c_[angle / _CELL[0], along / _CELL[1]]).astype(int)
+
+
+class Layer(NamedTuple):
+    """Thickness of a compartment's layer: mean over the contact region, how it was found, and a
+    polynomial over the plateau's scaled parameters that is added, or None."""
+
+    thickness_mm: float
+    source: str
+    variation: np.ndarray | None = None
+
+
+def find_layer(
+    name: str,
+    condyle: SheetFit,
+    plateau: SheetFit,
+    femur: Femur,
+    sheet: Sheet,
+    bones: tuple[list[Sheet], list[Sheet]] | None,
+    kind: str,
+    findings: list[str],
+) -> Layer:
+    """Measure the layer of a compartment between the surfaces of the bones, where they are known:
+    `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
+    bone."""
+    if bones is None:
+        return Layer(ASSUMED_MM, "assumed: no bone meshes")
+    wanted = {tuple(p) for p in condyle.fit.points[condyle.region].tolist()}
+    on_condyle = femur.cloud.kept([tuple(p) in wanted for p in femur.cloud.points.tolist()])
+    tibial = anatomy.joined([sheet])
+    above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
+    above_tibia = thickness(tibial, bones[1], f"{name} tibial")
+    known = np.isfinite(above_femur)
+    femoral = float(np.average(above_femur[known], weights=on_condyle.areas[known]))
+    known = np.isfinite(above_tibia)
+    here = known & plateau.region
+    own = float(np.average(above_tibia[here], weights=tibial.areas[here]))
+    findings.append(
+        f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on the tibia, on "
+        "average over the contact region."
+    )
+    mean = femoral + own
+    if mean < _THINNEST_MM:
+        value = f"{mean:.2f} mm in the {name} contact region"
+        expected = f"cartilage of at least {_THINNEST_MM:g} mm on both bones together"
+        raise InputProblem(sheet.name, "thickness", value, expected)
+    source = "mean distance along the normal from cartilage to bone, both bones, contact region"
+    if kind == "constant":
+        return Layer(mean, source)
+    surface = plateau.fit.surface
+    s, t = (
+        2.0 * (c - lower) / (upper - lower) - 1.0
+        for c, (lower, upper) in zip(
+            anatomy.in_frame(surface.frame, tibial.points[known]).T[[0, 2]],
+            (np.asarray(x) for x in (surface.x, surface.z)), strict=True)
+    )
+    # The femoral share is its mean, since that part moves. What lies outside the contact region
+    # steers a field little, and keeps it in bounds.
+    weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
+    s, t, values, weights = _with_corners(s, t, femoral + above_tibia[known] - mean, weights)
+    grid = np.linspace(-1.0, 1.0, 25)
+    for degree in _DEGREES:
+        table = _fitted(s, t, values, weights, degree)
+        field = mean + polynomial.polygrid2d(grid, grid, table)
+        if field.min() >= _THINNEST_MM:
+            off = values - polynomial.polyval2d(s, t, table)
+            rms = float(np.sqrt(np.average(off**2, weights=weights)))
+            findings.append(
+                f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as a polynomial "
+                f"of degree {degree}, {rms:.2f} mm rms from the measured."
+            )
+            return Layer(mean, source, table)
+    findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
+    return Layer(mean, source)
+
+
+def _with_corners(s, t, values, weights):
+    """With places beyond the sheet, as thick as the nearest of its own: they hold a field there."""
+    grid = np.linspace(-1.0, 1.0, 11)
+    a, b = (x.ravel() for x in np.meshgrid(grid, grid))
+    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
+    nearest = np.argmin(apart, axis=1)
+    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
+    own = np.full(beyond.sum(), 0.5 * weights.sum() / len(a))
+    return (
+        np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]],
+        np.r_[weights, own],
+    )  # fmt: skip
+
+
+def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
+    """Coefficients of the nearest polynomial of a whole degree."""
+    table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
+    powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
+    columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
+    table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
+    return table
+
+
+def distances_along(
+    points: np.ndarray, directions: np.ndarray, sheets: list[Sheet]
+) -> np.ndarray:
+    """Signed distance from points `(n, 3)` along unit vectors into a bone to the nearest surface of
+    it that is met from outside, mm, `(n,)`; open sheets of the bone may face either way. Negative
+    where the surface lies above the point, NaN where there is none from `HIGHEST_MM` above to
+    `DEEPEST_MM` below. Source: Moeller and Trumbore, Journal of Graphics Tools 2 (1997)."""
+    corner = [np.concatenate([s.points[s.faces[:, k]] for s in sheets]) for k in range(3)]
+    sided = np.concatenate([np.full(len(s.faces), s.closed) for s in sheets])
+    center = sum(corner) / 3.0
+    reach = max(float(np.linalg.norm(c - center, axis=1).max()) for c in corner)
+    answer = np.full(len(points), np.nan)
+    # Neighbouring lines see the same few triangles.
+    _, cell = np.unique(np.floor(points / _CELL_MM).astype(int), axis=0, return_inverse=True)
+    order = np.argsort(cell.ravel(), kind="stable")
+    for rows in np.split(order, np.flatnonzero(np.diff(cell.ravel()[order])) + 1):
+        down, up = DEEPEST_MM * directions[rows], HIGHEST_MM * directions[rows]
+        box = np.r_[points[rows] + down, points[rows] - up]
+        near = ((center > box.min(axis=0) - reach) & (center < box.max(axis=0) + reach)).all(axis=1)
+        if near.any():
+            a, b, c = (x[near] for x in corner)
+            answer[rows] = _nearest(points[rows], directions[rows], a, b, c, sided[near])
+    return answer
+
+
+def thickness(cartilage: anatomy.Cloud, bone: list[Sheet], what: str) -> np.ndarray:
+    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below. Raises where none
+    lies below most of it, or it lies below the bone's surface."""
+    found = distances_along(cartilage.points, -cartilage.normals, bone)
+    known = np.isfinite(found)
+    name = bone[0].name
+    share = float(np.average(known, weights=cartilage.areas))
+    if share < 0.5:
+        expected = f"bone below the {what} cartilage; do both meshes have one frame?"
+        raise InputProblem(name, "place", f"below {100 * share:.0f} % of the cartilage", expected)
+    below = float(np.average(found[known] < -TOUCHING_MM, weights=cartilage.areas[known]))
+    if below > MOST_NEGATIVE:
+        expected = f"a {what} cartilage thicker than zero, above its bone"
+        value = f"negative over {100 * below:.0f} % of the cartilage"
+        raise InputProblem(name, "thickness", value, expected)
+    return found
+
+
+def _nearest(points, directions, a, b, c, sided) -> np.ndarray:
+    ab, ac = b - a, c - a
+    normal = np.cross(ab, ac)
+    # Positive where a line enters the solid through the triangle.
+    entering = -directions @ normal.T
+    ok = np.abs(entering) > 1e-12
+    scale = np.where(ok, entering, 1.0)
+    to_a = points[:, None] - a[None]
+    distance = np.einsum("pti,ti->pt", to_a, normal) / scale
+    turned = np.cross(to_a, -directions[:, None])
+    u = -np.einsum("pti,ti->pt", turned, ac) / scale
+    v = np.einsum("pti,ti->pt", turned, ab) / scale
+    slack = 1e-9
+    hit = ok & (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack)
+    hit &= (entering > 0) | ~sided
+    hit &= (distance > -HIGHEST_MM) & (distance < DEEPEST_MM)
+    size = np.where(hit, np.abs(distance), np.inf)
+    best = np.argmin(size, axis=1)
+    rows = np.arange(len(points))
+    return np.where(np.isfinite(size[rows, best]), distance[rows, best], np.nan)

@@ -96,16 +96,14 @@ def _of_role(force: Element, role: str, meshes: dict[str, Element]) -> tuple[Ele
 def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> OsimMesh:
     own = Rigid.of(mesh.point("location"), mesh.point("orientation"))
     x, y, z = (float(x) for x in mesh.numbers("scale_factors", 3, "1 1 1"))
-    modulus = settings.numbers("elastic_modulus", 1, "1000000")[0]
-    ratio = settings.numbers("poissons_ratio", 1, "0.5")[0]
-    thickness = settings.numbers("thickness", 1, "0.005")[0]
-    for tag, holds, expected in (
-        ("elastic_modulus", modulus > 0, "a number above 0"),
-        ("thickness", thickness > 0, "a number above 0"),
-        ("poissons_ratio", 0 <= ratio <= Decimal("0.5"), "a ratio from 0 to 0.5"),
-    ):
-        if not holds:
-            raise settings.problem(tag, settings.word(tag), expected)
+    modulus, ratio, thickness = (settings.numbers(*tag)[0] for tag in (
+        ("elastic_modulus", 1, "1000000"), ("poissons_ratio", 1, "0.5"), ("thickness", 1, "0.005")))
+    for tag, value in (("elastic_modulus", modulus), ("thickness", thickness)):
+        if value <= 0:
+            raise settings.problem(tag, settings.word(tag), "a number above 0")
+    if not 0 <= ratio <= Decimal("0.5"):
+        word = settings.word("poissons_ratio")
+        raise settings.problem("poissons_ratio", word, "a ratio from 0 to 0.5")
     file, back_file = (PurePosixPath(PureWindowsPath(word).as_posix()).name for word in (
         mesh.word("mesh_file", "filename"), mesh.word("mesh_back_file")))
     return OsimMesh(
@@ -223,7 +221,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
-        from kneejax.files.meshes import MeshOptions, import_meshes
+        from kneejax.files.meshes._import import MeshOptions, import_meshes
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,

@@ -145,11 +145,9 @@ def couple_model(
 def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
-    """Let a model's knee follow flexion as a motion does, in the frames to which `shifts` lead.
-
-    Its joint keeps its frames and the coordinate that bends it; its other coordinates go, with
-    what acts on them. Returns a sentence for each change; raises what `couple_model` does.
-    """
+    """Let a model's knee follow flexion as a motion does, in the frames to which `shifts` lead. Its
+    joint keeps its frames and the coordinate that bends it; its other coordinates go, with what
+    acts on them. Returns a sentence for each change; raises what `couple_model` does."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:

@@ -30,46 +30,30 @@ def main(file: str) -> None:
     osim.Logger.removeFileSink()
     osim.Logger.setLevelString("Error")
     folder = Path(settings["folder"])
-    dynamics = osim.InverseDynamicsTool()
-    dynamics.setModelFileName(settings["model"])
-    dynamics.setCoordinatesFileName(settings["motion"])
-    if settings["loads"]:
-        dynamics.setExternalLoadsFileName(settings["loads"])
-    dynamics.setStartTime(settings["begin_s"])
-    dynamics.setEndTime(settings["end_s"])
-    dynamics.setExcludedForces(_words(osim, "Muscles"))
-    dynamics.setResultsDir(settings["folder"])
-    dynamics.setOutputGenForceFileName(MOMENTS)
+    loads = {"ExternalLoadsFileName": settings["loads"]} if settings["loads"] else {}
+    dynamics = _set(
+        osim.InverseDynamicsTool(), ModelFileName=settings["model"],
+        CoordinatesFileName=settings["motion"], **loads, StartTime=settings["begin_s"],
+        EndTime=settings["end_s"], ExcludedForces=_words(osim, "Muscles"),
+        ResultsDir=settings["folder"], OutputGenForceFileName=MOMENTS)
     _run(dynamics, "inverse dynamics")
-    optimisation = osim.StaticOptimization()
-    optimisation.setUseModelForceSet(True)
-    optimisation.setActivationExponent(2)
-    optimisation.setUseMusclePhysiology(True)
-    forces = _analysed(osim, settings, optimisation, "StaticOptimization_force")
+    optimisation = _set(osim.StaticOptimization(), UseModelForceSet=True, ActivationExponent=2,
+                        UseMusclePhysiology=True)
+    forces = _analysed(osim, settings, optimisation, "StaticOptimization_force", loads)
     text = named_once(forces.read_text(encoding="utf-8"))
     (folder / FORCES).write_text(text, encoding="utf-8")
-    reaction = osim.JointReaction()
-    reaction.setName("JointReaction")
-    reaction.setForcesFileName(str(folder / FORCES))
-    reaction.setJointNames(_words(osim, settings["joint"]))
-    reaction.setOnBody(_words(osim, settings["tibia"]))
-    reaction.setInFrame(_words(osim, settings["tibia"]))
-    table = _analysed(osim, settings, reaction, "JointReaction_ReactionLoads")
+    reaction = _set(
+        osim.JointReaction(), Name="JointReaction", ForcesFileName=str(folder / FORCES),
+        JointNames=_words(osim, settings["joint"]), OnBody=_words(osim, settings["tibia"]),
+        InFrame=_words(osim, settings["tibia"]))
+    table = _analysed(osim, settings, reaction, "JointReaction_ReactionLoads", loads)
     table.rename(folder / REACTIONS)
     for other in folder.glob(f"{_NAME}_*"):
         other.unlink()
 
 
 def named_once(table: str) -> str:
-    """A table of OpenSim without columns of one name: contacts write theirs once for each force.
-
-    Args:
-        table: text of a .sto.
-
-    Example:
-        >>> named_once("nColumns=4\\nendheader\\ntime\\ta\\tb\\tb\\n0\\t1\\t2\\t3\\n").splitlines()
-        ['nColumns=2', 'endheader', 'time\\ta', '0\\t1']
-    """
+    """A table of OpenSim without columns of one name: contacts write theirs once for each force."""
     lines = table.splitlines()
     begin = lines.index("endheader") + 1
     names = lines[begin].split("\t")
@@ -79,30 +63,30 @@ def named_once(table: str) -> str:
     return "\n".join([*head, *("\t".join(row[k] for k in kept) for row in rows)]) + "\n"
 
 
+def _set(tool: Any, **values: Any) -> Any:
+    """An object of OpenSim with values by its setters."""
+    for name, value in values.items():
+        getattr(tool, f"set{name}")(value)
+    return tool
+
+
 def _words(osim: Any, word: str) -> Any:
     words = osim.ArrayStr()
     words.append(word)
     return words
 
 
-def _analysed(osim: Any, settings: dict[str, Any], analysis: Any, ending: str) -> Path:
+def _analysed(osim: Any, settings: dict, analysis: Any, ending: str, loads: dict) -> Path:
     """The table that an analysis of the movement writes."""
     folder = Path(settings["folder"])
-    analysis.setStartTime(settings["begin_s"])
-    analysis.setEndTime(settings["end_s"])
-    analysis.setStepInterval(settings["every"])
-    tool = osim.AnalyzeTool()
-    tool.setName(_NAME)
-    tool.setModelFilename(settings["model"])
-    tool.setCoordinatesFileName(settings["motion"])
-    if settings["loads"]:
-        tool.setExternalLoadsFileName(settings["loads"])
-    tool.setForceSetFiles(_words(osim, settings["actuators"]))
-    tool.setReplaceForceSet(False)
-    tool.setSolveForEquilibrium(False)
-    tool.setInitialTime(settings["begin_s"])
-    tool.setFinalTime(settings["end_s"])
-    tool.setResultsDir(str(folder))
+    _set(analysis, StartTime=settings["begin_s"], EndTime=settings["end_s"],
+         StepInterval=settings["every"])
+    tool = _set(
+        osim.AnalyzeTool(), Name=_NAME, ModelFilename=settings["model"],
+        CoordinatesFileName=settings["motion"], **loads,
+        ForceSetFiles=_words(osim, settings["actuators"]), ReplaceForceSet=False,
+        SolveForEquilibrium=False, InitialTime=settings["begin_s"],
+        FinalTime=settings["end_s"], ResultsDir=str(folder))
     tool.updAnalysisSet().cloneAndAppend(analysis)
     setup = folder / f"setup_{ending}.xml"
     tool.printToXML(str(setup))

@@ -21,12 +21,7 @@ Point = np.ndarray
 
 
 def read_decimal(word: str) -> Decimal:
-    """The number that a word of a model stands for; ValueError if it is not a finite number.
-
-    Example:
-        >>> str(read_decimal("0.0017455000000000001")), str(read_decimal("0.10"))
-        ('0.0017455', '0.10')
-    """
+    """The number that a word of a model stands for; ValueError if it is not a finite number."""
     x = plain_number(word)
     if x is None or not math.isfinite(x):
         raise ValueError(word)
@@ -36,12 +31,7 @@ def read_decimal(word: str) -> Decimal:
 
 
 def write_decimal(value: Decimal) -> str:
-    """The shortest word that `read_decimal` reads as this number.
-
-    Example:
-        >>> write_decimal(Decimal("0.030750")), write_decimal(Decimal("1E+3"))
-        ('0.03075', '1000')
-    """
+    """The shortest word that `read_decimal` reads as this number."""
     value = value.normalize(_WIDE) if value else Decimal(0)
     exponent = value.adjusted()
     word = f"{value:f}" if -6 <= exponent < 17 else str(value).replace("E", "e")
@@ -53,12 +43,7 @@ def write_decimal(value: Decimal) -> str:
 
 
 def shifted(value: Decimal, places: int) -> float:
-    """A decimal times a power of ten, as the nearest double.
-
-    Example:
-        >>> shifted(Decimal("0.0012345"), METRES_TO_MM)
-        1.2345
-    """
+    """A decimal times a power of ten, as the nearest double."""
     return float(value.scaleb(places, _WIDE)) + 0.0  # no minus zero
 
 
@@ -78,23 +63,13 @@ def metres(point_mm) -> Point:
 
 
 def degrees(radians: Decimal) -> float:
-    """Degrees of an angle in rad, correctly rounded.
-
-    Example:
-        >>> degrees(Decimal("1.5707963267948966"))
-        90.0
-    """
+    """Degrees of an angle in rad, correctly rounded."""
     with localcontext(_WIDE):
         return float(radians * 180 / _PI) + 0.0
 
 
 def radians(x: float) -> Decimal:
-    """The shortest angle in rad that `degrees` reads as `x`.
-
-    Example:
-        >>> degrees(radians(33.3))
-        33.3
-    """
+    """The shortest angle in rad that `degrees` reads as `x`."""
     with localcontext(_WIDE) as context:
         exact = Decimal(repr(float(x))) * _PI / 180
         for context.prec in range(14, 24):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.files._knees import load_knee_file
-from kneejax.files.knee import KneeFile
+from kneejax.files.knee._file import KneeFile
 from kneejax.files.opensim import _exact as exact
 from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
 from kneejax.files.opensim._frames import SAME

@@ -54,10 +54,8 @@ def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[OsimKneeJoint, np.ndarray]:
     """The knee with its bones' axes as they should be, and the rotation from the model's axes.
-
     `ligaments` are those between femur and tibia. The knee gets a finding where it was turned, and
-    doubts where that is unsure; raises where the axes are others and it is unclear which.
-    """
+    doubts where that is unsure; raises where the axes are others and it is unclear which."""
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
     upright = [one for one in superior if one.holds]
@@ -268,13 +266,10 @@ def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
     """Register a model's bones to those of a knee, by one of `FRAMES`; raises where it is none of
-    them, or the model's axes are others.
-
-    Where the knee was made of this model, as its document says, the frames are the same. Otherwise
-    axes are taken by their names, anterior, superior, lateral, and the middle of the model's
-    flexion axis (from 20 to 60 degrees) comes to lie on the middle of the knee's flexion facets.
-    Sizes are not changed.
-    """
+    them, or the model's axes are others. Where the knee was made of this model, as its document
+    says, the frames are the same. Otherwise axes are taken by their names, anterior, superior,
+    lateral, and the middle of the model's flexion axis (from 20 to 60 degrees) comes to lie on the
+    middle of the knee's flexion facets. Sizes are not changed."""
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"

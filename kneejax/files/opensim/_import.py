@@ -12,30 +12,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from kneejax.files.knee import check_knee
+from kneejax.files.opensim import _ligaments as fibres
+from kneejax.files.opensim import _report as report
 from kneejax.files.opensim._contact import OsimContact, find_contacts
 from kneejax.files.opensim._frames import anatomical, turned
 from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
-from kneejax.files.opensim._ligaments import (
-    Found,
-    OsimLigament,
-    check_lengths,
-    find_ligaments,
-    outside_obstacles,
-)
 from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._patella import PatellaSection, read_patella, wrap_names
 from kneejax.files.opensim._paths import OsimWrap, file_names
-from kneejax.files.opensim._report import (
-    ACTS,
-    ASKED,
-    ELSEWHERE,
-    OFF,
-    WITHOUT_PATELLA,
-    Untaken,
-    listed,
-    numbers_of_kinds,
-    untaken,
-)
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 
@@ -64,22 +47,22 @@ class OsimImport:
     document: dict[str, Any]
     model: Model
     knee: OsimKneeJoint
-    ligaments: dict[str, OsimLigament]
+    ligaments: dict[str, fibres.OsimLigament]
     wraps: dict[str, OsimWrap]
-    found: Found
+    found: fibres.Found
     contacts: tuple[OsimContact, ...]
-    untaken: tuple[Untaken, ...]
+    untaken: tuple[report.Untaken, ...]
     bodies: tuple[str, ...]
     patellofemoral: tuple[OsimContact, ...]
-    patella: PatellaSection
+    patella: fibres.PatellaSection
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What a person should look at; empty if everything of the knee was read."""
-        acting = listed(one for one in self.untaken if one.how == ACTS)
+        acting = report.listed(one for one in self.untaken if one.how == report.ACTS)
         doubts = [f"{name} was left out: not supported: {why}."
                   for name, why in self.found.unsupported.items()]
-        doubts += [f"{line}: left out, though it {ACTS}." for line in acting]
+        doubts += [f"{line}: left out, though it {report.ACTS}." for line in acting]
         doubts += [*self.patella.doubts, *self.knee.doubts]
         doubts += [f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts]
         parts = (self.document, self.document.get("patella", {}))
@@ -98,22 +81,23 @@ class OsimImport:
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the model has for this knee besides, and why no doubt follows from it."""
-        ways = dict.fromkeys(one.how for one in self.untaken if one.how not in (ACTS, ELSEWHERE))
-        return tuple(f"{line}: {how}" for how in ways
-                     for line in listed(one for one in self.untaken if one.how == how))
+        ways = dict.fromkeys(one.how for one in self.untaken)
+        return tuple(f"{line}: {how}" for how in ways if how not in (report.ACTS, report.ELSEWHERE)
+                     for line in report.listed(one for one in self.untaken if one.how == how))
 
     @property
     def numbers_left_out(self) -> str:
         """How many of which kind the knee has not: of what acts on it, was not wanted, is switched
         off, or is elsewhere in the model."""
         titles = {
-            ACTS: "left out", ASKED: ASKED, WITHOUT_PATELLA: WITHOUT_PATELLA,
-            OFF: "switched off in the model", ELSEWHERE: "not at this knee",
+            report.ACTS: "left out", report.ASKED: report.ASKED,
+            report.WITHOUT_PATELLA: report.WITHOUT_PATELLA,
+            report.OFF: "switched off in the model", report.ELSEWHERE: "not at this knee",
         }  # fmt: skip
-        tags = {how: [] for how in titles} | {ACTS: [e.tag for e in self.found.answered]}
+        tags = {how: [] for how in titles} | {report.ACTS: [e.tag for e in self.found.answered]}
         for one in self.untaken:
-            tags[one.how if one.how in tags else ACTS].append(one.element.tag)
-        numbers = {how: numbers_of_kinds(many, self.bodies if how == ACTS else ())
+            tags[one.how if one.how in tags else report.ACTS].append(one.element.tag)
+        numbers = {how: report.numbers_of_kinds(many, self.bodies if how == report.ACTS else ())
                    for how, many in tags.items()}
         return "; ".join(f"{titles[how]}: {number}" for how, number in numbers.items() if number)
 
@@ -167,7 +151,7 @@ def import_osim(
     model = read_model(path, data)
     knee = find_knee(model, side, femur, tibia, may_be_named=True)
     whole = with_pelvis_and_foot(model, knee, at)
-    found = find_ligaments(model, whole)
+    found = fibres.find_ligaments(model, whole)
     unwanted = _leave_out(model, found, without)
     knee = _with_small_bones(knee, whole, found.ligaments)
     own = [x for x in found.ligaments if not _beside(x, knee)]
@@ -180,30 +164,30 @@ def import_osim(
         )
     knee, turn = anatomical(model, knee, own)
     whole = turned(whole, turn)
-    every = outside_obstacles(whole, found, inside)
+    every = fibres.outside_obstacles(whole, found, inside)
     beside = [x for x in every if _beside(x, knee)]
     found.ligaments[:] = [x for x in every if x not in beside]
     names = file_names((ligament.key for ligament in found.ligaments), "L")
     ligaments = dict(zip(names, found.ligaments, strict=True))
-    wraps = {name: wrap for wrap, name in wrap_names(found.ligaments)}
+    wraps = fibres.wrap_names(found.ligaments)
     contacts = find_contacts(model, knee)
     of_tibia, of_patella = (tuple(c for c in contacts if (c.other.bone == PATELLA) == there)
                             for there in (False, True))
-    section = PatellaSection({}, ())
+    section = fibres.PatellaSection({}, ())
     if patella:
-        section = read_patella(model, whole, beside, knee, at or {})
+        section = fibres.read_patella(model, whole, beside, knee, at or {})
     taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
     if section.document:
         taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
     else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-    others, bodies = untaken(model, knee, taken, unwanted, patella)
+    others, bodies = report.untaken(model, knee, taken, unwanted, patella)
     bodies = [body for body in bodies if patella or "menisc" in body.lower()]
     bodies += [knee.patella] if patella and knee.patella and not section.document else []
-    if not section.document and any(x.muscle_or_patella and x.how == ACTS for x in others):
+    if not section.document and any(x.muscle_or_patella and x.how == report.ACTS for x in others):
         say = f"{section.notes[0]} --without-patella does without it and its muscles."
         section = dataclasses.replace(section, doubts=(*section.doubts, say))
-    check_lengths(whole, [*found.ligaments, *beside])
+    fibres.check_lengths(whole, [*found.ligaments, *beside])
 
     file, word = model.name, SIDES[knee.side]
     keys = {wrap.element: name for name, wrap in wraps.items()}
@@ -244,7 +228,7 @@ def import_osim(
 
 
 def _with_small_bones(
-    knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[OsimLigament]
+    knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[fibres.OsimLigament]
 ) -> OsimKneeJoint:
     """The knee with what its fibres end on below the tibia, held where the defaults have it."""
     ends: dict[str, list[str]] = collections.defaultdict(list)
@@ -262,13 +246,13 @@ def _with_small_bones(
     return dataclasses.replace(knee, rigid=rigid, doubts=(*knee.doubts, *doubts))
 
 
-def _beside(ligament: OsimLigament, knee: OsimKneeJoint) -> str:
+def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:
     """The body of a fibre that is neither of femur nor of tibia; empty without one."""
     bodies = (point.body for point in ligament.points)
     return next((x for x in bodies if knee.bone_of(x) in ("", PATELLA)), "")
 
 
-def _leave_out(model: Model, found: Found, without) -> list[str]:
+def _leave_out(model: Model, found: fibres.Found, without) -> list[str]:
     """Names that a person wants left out; fibres of these go."""
     names: list[str] = []
     for pattern in without:

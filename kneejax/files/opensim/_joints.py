@@ -96,20 +96,17 @@ class Joint:
         turn, shift = np.broadcast_to(np.eye(3), (*every, 3, 3)), np.zeros((*every, 3))
         for axis in self.axes:
             arguments = [values.get(name, 0.0) for name in axis.coordinates]
+            amount = arguments[0] if arguments else 0.0
             if axis.function is not None:
                 amount = evaluate(axis.function, arguments)
-            else:
-                amount = arguments[0] if arguments else 0.0
             amount = np.broadcast_to(np.asarray(amount, float), every)
             if axis.turns:
                 turn = turn @ turn_about(axis.direction, amount)
             else:
                 shift = shift + amount[..., None] * axis.direction
+        moved = Rigid(turn, shift)
         if shape is None:
-            still = np.array_equal(turn, np.eye(3))
-            moved = Rigid(None if still else turn, decimals(shift))
-        else:
-            moved = Rigid(turn, shift)
+            moved = Rigid(None if np.array_equal(turn, np.eye(3)) else turn, decimals(shift))
         moved = moved.inverse() if self.reverse else moved
         return self.parent_frame.after(moved).after(self.child_frame.inverse())
 
@@ -175,10 +172,8 @@ def placed(
     shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
 ) -> dict[str, Rigid]:  # fmt: skip
     """Where bodies are in one of them to which joints connect them: forward kinematics.
-
     Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
-    exact as long as nothing turns.
-    """
+    exact as long as nothing turns."""
     still = Rigid()
     if shape is not None:
         still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
@@ -293,10 +288,9 @@ def _coordinate(element: Element) -> Coordinate:
     if element.word("range"):
         lower, upper = element.numbers("range", 2)
         limits = float(lower), float(upper)
-    default = element.number("default_value", "0")
-    locked, function = element.truth("locked", False), function_of(element)
-    if locked or not element.truth("prescribed", False):
-        function = None
+    default, locked = element.number("default_value", "0"), element.truth("locked", False)
+    prescribed = not locked and element.truth("prescribed", False)
+    function = function_of(element) if prescribed else None
     if function is not None:
         default = float(evaluate(function, [0.0]))
     clamped = element.truth("clamped", False)

@@ -85,16 +85,12 @@ def find_knee(
     may_be_named: bool = False,
 ) -> OsimKneeJoint:
     """Find the knee of a side: its bones, what is rigidly joined to each, and the reference pose.
-
     It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
     the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed;
-    where a person may name these (`may_be_named`), errors say how.
-    """
+    where a person may name these (`may_be_named`), errors say how."""
     if side not in SIDES:
         raise InputProblem(model.file.path, "--side", side, "r or l")
-    joints = read_joints(model)
-    findings: list[str] = []
-    doubts: list[str] = []
+    joints, findings, doubts = read_joints(model), list[str](), list[str]()
     unusual: tuple[str, ...] = ()
     if (femur is None) != (tibia is None):
         given = "--femur" if femur is not None else "--tibia"
@@ -182,11 +178,9 @@ def is_between(joint: Joint) -> bool:
 def with_pelvis_and_foot(
     model: Model, knee: OsimKneeJoint, at: Mapping[str, float] | None = None
 ) -> OsimKneeJoint:
-    """The knee with the bodies above the femur and below the tibia as parts of these bones.
-
-    What comes from the pelvis begins at a point of the femur then, which is that of one pose of the
-    hip: `at` has coordinates of hip or foot, degrees or mm; others are at their defaults.
-    """
+    """The knee with the bodies above the femur and below the tibia as parts of these bones. What
+    comes from the pelvis begins at a point of the femur then, which is that of one pose of the hip:
+    `at` has coordinates of hip or foot, degrees or mm; others are at their defaults."""
     joints = read_joints(model)
     # The femur carries the pelvis where the tibia carries the femur.
     standing = any(knee.bone_of(joint.child) == FEMUR for joint in knee.joints)
@@ -285,9 +279,7 @@ def _between(joints: list[Joint], femur: str, tibia: str) -> list[Joint]:
 
 def _carries_upwards(joints: list[Joint], knee: list[Joint], upper: str, lower: str) -> bool:
     """Whether the body above a knee's joints is the tibia, as in a model that stands on its foot.
-
-    The names of the two bodies decide, or what hangs on each.
-    """
+    The names of the two bodies decide, or what hangs on each."""
     votes = 0
     for body, sign in ((upper, 1), (lower, -1)):
         for names, weight, parts in (

@@ -1,9 +1,11 @@
-"""Ligament fibres of an OpenSim model, and which of them span the knee."""
+"""Fibres and muscles of an OpenSim model that come over the knee, and its patella."""
 
 from __future__ import annotations
 
 import collections
 import dataclasses
+import re
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from typing import Any
 
@@ -16,6 +18,7 @@ from kneejax.files.opensim._knee import OsimKneeJoint
 from kneejax.files.opensim._model import Model
 from kneejax.files.opensim._xml import Element
 from kneejax.files.reading import counted
+from kneejax.geometry import BODIES, FEMUR, PATELLA
 from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
 
 #: Rounding of the ligament law's corners, which OpenSim's law does not have: small enough for its
@@ -31,6 +34,11 @@ NUMBERS = {
     "transition_strain": ("transition_strain", "0.06", ""),
     "damping_N_s": ("damping_coefficient", "0.003", ""),
 }
+#: Pull of the whole quadriceps where nothing is said, N: the weight of 2 kg that hangs on it in
+#: tests of passive flexion.
+AT_REST_N = 19.61
+
+
 @dataclasses.dataclass(frozen=True)
 class OsimLigament(paths.OsimPath):
     """A fibre that spans the knee."""
@@ -148,8 +156,7 @@ def _wrap(
     """What a fibre goes around."""
     found: list[paths.OsimWrap] = []
     for path_wrap in paths.path_objects(element, "PathWrapSet"):
-        name = path_wrap.last_word("wrap_object")
-        same = [wrap for wrap in wraps if wrap.element.name == name]
+        same = [x for x in wraps if x.element.name == path_wrap.last_word("wrap_object")]
         if not same:
             raise path_wrap.problem(
                 "wrap_object", path_wrap.word("wrap_object") or "missing",
@@ -196,24 +203,19 @@ def _numbers(element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
     return values, tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
 
 
-def outside_obstacles(
-    knee: OsimKneeJoint, found: Found, inside: str
-) -> list[OsimLigament]:
-    """The fibres; those with a point inside their obstacle run straight, if that is allowed.
-
-    OpenSim itself leaves out an obstacle as long as a point lies inside it.
-    """
+def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:
+    """The fibres; those with a point inside their obstacle run straight, if that is allowed:
+    OpenSim itself leaves out an obstacle as long as a point lies inside it."""
     answer = []
     for ligament in found.ligaments:
-        depth, point = 0.0, None
-        if ligament.wrap is not None:
-            depth, point = ligament.wrap.deepest(knee, ligament.points)
-        if ligament.wrap is None or point is None:
+        wrap = ligament.wrap
+        depth, point = (0.0, None) if wrap is None else wrap.deepest(knee, ligament.points)
+        if wrap is None or point is None:
             answer.append(ligament)
             continue
-        there = knee.bone_of(point.body) == knee.bone_of(ligament.wrap.body)
-        where, kind = point.element.name or "a path point", ligament.wrap.element.tag
-        shape = f"the {kind.removeprefix('Wrap').lower()} {ligament.wrap.key}"
+        there = knee.bone_of(point.body) == knee.bone_of(wrap.body)
+        where, kind = point.element.name or "a path point", wrap.element.tag
+        shape = f"the {kind.removeprefix('Wrap').lower()} {wrap.key}"
         shape += "" if there else " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
             raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",
@@ -240,3 +242,140 @@ def check_lengths(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
                 f"{allowed}: another unit than metres, or a default pose in which the knee is "
                 "apart, are suspected",
             )
+
+
+@dataclasses.dataclass(frozen=True)
+class PatellaSection:
+    """What a model says of the patella, but for its surfaces."""
+
+    # the section, without contacts; empty where the model has no patella with ligaments and a
+    # quadriceps
+    document: dict[str, Any]
+    notes: tuple[str, ...]  # what was assumed or left out, a sentence each
+    muscles: tuple[paths.OsimPath, ...] = ()  # that it has
+    doubts: tuple[str, ...] = ()  # where it is not the model's
+
+
+def wrap_names(fibres: Sequence[paths.OsimPath]) -> dict[str, paths.OsimWrap]:
+    """What fibres or muscles go around, each once, by its name in a knee file."""
+    used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}.values()
+    return dict(zip(paths.file_names((wrap.key for wrap in used), "W"), used, strict=True))
+
+
+def read_patella(
+    model: Model, whole: OsimKneeJoint, beside: list[OsimLigament], knee: OsimKneeJoint,
+    at: Mapping[str, float],
+) -> PatellaSection:  # fmt: skip
+    """The section of the patella, with the muscles over the knee and ligaments from the pelvis.
+    `whole` is the knee with pelvis and foot, at coordinates `at`."""
+    where = ", ".join(f"{name}={value:g}" for name, value in at.items())
+    file = model.name + (f" at {where}" if at else "")
+    notes: list[str] = []
+    doubts: list[str] = []
+    muscles = _muscles(model, whole, notes, doubts)
+    every = (*beside, *muscles)
+    if any(point.body not in knee.rigid for one in every for point in one.points):
+        notes.append(
+            "Pelvis and foot stand where the model's default coordinates have them"
+            + (f", but for {where}" if at else "")
+            + ": what comes from there begins or ends at a fixed point of the femur or the tibia."
+        )
+    wraps = wrap_names(every)
+    names = {wrap.element: name for name, wrap in wraps.items()}
+    keys = paths.file_names((x.key for x in beside), "L")
+    ligaments = {name: one.document(whole, file, names)
+                 for name, one in zip(keys, beside, strict=True)}
+    strongest = {m.element: m.element.number("max_isometric_force", "1000") for m in muscles
+                 if whole.bone_of(m.points[-1].body) == PATELLA}
+    held = any("patellar_attachment_mm" in entry for entry in ligaments.values())
+    if not whole.patella or not held or not strongest:
+        lacks = "a patella" if not whole.patella else "muscles" if held else "its ligaments"
+        return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
+    entries = {}
+    for name, muscle in zip(paths.file_names([m.key for m in muscles], "M"), muscles, strict=True):
+        entries[name] = entry = _entry(muscle, whole, file)
+        if muscle.element in strongest:
+            share = strongest[muscle.element] / sum(strongest.values())
+            entry["tension_N"] = round(AT_REST_N * share, 4)
+        # OpenSim leaves out an obstacle that a point is inside.
+        inside = muscle.wrap and muscle.wrap.deepest(whole, muscle.points)[1]
+        if muscle.wrap is not None and inside is not None:
+            place = f"its point {inside.element.name} lies inside"
+            notes.append(f"Muscle {muscle.key} runs without {muscle.wrap.key}: {place}.")
+        elif muscle.wrap is not None:
+            entry["wrap"] = names[muscle.wrap.element]
+    pose = zip(BODIES[PATELLA].values(), whole.patella_pose, strict=True)
+    source = f"{file}: {whole.patella} in {whole.femur} at the coordinates' default values"
+    document: dict[str, Any] = {
+        "reference_pose": {one.column: value for one, value in pose} | {"source": source},
+        "ligaments": ligaments,
+        "contacts": {},
+        "muscles": entries,
+    }
+    used = {part.get("wrap") for part in (*ligaments.values(), *entries.values())}
+    if used & {*wraps}:
+        document["wraps"] = {name: wrap.document(whole, file) for name, wrap in wraps.items()
+                             if name in used}
+    return PatellaSection(document, tuple(notes), tuple(muscles), tuple(doubts))
+
+
+def _muscles(
+    model: Model, knee: OsimKneeJoint, notes: list[str], doubts: list[str]
+) -> list[paths.OsimPath]:
+    """Muscles from the femur, or the pelvis above it, to the patella, the tibia or the foot.
+    `notes` gets a sentence for what was left out or assumed, `doubts` for a path that is not the
+    model's."""
+    wraps, found = paths.read_wraps(model), []
+    for element in model.muscles():
+        points = paths.path_points(model, element) if element.applied else []
+        bones = [knee.bone_of(point.body) for point in points]
+        if not all(bones) or len(set(bones)) < 2:
+            continue
+        if not paths.in_order(bones[0], bones[-1]):
+            points, bones = points[::-1], bones[::-1]
+        straight = all(point.element.tag == "PathPoint" for point in points)
+        if len(set(bones)) > 2 or bones[0] != FEMUR or not straight:
+            why = "a point that moves along the bone" if not straight else "three bones"
+            notes.append(f"Muscle {element.name} was left out: its path has {why}.")
+            continue
+        wrap = wrap_of(element, wraps, knee, (bones[0], bones[-1]), doubts)
+        name = re.sub(r"_[rl]$", "", element.name)
+        found.append(paths.OsimPath(element, name, tuple(points), wrap))
+    return found
+
+
+def wrap_of(
+    element: Element, wraps: list[paths.OsimWrap], knee: OsimKneeJoint, bones: tuple[str, str],
+    notes: list[str],
+) -> paths.OsimWrap | None:  # fmt: skip
+    """The obstacle of a muscle on one of the two bones that it joins; `notes` gets a sentence for
+    what was left out or assumed."""
+    names = [one.last_word("wrap_object") for one in paths.path_objects(element, "PathWrapSet")]
+    found = [
+        wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active
+        and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS
+    ]
+    if not found:
+        return None
+    if found[0].unsupported:
+        quadrant = found[0].element.word("quadrant")
+        notes.append(
+            f"Muscle {element.name} takes the shorter way around {found[0].key}, which the model "
+            f"confines to the quadrant {quadrant}."
+        )
+    for other in found[1:]:
+        notes.append(f"Muscle {element.name} goes around one obstacle: {other.key} was left out.")
+    return found[0]
+
+
+def _entry(muscle: paths.OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
+    bones = [knee.bone_of(point.body) for point in muscle.points]
+    # What runs along a bone does not change its length: it begins and ends where it leaves one.
+    begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
+    end = -next(k for k, bone in enumerate(bones[::-1]) if bone != bones[-1])
+    (_, origin), (bone, insertion), via = muscle.ends(knee, begin, end)
+    source = f"{file}, {muscle.element.tag} {muscle.key}"
+    if bone == PATELLA:
+        source += f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
+    return {"tension_N": 0.0, "origin_mm": origin, **via, "insertion_bone": bone,
+            "insertion_mm": insertion, "source": source}

@@ -190,11 +190,8 @@ _HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
 
 
 def function_of(owner: Element) -> Element | None:
-    """The function of an axis, a multiplier, a coordinate or a constraint.
-
-    It is the child of `<function>` and the like, or a child itself: classes have capitals,
-    properties have none.
-    """
+    """The function of an axis, a multiplier, a coordinate or a constraint: the child of `function`
+    and the like, or a child itself. Classes have capitals, properties have none."""
     held = owner.child(*_HOLDERS)
     inside = (owner if held is None else held).children
     return next((child for child in inside if child.tag[:1].isupper()), None)
@@ -261,15 +258,8 @@ def describe(function: Element) -> str:
 
 
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
-    """The cubic spline of SIMM and OpenSim at a number or several `(m,)`; see `simm_splines`.
-
-    Where knots do not increase, or are two, lines join them.
-
-    Example:
-        >>> t = np.array([0.0, 1.0, 3.0, 4.0, 6.0])
-        >>> round(float(simm_spline(t, t**3 - t, 2.0)), 12)
-        6.0
-    """
+    """The cubic spline of SIMM and OpenSim at a number or several `(m,)`; lines where knots do not
+    increase, or are two."""
     if len(knots) == 2 or np.any(np.diff(knots) <= 0):
         return _between(knots, values, x)
     return simm_splines(knots, values, np.ravel(x)).reshape(np.shape(x))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import re
 from collections.abc import Iterable
@@ -108,10 +109,8 @@ class OsimWrap(_Carried):
         self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
     ) -> tuple[float, OsimPoint | None]:
         """How deep inside it points lie at the reference pose, mm, and which is the deepest; zero
-        and none where all lie outside.
-
-        Depth is along the ray from its centre, or in a cylinder across it or to its end.
-        """
+        and none where all lie outside. Depth is along the ray from its centre, or in a cylinder
+        across it or to its end."""
         entry, found = self.document(knee, ""), (0.0, None)
         back = knee.in_femur[entry["bone"]].inverse()
         turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
@@ -162,12 +161,11 @@ def path_points(model: Model, element: Element) -> list[OsimPoint]:
     found = []
     for point in path_objects(element, "PathPointSet"):
         if point.child("body") is not None:
-            body, frame = model.body_of(point, "body"), exact.Rigid()
+            where = model.body_of(point, "body"), exact.Rigid()
         else:
-            body, frame = model.socket(point, "parent_frame")
-        moving = point.tag == "MovingPathPoint"
-        at = exact.ORIGIN if moving else point.point("location")
-        found.append(OsimPoint(point, body, frame, at))
+            where = model.socket(point, "parent_frame")
+        at = exact.ORIGIN if point.tag == "MovingPathPoint" else point.point("location")
+        found.append(OsimPoint(point, *where, at))
     return found
 
 
@@ -191,16 +189,13 @@ def read_wraps(model: Model) -> list[OsimWrap]:
     return answer
 
 
-class Counted:
+class Counted(collections.Counter):
     """Names of a model, told apart: the second of a name becomes `name#2`."""
-
-    def __init__(self):
-        self._seen: dict[str, int] = {}
 
     def __call__(self, name: str, otherwise: str = "") -> str:
         """The name, or another one in the place of none, with its number from the second on."""
-        self._seen[name] = count = self._seen.get(name, 0) + 1
-        return (name or otherwise) + (f"#{count}" if count > 1 else "")
+        self[name] += 1
+        return (name or otherwise) + (f"#{self[name]}" if self[name] > 1 else "")
 
 
 def file_names(keys: Iterable[str], prefix: str) -> list[str]:

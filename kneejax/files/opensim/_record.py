@@ -10,15 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from kneejax.files.opensim import _acting as forces
 from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
-from kneejax.files.opensim._ground import (
-    ExternalLoads,
-    of_contacts,
-    on_bodies,
-    place_doubts,
-    read_external_loads,
-)
 from kneejax.files.opensim._joints import (
     Joint,
     Movement,
@@ -31,9 +25,9 @@ from kneejax.files.opensim._joints import (
 )
 from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
-from kneejax.files.opensim._record_muscles import recorded_muscles
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, angles_rad, common_times, last_word, read_storage
+from kneejax.files.tables import Storage, angles_rad, common_times, last_word
+from kneejax.files.tables._storage import read_storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name
@@ -65,14 +59,13 @@ class RecordedFiles:
 
     motion: Storage
     muscles: Storage | None
-    ground: ExternalLoads | None
+    ground: forces.ExternalLoads | None
     reaction: Storage | None
 
     @property
     def tables(self) -> list[Storage]:
         """All of them."""
-        ground = None if self.ground is None else self.ground.table
-        own = (self.motion, self.muscles, self.reaction, ground)
+        own = (self.motion, self.muscles, self.reaction, self.ground and self.ground.table)
         return [table for table in own if table is not None]
 
 
@@ -138,10 +131,10 @@ def read_activity(
     if absent:
         notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
     if given.ground is not None:
-        doubts += [*given.ground.doubts, *place_doubts(given.ground, movement, below, time)]
+        doubts += [*given.ground.doubts, *forces.place_doubts(given.ground, movement, below, time)]
     elif given.reaction is None and not ground.any():
         notes.append("No external loads were given: none act on the leg.")
-    muscles, quadriceps = recorded_muscles(
+    muscles, quadriceps = forces.recorded_muscles(
         given.muscles, movement, bones, below, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frames_of[TIBIA].inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
@@ -169,7 +162,7 @@ def sorted_files(
     flexion, on_tibia = flexion_coordinate(bones), f"_on_{bones.tibia}_in_".lower()
     for path in files:
         if Path(path).suffix.lower() == ".xml":
-            kind, value = "external loads", read_external_loads(path, model, called)
+            kind, value = "external loads", forces.read_external_loads(path, model, called)
         else:
             value = read_storage(path).renamed(called)
             words = {last_word(name) for name in value.columns}
@@ -248,10 +241,10 @@ def acting_on(
     gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     masses = [_mass(model, around, name) for name in sorted(below)]
     if given.ground is not None:
-        ground = on_bodies(given.ground, movement, below, time)
+        ground = forces.on_bodies(given.ground, movement, below, time)
     else:
         assert given.muscles is not None  # with the contacts of the model, if it has some
-        ground = of_contacts(model, given.muscles, below, time)
+        ground = forces.of_contacts(model, given.muscles, below, time)
     none = np.zeros((len(time), 3))
     parts = {
         "ground": [ground],
@@ -283,10 +276,8 @@ def _mass(model: Model, around: Movement, name: str) -> MovingMass:
 def _reaction(
     table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
 ) -> np.ndarray:
-    """The opposite of a joint's reaction: the knee's own parts take the joint's place.
-
-    Numbers in other units than N, N m and m are refused.
-    """
+    """The opposite of a joint's reaction: the knee's own parts take the joint's place. Numbers in
+    other units than N, N m and m are refused."""
     ends = {}
     for axis in _AXES:
         ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"

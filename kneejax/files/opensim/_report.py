@@ -25,18 +25,13 @@ ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
     "would act on the knee, switched off in the model", "does not act on this knee",
     "as asked by --without", "as asked by --without-patella",
 )
-#: What a class of OpenSim is called by, the first that fits, in the singular and the plural.
-_KINDS = (
-    (re.compile("Contact|HuntCrossley|ElasticFoundation|SmoothSphere"), "contact", "contacts"),
-    (re.compile("Muscle"), "muscle", "muscles"),
-    (re.compile("Ligament"), "fibre", "fibres"),
-    (re.compile("Coupler"), "coupler", "couplers"),
-    (re.compile("Constraint"), "constraint", "constraints"),
-    (re.compile("Bushing"), "bushing", "bushings"),
-    (re.compile("Spring|LimitForce|StopForce"), "spring", "springs"),
-    (re.compile("Actuator"), "actuator", "actuators"),
-    (re.compile(""), "other force", "other forces"),
-)
+#: What a class of OpenSim is called: the first whose words stand in its name.
+_KINDS = {
+    "contact": "Contact|HuntCrossley|ElasticFoundation|SmoothSphere", "muscle": "Muscle",
+    "fibre": "Ligament", "coupler": "Coupler", "constraint": "Constraint", "bushing": "Bushing",
+    "spring": "Spring|LimitForce|StopForce", "actuator": "Actuator", "other force": "",
+}  # fmt: skip
+_PLURALS = {"meniscus": "menisci", "body": "bodies"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,14 +56,11 @@ def untaken(
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those that were read or about which everything has been said, and
     bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
-
     `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`.
-
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
     does not matter: every word of it that is the name of a body, of a frame or contact geometry on
-    one, or of a coordinate counts.
-    """
+    one, or of a coordinate counts."""
     joints, known = read_joints(model), {*taken}
     own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
@@ -83,10 +75,8 @@ def untaken(
     on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.other(GROUND)]
     parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
     bodies = _bodies(model)
-    coordinates = {
-        c.name for joint in cut for c in joint.coordinates
-        if {joint.parent, joint.child} & near
-    }
+    coordinates = {c.name for joint in cut for c in joint.coordinates
+                   if {joint.parent, joint.child} & near}
     answer = []
     for element in model.forces():
         if element in known:
@@ -107,12 +97,7 @@ def untaken(
 
 
 def listed(found: Iterable[Untaken]) -> list[str]:
-    """Things counted by class, with their names and what they are attached to.
-
-    Example:
-        >>> listed([])
-        []
-    """
+    """Things counted by class, with their names and what they are attached to."""
     by_class = collections.defaultdict(list)
     for one in found:
         by_class[one.element.tag].append(one)
@@ -125,18 +110,13 @@ def listed(found: Iterable[Untaken]) -> list[str]:
 
 
 def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
-    """How many of which kind, from the classes of elements and the names of bodies.
-
-    Example:
-        >>> numbers_of_kinds(["PathSpring", "HuntCrossleyForce", "PathSpring"], ["meniscus_r"])
-        '1 contact, 2 springs, 1 meniscus'
-    """
-    names = [next(kind[1:] for kind in _KINDS if kind[0].search(tag)) for tag in tags]
-    names += [("meniscus", "menisci") if "menisc" in body.lower() else ("body", "bodies")
-              for body in bodies]
+    """How many of which kind, from the classes of elements and the names of bodies."""
+    names = [next(kind for kind, words in _KINDS.items() if re.search(words, x)) for x in tags]
+    names += ["meniscus" if "menisc" in body.lower() else "body" for body in bodies]
     counts = collections.Counter(names)
-    order = [*(kind[1:] for kind in _KINDS), ("meniscus", "menisci"), ("body", "bodies")]
-    return ", ".join(f"{counts[name]} {name[counts[name] > 1]}" for name in order if counts[name])
+    every = ((counts[name], name) for name in (*_KINDS, *_PLURALS) if counts[name])
+    return ", ".join(f"{n} {name if n == 1 else _PLURALS.get(name, f'{name}s')}"
+                     for n, name in every)
 
 
 def _bodies(model: Model) -> dict[str, str]:
@@ -232,9 +212,8 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     """
     model, knee = read.model, read.knee
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
-    joints = [
-        f"{joint.name} ({joint.kind}): {text}" for joint in knee.joints for text in joint.describe()
-    ]
+    joints = [f"{joint.name} ({joint.kind}): {text}"
+              for joint in knee.joints for text in joint.describe()]
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
     if geometry:
         contacts += geometry
@@ -299,15 +278,10 @@ def _table(read: OsimImport) -> list[str]:
     lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
     lines.append("|---|---|---|---|---|---|")
     for name, entry in read.document["ligaments"].items():
-        row = (
-            name,
-            str(2 + len(entry.get("via_points", ()))),
-            entry.get("wrap", ""),
-            f"{entry['stiffness_N']:g}",
-            f"{entry['slack_length_mm']:.6g}",
-            f"{entry['transition_strain']:g}",
-        )
-        lines.append(f"| {' | '.join(row)} |")
+        points = str(2 + len(entry.get("via_points", ())))
+        numbers = (f"{entry[field]:{shown}}" for field, shown in (
+            ("stiffness_N", "g"), ("slack_length_mm", ".6g"), ("transition_strain", "g")))
+        lines.append(f"| {' | '.join((name, points, entry.get('wrap', ''), *numbers))} |")
     groups = read.document.get("groups", {})
     if groups:
         names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())

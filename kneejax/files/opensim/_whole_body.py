@@ -14,15 +14,16 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from kneejax.files.opensim._acting import read_external_loads
 from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
 from kneejax.files.opensim._frames import flexion_coordinate
-from kneejax.files.opensim._ground import read_external_loads
 from kneejax.files.opensim._joints import coordinate_columns, read_joints
 from kneejax.files.opensim._knee import find_knee
 from kneejax.files.opensim._model import GROUND, Model, read_model
 from kneejax.files.opensim._xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
-from kneejax.files.tables import Storage, angles_rad, common_times, read_storage
+from kneejax.files.tables import Storage, angles_rad, common_times
+from kneejax.files.tables._storage import read_storage
 from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 
@@ -123,9 +124,7 @@ def whole_body(
     model = read_model(model_path)
     bones = find_knee(model, side, femur, tibia, may_be_named=True)
     table = read_storage(motion)
-    tables = [table]
-    if loads is not None:
-        tables.append(read_external_loads(loads, model).table)
+    tables = [table] if loads is None else [table, read_external_loads(loads, model).table]
     if actuators is not None:
         file = parse_xml(actuators, _ACTUATORS)
         if all(element.tag != "ForceSet" for element in file.root.iter("*")):
@@ -151,12 +150,10 @@ def whole_body(
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
     lower = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
     joint = next(x for x in bones.joints[::-1] if {x.parent, x.child} & lower)
-    return WholeBody(
-        Path(model_path), Path(motion), coordinates, None if loads is None else Path(loads), side,
-        (bones.femur, bones.tibia), joint.name, joint.child in lower,
-        (float(begin), float(end)), every,
-        None if actuators is None else Path(actuators),
-    )  # fmt: skip
+    paths = (None if path is None else Path(path) for path in (loads, actuators))
+    return WholeBody(Path(model_path), Path(motion), coordinates, next(paths), side,
+                     (bones.femur, bones.tibia), joint.name, joint.child in lower,
+                     (float(begin), float(end)), every, next(paths))
 
 
 def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
@@ -179,15 +176,12 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
     if actuators is None:
         actuators = folder / _NAME
         write_text(actuators, _reserves(read_model(asked)))
-    motion = folder / "coordinates.sto"
-    table = body.coordinates
+    motion, table = folder / "coordinates.sto", body.coordinates
     rows = np.column_stack([table.time, *table.columns.values()])
     text = "\n".join("\t".join(f"{x:.17g}" for x in row) for row in rows.tolist())
-    degrees = "yes" if table.in_degrees else "no"
-    size = f"nRows={len(rows)}\nnColumns={rows.shape[1]}"
-    names = "\t".join(["time", *table.columns])
-    write_text(motion, f"coordinates\nversion=1\n{size}\ninDegrees={degrees}\nendheader\n"
-                       f"{names}\n{text}\n")
+    degrees, names = "yes" if table.in_degrees else "no", "\t".join(["time", *table.columns])
+    size = f"nRows={len(rows)}\nnColumns={rows.shape[1]}\ninDegrees={degrees}"
+    write_text(motion, f"coordinates\nversion=1\n{size}\nendheader\n{names}\n{text}\n")
     paths = {"model": asked, "motion": motion, "loads": body.loads, "actuators": actuators,
              "folder": folder}
     settings = {name: str(Path(x).absolute()) if x else "" for name, x in paths.items()} | {
@@ -214,18 +208,13 @@ def _reserves(model: Model) -> str:
     """A weak actuator for every coordinate that may move."""
     rows = []
     for joint in read_joints(model):
-        at_ground = GROUND in (joint.parent, joint.child)
-        for coordinate in joint.coordinates:
-            if coordinate.locked:
-                continue
-            kind = "residual" if at_ground else "reserve"
-            name = quoteattr(f"{coordinate.name}_{kind}")
-            rows.append(
-                f"<CoordinateActuator name={name}><coordinate>{coordinate.name}</coordinate>"
-                f"<optimal_force>{_RESERVE:g}</optimal_force>"
-                "<min_control>-Inf</min_control><max_control>Inf</max_control>"
-                "</CoordinateActuator>\n"
-            )
+        kind = "residual" if GROUND in (joint.parent, joint.child) else "reserve"
+        rows += [
+            f"<CoordinateActuator name={quoteattr(f'{one.name}_{kind}')}>"
+            f"<coordinate>{one.name}</coordinate><optimal_force>{_RESERVE:g}</optimal_force>"
+            "<min_control>-Inf</min_control><max_control>Inf</max_control></CoordinateActuator>\n"
+            for one in joint.coordinates if not one.locked
+        ]
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<OpenSimDocument Version="40000">\n'
         f'<ForceSet name="reserves"><objects>\n{"".join(rows)}</objects></ForceSet>\n'

@@ -118,9 +118,7 @@ class Element(etree.ElementBase):
 
     def set_words(self, words: Sequence[str], changed: Collection[int]) -> None:
         """Put those words that changed in the place of its own, or all where it has not as many.
-
-        Space between words and comments stay.
-        """
+        Space between words and comments stay."""
         if len(self.content.split()) != len(words):
             del self[:]
             self.text = " ".join(words)
@@ -176,11 +174,9 @@ class XmlFile:
     root: Element
 
     def written(self) -> bytes:
-        """The file with the elements as they are now, in its own encoding.
-
-        What stands before and after the root, comments, space between elements, ends of lines and
-        the way to close an empty element stay.
-        """
+        """The file with the elements as they are now, in its own encoding. What stands before and
+        after the root, comments, space between elements, ends of lines and the way to close an
+        empty element stay."""
         text, closed = self.text, f"</{self.root.tag}"
         new = etree.tostring(self.root, encoding="unicode", with_tail=False)
         if 2 * text.count(" />") > text.count("/>"):
@@ -225,9 +221,7 @@ def element_of(text: str) -> Element:
 
 def _parsed(text: str, path: str | os.PathLike[str] = ""):
     """The root of a text, and the first error in it. No file but it is read, no entity expanded.
-
-    Names with `::`, which OpenSim has, are no error.
-    """
+    Names with `::`, which OpenSim has, are no error."""
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True,
                              load_dtd=False, huge_tree=False, strip_cdata=False, recover=True)
     parser.set_element_class_lookup(etree.ElementDefaultClassLookup(element=Element))

@@ -5,19 +5,25 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Annotated, Any, TypeVar, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler, ValidationInfo
+from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler
 from pydantic_core import core_schema
 
 from kneejax.files.reading._model import Mistakes, together
 from kneejax.files.reading._problem import InputProblem, wrong
+from kneejax.files.reading._text import plain_number
 from kneejax.quantities import RANGES, Range, nearest_name, range_of_parameter
+
+if TYPE_CHECKING:
+    import numpy as np
 
 _T = TypeVar("_T")
 #: No seed and no count is larger.
 MOST = 2**32 - 1
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_+-]*")
+#: Numbers of a range at most.
+_MOST_VALUES = 10_000
 _PARAMETER = re.compile(r"[A-Za-z*?][\w*?+-]*(\.[\w*?]+)*")
 
 
@@ -193,6 +199,76 @@ def deviation(value: Any, allowed: Range | None) -> float:
     return sd
 
 
+def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg") -> np.ndarray:
+    """Flexion angles from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+
+    Args:
+        text: e.g. `0:120:5` or `0,30,60`; degrees.
+        file: where the text stands, for the error.
+        field: likewise.
+
+    Returns:
+        Shape `(n,)`, degrees.
+
+    Raises:
+        InputProblem: the text is something else, the step leads away from the end, or an angle
+            is out of range.
+
+    Example:
+        >>> parse_flexion("0:20:5").tolist()
+        [0.0, 5.0, 10.0, 15.0, 20.0]
+    """
+    return parse_range(text, file, field, RANGES["flexion_deg"], "angle")
+
+
+def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np.ndarray:
+    """Numbers from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+
+    Args:
+        text: as of `parse_flexion`.
+        file: where the text stands, for the error.
+        field: likewise.
+        allowed: what each number may be.
+        of: what one of them is, in a word.
+
+    Returns:
+        Shape `(n,)`.
+
+    Raises:
+        InputProblem: as of `parse_flexion`.
+
+    Example:
+        >>> from kneejax.mechanics import Range
+        >>> lengths = Range(-20.0, 60.0, "mm")
+        >>> parse_range("0:-4:-2", "--quadriceps-mm", "lengths", lengths, "length").tolist()
+        [0.0, -2.0, -4.0]
+    """
+    import numpy as np
+
+    def refused(expected: str) -> InputProblem:
+        return InputProblem(file, field, text, expected)
+
+    expected = f"FROM:TO:STEP or a comma separated list, {allowed}"
+    is_range = ":" in text
+    stated = [plain_number(part) for part in text.split(":" if is_range else ",")]
+    numbers = [x for x in stated if x is not None]
+    if len(numbers) < len(stated):
+        raise refused(expected)
+    if is_range and (len(numbers) != 3 or not np.isfinite(numbers).all()):
+        raise refused(expected)
+    if not all(allowed.holds(x) for x in (numbers[:2] if is_range else numbers)):
+        raise refused(f"{of}s {allowed}")
+    if not is_range:
+        return np.array(numbers, float)
+    first, last, step = numbers
+    if step == 0 or (last - first) / step < 0:
+        raise refused(f"a step that leads from the first {of} to the last")
+    count = np.floor((last - first) / step + 1e-9) + 1
+    if count > _MOST_VALUES:
+        raise refused(f"at most {_MOST_VALUES} {of}s")
+    return first + step * np.arange(int(count))
+
+
 def meaning(description: str = "", default: Any = ..., **more: Any) -> Any:
     """A field: what it means, and its default, or what makes it."""
     kind = "default_factory" if callable(default) else "default"
@@ -207,10 +283,6 @@ def reads(read: Callable[..., Any], *arguments: Any) -> BeforeValidator:
 def within(quantity: str) -> BeforeValidator:
     """A finite number in the range of this name (`kneejax.mechanics.RANGES`)."""
     return reads(number, RANGES[quantity])
-
-
-def _as_named(value: Any, info: ValidationInfo) -> float:
-    return number(value, RANGES[info.field_name or ""])
 
 
 def numbers_within(count: int | None, quantity: str) -> BeforeValidator:
@@ -267,4 +339,6 @@ Name = Annotated[str, reads(name)]
 Text = Annotated[str, reads(text)]
 Flag = Annotated[bool, reads(_flag)]
 #: A number in the range of the name of its field.
-Number = Annotated[float, BeforeValidator(_as_named)]
+Number = Annotated[
+    float, BeforeValidator(lambda value, info: number(value, RANGES[info.field_name or ""]))
+]

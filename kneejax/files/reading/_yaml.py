@@ -123,23 +123,16 @@ class _Dumper(yaml.SafeDumper):
         return super().increase_indent(flow, False)
 
 
-def _decimal(loader: _Loader, node: yaml.ScalarNode) -> int:
-    # YAML 1.1 would read 010 as eight.
-    return int(loader.construct_scalar(node))
-
-
-_Loader.add_constructor("tag:yaml.org,2002:int", _decimal)
+# YAML 1.1 would read 010 as eight.
+_Loader.add_constructor(_NUMBERS[0], lambda loader, node: int(loader.construct_scalar(node)))
 for _kind in (_Loader, _Dumper):
     for _tag, _pattern, _first in _MEANINGS:
         _kind.add_implicit_resolver(_tag, re.compile(f"^(?:{_pattern})$"), _first)
 
 
-def _list_in_one_line(dumper: _Dumper, items: list) -> yaml.Node:
-    short = not any(isinstance(item, list | dict) for item in items)
-    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=short)
-
-
-_Dumper.add_representer(list, _list_in_one_line)
+# Lists of plain values in one line.
+_Dumper.add_representer(list, lambda dumper, items: dumper.represent_sequence(
+    _LIST, items, flow_style=not any(isinstance(item, list | dict) for item in items)))
 
 
 def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, COORDINATES
 from kneejax.mechanics import NAMED_LOADS
 
@@ -79,35 +78,26 @@ class Header(NamedTuple):
 
 
 def header_meaning(own: str) -> Header | None:
-    """What a header says in words and unit; None where it is of something else.
-
-    Example:
-        >>> header_meaning("JCS Load External Rotation Torque [Nm]")[1:3]
-        ('internal_Nm', -1.0)
-        >>> header_meaning("Patella Flexion [deg]")
-    """
+    """What a header says in words and unit; None where it is of something else."""
     match = re.fullmatch(r"(.*?)\s*[\[(]([^\[\]()]*)[\])]\s*", own)
     text, unit = (match[1], re.sub(r"[\s.*·-]", "", match[2]).lower()) if match else (own, "")
     words = re.split(r"[\s/-]+", text.strip().lower())
     senses = {_SENSES[word] for word in words if word in _SENSES}
     if not {*words} <= {*_SENSES, *_BESIDE} or len(senses) > 1 or (match and unit not in _UNITS):
         return None
-    is_load = bool(_LOAD & {*words}) if not match else _UNITS[unit][0] in ("N", "Nm")
+    stated, factor = _UNITS[unit] if match else ("", 1.0)
+    is_called, is_load = bool(_LOAD & {*words}), stated in ("N", "Nm")
     if not senses:
-        if not (match and is_load and _LOAD & {*words}):
-            return None
-        kind, factor = _UNITS[unit]
-        return Header(own, "", factor, kind, True, nameless=True)
+        nameless = Header(own, "", factor, stated, True, nameless=True)
+        return nameless if is_load and is_called else None
     (sense,) = senses
-    # One bare word is no robot's header.
-    if not match and len(words) < 2:
-        return None
-    turns = sense.motion.endswith("_deg")
+    turns, is_load = sense.motion.endswith("_deg"), is_load if match else is_called
     kind = ("Nm" if turns else "N") if is_load else ("deg" if turns else "mm")
-    if match and _UNITS[unit][0] != kind:
+    # One bare word is no robot's header.
+    if stated not in ("", kind) or not (match or len(words) > 1):
         return None
-    name = sense.load if is_load else sense.motion
-    return Header(own, name, sense.sign * _UNITS[unit or kind.lower()][1], kind, bool(match))
+    return Header(own, sense.load if is_load else sense.motion, sense.sign * factor, kind,
+                  stated=bool(match))
 
 
 def by_headers(
@@ -115,11 +105,9 @@ def by_headers(
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
 ) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
     """Columns that their headers name, beside those that are `taken` (name -> column and factor).
-
     `ignore` are columns that do not count, `known` names that do; `about` says what the table is
     of, for a load without a direction. Doubts are added to the table's mistakes. Gives name ->
-    column and factor; what was assumed, a phrase each; columns that are not used.
-    """
+    column and factor; what was assumed, a phrase each; columns that are not used."""
     used = {column for column, _ in taken.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]
     read = [_directed(one, about) for one in read if one is not None]
@@ -130,7 +118,7 @@ def by_headers(
         if one.name in found:
             both = f"{found[one.name].own} and {one.own}"
             expected = f"one column of {one.name} (columns:), the other left out (ignore:)"
-            table.mistakes.append(InputProblem(table.file, "header", both, expected))
+            table.wrong("header", both, expected)
         found.setdefault(one.name, one)
     phrases = [f"{name} from {_times(one)}" for name, one in found.items() if one.stated]
     for unit in _WORDS:
@@ -148,14 +136,14 @@ def _directed(one: Header, about: str) -> Header:
     if not one.nameless:
         return one
     words = re.findall(r"[a-z]+", about.lower())
-    said = {(_SENSES[word].load, _SENSES[word].sign) for word in words if word in _SENSES}
-    said |= {(_TESTED[word], 0.0) for word in words if word in _TESTED}
-    said = {(load, sign) for load, sign in said if load.endswith(f"_{one.unit}")}
-    if len({load for load, _ in said}) != 1:
+    said = [(_SENSES[word].load, _SENSES[word].sign) for word in words if word in _SENSES]
+    said += [(_TESTED[word], 0.0) for word in words if word in _TESTED]
+    signs = {sign for load, sign in said if load.endswith(f"_{one.unit}")}
+    loads = {load for load, _ in said if load.endswith(f"_{one.unit}")}
+    if len(loads) != 1:
         return one
-    backwards = 1.0 not in {sign for _, sign in said} and -1.0 in {sign for _, sign in said}
-    (load, _), *_ = said
-    return one._replace(name=load, factor=-one.factor if backwards else one.factor)
+    backwards = -1.0 in signs and 1.0 not in signs
+    return one._replace(name=loads.pop(), factor=-one.factor if backwards else one.factor)
 
 
 def _times(one: Header) -> str:
@@ -179,14 +167,12 @@ def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[floa
         bent = table.sizes(flexion.own) if flexion and not flexion.stated else np.zeros(1)
         if np.ptp(bent) < 0.5 or (bent == np.round(bent)).all():
             one = columns[0]
-            ways = " or ".join(
-                f'"{one.factor * times:.7g} * {one.own}"' for times in (1.0, math.degrees(1.0))
-            )
-            table.mistakes.append(InputProblem(
-                table.file, one.own, f"up to {largest:.3g}",
-                f"its unit: degrees and radians cannot be distinguished; write {one.name}: {ways} "
-                "under columns",
-            ))  # fmt: skip
+            ways = (f'"{one.factor * x:.7g} * {one.own}"' for x in (1.0, math.degrees(1.0)))
+            table.wrong(
+                one.own, f"up to {largest:.3g}",
+                "its unit: degrees and radians cannot be distinguished; write "
+                f"{one.name}: {' or '.join(ways)} under columns",
+            )  # fmt: skip
             return None
         words, factor = "radians", math.degrees(1.0)
     named = ", ".join(f"{one.name} from {_times(one)}" for one in columns)

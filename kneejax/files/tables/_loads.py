@@ -12,8 +12,8 @@ import numpy as np
 
 from kneejax.files.reading import InputProblem, plain_number
 from kneejax.files.tables._headers import MOST_MOMENT_NM, by_headers, header_meaning
-from kneejax.files.tables._tables import Table, assumed, columns_missing, pose_range
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTIONS, OTHER_COLUMNS, convert_table
+from kneejax.files.tables._tables import Table, assumed, pose_range
+from kneejax.geometry import CLINICAL, COLUMNS, OTHER_COLUMNS, convert_table
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 
 #: What sounds like a load, so that leaving it out must be said.
@@ -55,9 +55,7 @@ def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """
     table = Table.read(path)
     for name in table.header:
-        meant, opposite = load_called(name), load_opposite_to(name)
-        if opposite is not None and name not in COLUMNS:
-            meant = f"{opposite} of the opposite sign"
+        meant = load_called(name) if name in COLUMNS else _meant(name)
         if meant is not None and name != meant:
             expected = f"one of {', '.join(NAMED_LOADS)}"
             raise InputProblem(table.file, "header", name, expected, meant)
@@ -98,10 +96,7 @@ def read_loads_over_time(
             raise InputProblem(table.file, "header", name, (TIME, *NAMED_LOADS, *may_lead))
     times, ways = table.column(TIME), {name: table.column(name, pose_range(name)) for name in led}
     table.mistakes.check()
-    if (back := np.flatnonzero(np.diff(times) <= 0)).size:
-        before, after = times[back[0] : back[0] + 2]
-        place, expected = table.cells(TIME)[back[0] + 1][0], f"later than {before:g}"
-        raise InputProblem(table.file, place, f"{after:g}", f"{expected}: times that rise")
+    table.check_times(TIME, times)
     if len(times) < 2:
         raise InputProblem(table.file, TIME, f"{times[0]:g}", "two times at least")
     return times, sizes, ways
@@ -146,25 +141,20 @@ def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
     table = Table.read(path, ["flexion_deg"])
     for name in table.header:
         if name not in _CANDIDATE:
-            missing = [column for column in _CANDIDATE if column not in table.header]
-            known = f"any of {', '.join(_CANDIDATE)}"
-            meant = load_opposite_to(name)
-            near = f"{meant} of the opposite sign" if meant else load_called(name) or missing
-            raise InputProblem(table.file, "header", name, known, near)
-        if (count := table.header.count(name)) > 1:
-            raise InputProblem(table.file, name, f"{count} columns", "one of this name")
-    given = [name for name in _CANDIDATE[:-1] if name in table.header]
-    read = {name: table.column(name, RANGES[name]) for name in given}
+            near = _meant(name) or [column for column in _CANDIDATE if column not in table.header]
+            expected = f"any of {', '.join(_CANDIDATE)}"
+            raise InputProblem(table.file, "header", name, expected, near)
+    table.check_columns(table.header)
+    read = {x: table.column(x, RANGES[x]) for x in _CANDIDATE[:-1] if x in table.header}
     table.mistakes.check()
     names = [cell for _, cell in table.cells("name")] if "name" in table.header else []
     tests: dict[tuple[float, ...], int] = {}
     found = []
-    for row, (line, _) in enumerate(table.rows):
+    for row in range(len(table.rows)):
         values = dict.fromkeys(_CANDIDATE[:-1], 0.0) | {x: float(y[row]) for x, y in read.items()}
         if (first := tests.setdefault(tuple(values.values()), row)) != row:
-            place = f"row {row + 1} (line {line})"
             again = f"the test of row {first + 1} again"
-            raise InputProblem(table.file, place, again, "every test once")
+            raise InputProblem(table.file, table.place(row), again, "every test once")
         found.append(CandidateRow(names[row] if names else "", values.pop("flexion_deg"), values))
     return tuple(found)
 
@@ -249,7 +239,7 @@ def read_lab_table(
         ([90.0], 4.5)
     """
     table = Table.read(path)
-    named, sure = _named(table, dict(columns or {}))
+    named, sure = _named(table, columns or {})
     for own in table.header:
         name = _ALSO.get(own, own)
         if own not in ignore and (name in _KNOWN or _is_reading(name)):
@@ -274,14 +264,11 @@ def read_lab_table(
         if name.endswith("_Nm") and np.abs(size).max(initial=0.0) > MOST_MOMENT_NM:
             own, _ = named[name]
             expected = f"N m, at most {MOST_MOMENT_NM:g}; N mm are suspected (0.001 * {own})"
-            most = f"up to {np.abs(size).max():g}"
-            table.mistakes.append(InputProblem(table.file, own, most, expected))
+            table.wrong(own, f"up to {np.abs(size).max():g}", expected)
     table.mistakes.check()
-    observed = np.full((len(table.rows), len(COLUMNS)), np.nan)
-    for place, name in enumerate(COLUMNS):
-        observed[:, place] = poses.get(name, np.nan)
-    doubted = observed.copy()
-    doubted[:, [name in sure or name in found for name in COLUMNS]] = np.nan
+    absent = np.full(len(table.rows), np.nan)
+    observed = np.stack([poses.get(name, absent) for name in COLUMNS], axis=1)
+    doubted = np.where([name in sure or name in found for name in COLUMNS], np.nan, observed)
     table.check_units(doubted, [named.get(name, (name,))[0] for name in COLUMNS], least_deg=1.0)
     table.mistakes.check()
     assumed(table.file, phrases)
@@ -303,83 +290,79 @@ def _range(name: str) -> Range:
     return RANGES["strain"] if name.endswith(".strain") else pose_range(name)
 
 
+def _meant(name: str) -> str | None:
+    """The load that a name once meant, or that acts the other way, in words."""
+    opposite = load_opposite_to(name)
+    return f"{opposite} of the opposite sign" if opposite else load_called(name)
+
+
 def _check_header(
     table: Table, named, mapped: set[str], flexion_deg: float | None, ignore, unloaded: bool
 ) -> None:
     """A load, a coordinate and a flexion; nothing that sounds like a load is left over. What a
     study maps counts as there: if it is not, that is a mistake of its own."""
-    file, header = table.file, table.header
-    used = {column for column, _ in named.values()}
+    used = {column for column, _ in named.values()} | ignore
     there, loads_left = {*named, *mapped}, False
-    for own in header:
-        if own not in used and own not in ignore and _LOAD.search(own):
-            expected = "a column that is used (columns:) or left out on purpose (ignore:)"
-            meant = load_opposite_to(own)
-            near = f"columns: {{{meant}: -{own}}}" if meant else None
-            said = header_meaning(own)
-            if said is not None and said.nameless:
-                loads_left = True
-                known = ", ".join(x for x in NAMED_LOADS if x.endswith(f"_{said.unit}"))
-                expected = (
-                    "its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, or "
-                    f'"{own}" under columns, for one of {known}'
-                )
-            table.mistakes.append(InputProblem(file, "header", own, expected, near))
-    read = any(_is_reading(name) for name in there)
-    for what, known in (("load", tuple(NAMED_LOADS)), ("coordinate", COLUMNS[1:])):
-        spared = (unloaded or loads_left) if what == "load" else read
-        if not spared and not any(name in there for name in known):
-            expected = f"one of {', '.join(known)}"
-            table.mistakes.append(InputProblem(file, "header", f"no {what}", expected))
+    for own in table.header:
+        if own in used or not _LOAD.search(own):
+            continue
+        expected = "a column that is used (columns:) or left out on purpose (ignore:)"
+        said = header_meaning(own)
+        if said is not None and said.nameless:
+            loads_left = True
+            known = ", ".join(x for x in NAMED_LOADS if x.endswith(f"_{said.unit}"))
+            expected = (
+                "its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, or "
+                f'"{own}" under columns, for one of {known}'
+            )
+        meant = load_opposite_to(own)
+        table.wrong("header", own, expected, f"columns: {{{meant}: -{own}}}" if meant else None)
+    read = any(map(_is_reading, there))
+    for what, known, spared in (("load", NAMED_LOADS, unloaded or loads_left),
+                                ("coordinate", COLUMNS[1:], read)):
+        if not spared and not there.intersection(known):
+            table.wrong("header", f"no {what}", f"one of {', '.join(known)}")
     if flexion_deg is None and COLUMNS[0] not in there:
-        expected = f"this column among {', '.join(header)}, or at_deg of the test"
-        table.mistakes.append(InputProblem(file, COLUMNS[0], "missing", expected))
+        expected = f"this column among {', '.join(table.header)}, or at_deg of the test"
+        table.wrong(COLUMNS[0], "missing", expected)
 
 
 def _named(
-    table: Table, columns: dict[str, str]
+    table: Table, columns: Mapping[str, str]
 ) -> tuple[dict[str, tuple[str, float]], set[str]]:
     """Name -> column of the file and the factor that it is multiplied with, and names whose factor
     is stated; mistakes are added to the table's."""
     found, sure = {}, set()
     for name, said in columns.items():
+        factor, own = 1.0, said.strip()
+        match = re.fullmatch(r"([-+.\w]+)\s*\*\s*(.+)", own)
         if name not in _KNOWN and not _is_reading(name):
             expected = f"one of {', '.join(_KNOWN)}, or such as ACL.tension_N"
             meant = load_opposite_to(name)
-            near = f"{meant}: -{said.strip()}" if meant else _KNOWN
-            table.mistakes.append(InputProblem(table.file, "columns", name, expected, near))
+            table.wrong("columns", name, expected, f"{meant}: -{own}" if meant else _KNOWN)
             continue
-        factor, own = 1.0, said.strip()
-        if match := re.fullmatch(r"([-+.\w]+)\s*\*\s*(.+)", own):
-            stated, own = plain_number(match[1]), match[2]
-            if stated is None or not math.isfinite(stated) or stated == 0.0:
-                expected = "a factor before the *, as in 0.001 * Torque [Nmm]"
-                wrong = InputProblem(table.file, f"columns.{name}", said, expected)
-                table.mistakes.append(wrong)
-                continue
-            factor = stated
+        if match:
+            factor, own = plain_number(match[1]), match[2]
             sure.add(name)
         elif own.startswith("-"):
             factor, own = -1.0, own[1:].strip()
-        found[name] = own, factor
-    sought = [own for own, _ in found.values()]
-    table.mistakes.extend(columns_missing(table.file, table.header, sought))
+        if factor and math.isfinite(factor):
+            found[name] = own, factor
+        else:
+            expected = "a factor before the *, as in 0.001 * Torque [Nmm]"
+            table.wrong(f"columns.{name}", said, expected)
+    table.seek([own for own, _ in found.values()])
     return {x: own for x, own in found.items() if own[0] in table.header}, sure
 
 
 def _clinical(table: Table, observed: np.ndarray, convention: str) -> np.ndarray:
     """Poses along the axes of Grood and Suntay."""
-    file, header = table.file, table.header
-    if "convention" in header:
-        said = {cell for _, cell in table.cells("convention")}
-        if said != {convention}:
-            expected = f"{convention} in every row, as this test says"
-            raise InputProblem(file, "convention", ", ".join(sorted(said)), expected, CONVENTIONS)
+    table.check_rows_convention(convention)
     if convention == CLINICAL:
         return observed
     if np.isnan(observed).any():
         expected = f"all of {', '.join(COLUMNS)}, without which {convention} cannot be converted"
-        raise InputProblem(file, "header", "not all six columns of a pose", expected)
+        raise InputProblem(table.file, "header", "not all six columns of a pose", expected)
     found = convert_table(observed, convention, CLINICAL)
     # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
     found[:, 0] = np.round(found[:, 0], 6)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -11,8 +10,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from kneejax.files.reading import InputProblem, counted, plain_number, read_text
-from kneejax.quantities import nearest_name
+from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number, read_text
+from kneejax.files.tables._tables import Table
 
 _KIND = "an OpenSim table (.sto or .mot)"
 #: Words of a header that count rows and columns, as OpenSim and as SIMM call them.
@@ -124,75 +123,49 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
     ends = [k for k, line in enumerate(lines) if line.strip().lower() == "endheader"]
     if not ends:
         raise InputProblem(file, "header", "no line endheader", _KIND)
-    degrees, unit_by = _angle_unit(file, lines[: ends[0]])
-    body = [(k + 1, line.split()) for k, line in enumerate(lines) if k > ends[0] and line.strip()]
-    if len(body) < 3:
-        found = counted(max(len(body) - 1, 0), "row")
+    header, body = lines[: ends[0]], enumerate(lines[ends[0] + 1 :], ends[0] + 2)
+    degrees, unit_by = _angle_unit(file, header)
+    rows = [(number, line.split()) for number, line in body if line.strip()]
+    if len(rows) < 3:
+        found = counted(max(len(rows) - 1, 0), "row")
         raise InputProblem(file, "rows", found, "names of columns and two rows or more")
-    names = body[0][1]
+    (line, names), *rows = rows
     if names[0].lower() != "time":
-        raise InputProblem(file, f"line {body[0][0]}", names[0], "the column time first")
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InputProblem(file, twice[0], f"{names.count(twice[0])} columns", "one of this name")
-    table = np.array([_numbers(file, line, cells, names) for line, cells in body[1:]])
-    _check_counts(file, lines[: ends[0]], table)
-    back = np.flatnonzero(np.diff(table[:, 0]) <= 0)
-    if back.size:
-        k = int(back[0]) + 1
-        expected = f"more than {table[k - 1, 0]:g} s of the row before"
-        raise InputProblem(file, f"line {body[k + 1][0]}, time", f"{table[k, 0]:g}", expected)
-    columns = dict(zip(names[1:], table[:, 1:].T, strict=True))
-    return Storage(file, table[:, 0], columns, degrees, unit_by)
+        raise InputProblem(file, f"line {line}", names[0], "the column time first")
+    table = Table(file, names, rows, Mistakes(file))
+    table.check_columns(names)
+    table.check_rows(names)
+    time, *values = (table.column(name) for name in names)
+    table.mistakes.check()
+    # A header that counts rows or columns counts those that are there: nothing was cut off.
+    there = dict(zip(_COUNTS, 2 * (len(rows), len(names)), strict=True))
+    for words in (line.replace("=", " ").split() for line in header):
+        kind = words[0].lower() if len(words) == 2 else ""
+        if kind in there and plain_number(words[1]) != there[kind]:
+            found = counted(there[kind], "row" if "rows" in kind else "column")
+            raise InputProblem(file, words[0], words[1], f"{found}, as the file has")
+    table.check_times(names[0], time)
+    return Storage(file, time, dict(zip(names[1:], values, strict=True)), degrees, unit_by)
 
 
 def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
-    """Whether angles are degrees, and by what.
-
-    By the line inDegrees. Without it as OpenSim reads them: degrees in a motion of SIMM, which is a
-    .mot without a version, and radians in every other table.
-    """
+    """Whether angles are degrees, and by what. By the line inDegrees. Without it as OpenSim reads
+    them: degrees in a motion of SIMM, which is a .mot without a version, and radians in every other
+    table."""
     has_version = False
     for line in header:
-        name, _, value = line.partition("=")
-        if name.strip().lower() == "indegrees":
-            word = value.strip().lower()
-            if word not in ("yes", "no"):
-                raise InputProblem(file, "inDegrees", value.strip() or "empty", "yes or no")
-            return word == "yes", f"as inDegrees={word} says"
+        name, _, value = (x.strip() for x in line.lower().partition("="))
+        if name == "indegrees":
+            if value not in ("yes", "no"):
+                own = line.partition("=")[2].strip()
+                raise InputProblem(file, "inDegrees", own or "empty", "yes or no")
+            return value == "yes", f"as inDegrees={value} says"
         if line.strip().lower() in _SENTENCES:
             return _SENTENCES[line.strip().lower()], "as its header says"
-        has_version |= line.split()[:1] == ["version"] or name.strip().lower() == "version"
+        has_version |= "version" in (name, *line.split()[:1])
     if file.lower().endswith(".mot") and not has_version:
         return True, "as OpenSim reads a .mot whose header has neither version nor inDegrees"
     return False, "as OpenSim reads a header without a line inDegrees=yes"
-
-
-def _numbers(file: str, line: int, cells: list[str], names: list[str]) -> list[float]:
-    if len(cells) != len(names):
-        expected = f"{counted(len(names), 'cell')}, as names of columns"
-        raise InputProblem(file, f"line {line}", counted(len(cells), "cell"), expected)
-    answer = []
-    for name, cell in zip(names, cells, strict=True):
-        x = plain_number(cell)
-        if x is None:
-            raise InputProblem(file, f"line {line}, {name}", cell, "a number")
-        if not math.isfinite(x):
-            raise InputProblem(file, f"line {line}, {name}", cell, "a finite number")
-        answer.append(x)
-    return answer
-
-
-def _check_counts(file: str, header: Sequence[str], table: np.ndarray) -> None:
-    """A header that counts rows or columns counts those that are there: nothing was cut off."""
-    there = dict(zip(_COUNTS, 2 * table.shape, strict=True))
-    for line in header:
-        words = line.replace("=", " ").split()
-        if len(words) != 2 or (name := words[0].lower()) not in there:
-            continue
-        if plain_number(words[1]) != there[name]:
-            found, kind = counted(there[name], "row" if "rows" in name else "column"), words[0]
-            raise InputProblem(file, kind, words[1], f"{found}, as the file has")
 
 
 def angles_rad(table: Storage, name: str) -> np.ndarray:
@@ -206,13 +179,11 @@ def angles_rad(table: Storage, name: str) -> np.ndarray:
         InputProblem: the header says degrees and the numbers look like radians, or the reverse.
     """
     values = table.named(name)
-    largest = float(np.abs(values).max())
-    shown = f"{values.min():.3g} to {values.max():.3g}"
-    if table.in_degrees and np.ptp(values) >= 0.05 and largest <= _RADIANS_BELOW:
-        expected = f"degrees, {table.unit_by}; radians are suspected"
-        raise InputProblem(table.file, name, shown, expected)
-    if not table.in_degrees and largest > _RADIANS_BELOW:
-        expected = f"radians, {table.unit_by}; degrees are suspected"
+    largest, shown = np.abs(values).max(), f"{values.min():.3g} to {values.max():.3g}"
+    said, other = ("degrees", "radians") if table.in_degrees else ("radians", "degrees")
+    moves = not table.in_degrees or np.ptp(values) >= 0.05
+    if moves and table.in_degrees == (largest <= _RADIANS_BELOW):
+        expected = f"{said}, {table.unit_by}; {other} are suspected"
         raise InputProblem(table.file, name, shown, expected)
     return np.deg2rad(values) if table.in_degrees else values
 
@@ -239,30 +210,6 @@ def common_times(tables: Sequence[Storage], count: int | None = None) -> np.ndar
         return np.linspace(begin, end, count)
     inside = [x.time[(x.time >= begin) & (x.time <= end)] for x in tables]
     return min(inside, key=len)
-
-
-def column_of(table: Storage, sought: Sequence[str], what: str) -> str:
-    """The first of several names that a table has; names may be the last part of a path.
-
-    Args:
-        table: with the columns.
-        sought: names in order of preference.
-        what: is sought, for the error.
-
-    Raises:
-        InputProblem: there is none of them, or the first word is nearly another.
-
-    Example:
-        >>> table = Storage("walk.sto", np.zeros(2), {"/jointset/knee_r/knee_angle_r": 0}, True)
-        >>> column_of(table, ["knee_angle_r"], "flexion")
-        '/jointset/knee_r/knee_angle_r'
-    """
-    by_last = {last_word(name): name for name in table.columns}
-    for name in sought:
-        if name in table.columns or name in by_last:
-            return name if name in table.columns else by_last[name]
-    near = nearest_name(sought[0], by_last)
-    raise InputProblem(table.file, "columns", sought[0], f"a column with {what}", near)
 
 
 def last_word(column: str) -> str:

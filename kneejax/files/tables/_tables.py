@@ -24,8 +24,6 @@ from kneejax.quantities import nearest_name
 #: How a text begins that spreadsheets take for a formula (OWASP, CSV injection), with the wide
 #: characters that some of them take for the same.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
-#: Columns of the patellofemoral joint, as laboratories call them.
-_OF_PATELLA = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
 
 
 def read_poses(
@@ -58,30 +56,22 @@ def read_poses(
         >>> read_poses(path).tolist()
         [[30.0, 1.5, 4.0, 2.0, -28.0, 0.5]]
     """
-    file, names = os.fspath(path), dict(columns or {})
-    _check_convention(file, convention)
+    file, names = os.fspath(path), columns or {}
+    check_convention(file, convention)
     for name in names:
         if name not in COLUMNS:
             expected = f"the package's columns {', '.join(COLUMNS)}"
             raise InputProblem(file, "columns", name, expected, COLUMNS)
     read = Table.read(file)
-    own = {name: names.get(name, name) for name in COLUMNS}
-    named = {name: (x, 1.0) for name, x in own.items() if x in read.header or name in names}
+    named = {x: (names.get(x, x), 1.0) for x in COLUMNS if x in names or x in read.header}
     found, phrases, _ = by_headers(read, named, known=COLUMNS)
     named |= found
-    read.check_columns([named.get(name, (name,))[0] for name in COLUMNS])
-    ordered = [(name, named[name]) for name in COLUMNS]
-    said_of_rows = read.cells("convention") if "convention" in read.header else []
-    for number, (_, said) in enumerate(said_of_rows, 1):
-        if said != convention:
-            expected = f"{convention}, the convention asked for"
-            if said in CONVENTIONS:
-                expected += f"; give --convention {said}, in a study convention: {said}"
-            raise InputProblem(file, f"row {number}, convention", said, expected)
-    columns_read = [read.column(x, pose_range(name), factor) for name, (x, factor) in ordered]
+    own = [named.get(name, (name,))[0] for name in COLUMNS]
+    read.check_columns(own)
+    read.check_rows_convention(convention)
+    table = np.stack([read.column(named[x][0], pose_range(x), named[x][1]) for x in COLUMNS], 1)
     read.mistakes.check()
-    table = np.stack(columns_read, axis=1)
-    read.check_units(table, [x for _, (x, _) in ordered])
+    read.check_units(table, own)
     read.mistakes.check()
     assumed(file, phrases)
     return convert_table(table, convention, FEMORAL)
@@ -101,14 +91,14 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     Raises:
         InputProblem: as `read_poses`; also where some of the columns are missing.
     """
-    file = os.fspath(path)
     columns = [one.column for one in BODIES[PATELLA].values()]
-    if not needed and not set(columns) & set(Table.read(file).header):
+    table = Table.read(path, columns if needed else ())
+    if not {*columns} & {*table.header}:
         return None
-    table = Table.read(file, columns)
-    found = [table.column(name, pose_range(name)) for name in columns]
+    table.check_columns(columns)
+    found = np.stack([table.column(name, pose_range(name)) for name in columns], axis=1)
     table.mistakes.check()
-    return np.stack(found, axis=1)
+    return found
 
 
 class Table(NamedTuple):
@@ -128,19 +118,85 @@ class Table(NamedTuple):
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sought: Sequence[str] = ()) -> Self:
-        """Read a table that has some columns."""
+        """Read a table that has some columns; rows without any text are none."""
         file = os.fspath(path)
-        return cls(file, *read_rows(file, sought), Mistakes(file))
+        text = reading.read_text(file, "a CSV table")
+        reader = csv.reader(io.StringIO(text, newline=""), strict=True)
+        try:
+            lines = [(reader.line_num, cells) for cells in reader if any(map(str.strip, cells))]
+        except csv.Error as error:
+            place = f"line {reader.line_num}"
+            raise InputProblem(file, place, str(error), "comma separated values") from None
+        if not lines:
+            raise InputProblem(file, "header", "empty", "names of columns, with commas between")
+        header = [name.strip() for name in lines[0][1]]
+        if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+            raise InputProblem(file, "header", header[0], "columns separated by commas")
+        table = cls(file, header, lines[1:], Mistakes(file))
+        table.seek(sought)
+        if not table.rows:
+            table.wrong("rows", "none", "at least one row under the header")
+        table.check_rows(sought)
+        return table
 
-    def sizes(self, name: str) -> np.ndarray:
-        """The finite numbers of a column, whatever else stands in it."""
-        numbers = [plain_number(cell) for _, cell in self.cells(name)]
-        return np.array([x for x in numbers if x is not None and math.isfinite(x)] or [0.0])
-
-    def check_columns(self, sought: Sequence[str]) -> None:
-        """Refuse a table that lacks some columns, or has one of them twice, with all mistakes."""
-        self.mistakes.extend(columns_missing(self.file, self.header, sought))
+    def check_rows(self, sought: Sequence[str]) -> None:
+        """Refuse rows that are longer or shorter than the header, with all mistakes."""
+        for row, (_, cells) in enumerate(self.rows):
+            if len(cells) != len(self.header):
+                expected = f"{counted(len(self.header), 'cell')}, as in the header"
+                self.wrong(self.place(row), counted(len(cells), "cell"), expected)
+                self.seek([name for name in self.header if name not in sought])
+                break
         self.mistakes.check()
+
+    def check_times(self, name: str, times: np.ndarray) -> None:
+        """Refuse times of a column that do not rise."""
+        if (back := np.flatnonzero(np.diff(times) <= 0)).size:
+            before, after = times[back[0] : back[0] + 2]
+            expected = f"more than {before:g} s of the row before: times that rise"
+            raise InputProblem(self.file, self.place(back[0] + 1, name), f"{after:g}", expected)
+
+    def place(self, row: int, *column: str) -> str:
+        """Where a cell stands, or a row."""
+        return ", ".join((f"row {row + 1} (line {self.rows[row][0]})", *column))
+
+    def wrong(self, place: str, value: Any, expected, nearest=None) -> None:
+        """Add a mistake, as an `InputProblem` takes it."""
+        self.mistakes.append(InputProblem(self.file, place, value, expected, nearest))
+
+    def seek(self, columns: Sequence[str]) -> None:
+        """Add what is wrong with columns that are needed: one of them twice; all that are missing,
+        in one sentence."""
+        columns = [*dict.fromkeys(columns)]
+        for name in columns:
+            if (count := self.header.count(name)) > 1:
+                self.wrong(name, f"{count} columns", "one column of this name")
+        missing, near = [name for name in columns if name not in self.header], {}
+        for name in missing:
+            # A column that is needed itself is no misspelling of another, nor is one of another
+            # joint.
+            others = [x for x in self.header if x not in columns and _joint(x) == _joint(name)]
+            if nearest := nearest_name(name, others):
+                near[name] = nearest
+        if missing:
+            one = len(missing) == 1
+            what = f"{'this column' if one else 'these columns'} among {', '.join(self.header)}"
+            meant = ", ".join(near.values() if one else (f"{x} by {y}" for x, y in near.items()))
+            self.wrong(", ".join(missing), "missing", what, meant or None)
+
+    def check_columns(self, columns: Sequence[str]) -> None:
+        """Refuse a table that lacks some columns, or has one of them twice, with all mistakes."""
+        self.seek(columns)
+        self.mistakes.check()
+
+    def check_rows_convention(self, convention: str) -> None:
+        """Refuse rows that say that they are of another convention."""
+        for place, said in self.cells("convention") if "convention" in self.header else ():
+            if said != convention:
+                expected = f"{convention}, the convention asked for"
+                if said in CONVENTIONS:
+                    expected += f"; give --convention {said}, in a study convention: {said}"
+                raise InputProblem(self.file, place, said, expected)
 
     def check_units(self, poses: np.ndarray, names: Sequence[str], least_deg: float = 0.5) -> None:
         """Suspect metres and radians among poses `(n, 6)` of columns of these names; NaN where
@@ -150,43 +206,46 @@ class Table(NamedTuple):
         if 0 < largest < METRES_BELOW:
             doubted = [x for x, own in zip(names[3:], shifts.T, strict=True) if np.nansum(own)]
             what = "translations in mm; metres are suspected"
-            self.mistakes.append(
-                InputProblem(self.file, ", ".join(doubted), f"at most {largest:.3g}", what)
-            )
+            self.wrong(", ".join(doubted), f"at most {largest:.3g}", what)
         flexion = poses[:, 0][np.isfinite(poses[:, 0])]
         if len(flexion) <= 3 or np.ptp(flexion) < least_deg or flexion.max() > 3.2:
             return
         if np.nanmax(turns, initial=0.0) <= 1.6 and np.any(flexion != np.round(flexion)):
             said = f"{flexion.min():.3g} to {flexion.max():.3g}"
-            what = "angles in degrees; radians are suspected"
-            self.mistakes.append(InputProblem(self.file, names[0], said, what))
+            self.wrong(names[0], said, "angles in degrees; radians are suspected")
 
     def cells(self, name: str) -> list[tuple[str, str]]:
         """Place and text of each cell of a column."""
-        k = self.header.index(name)
-        return [(f"row {number} (line {line}), {name}", cells[k].strip())
-                for number, (line, cells) in enumerate(self.rows, 1)]  # fmt: skip
+        column = self.header.index(name)
+        return [(self.place(k, name), x[column].strip()) for k, (_, x) in enumerate(self.rows)]
 
     def column(
         self, name: str, allowed: Range | None = None, factor: float = 1.0, empty: bool = False
     ) -> np.ndarray:
-        """Finite numbers of a column times a factor; NaN of a cell that may be empty and is."""
-        values = []
-        for place, cell in self.cells(name):
+        """Numbers of a column times a factor; NaN of a cell that may be empty and is, and of those
+        that are no finite number or out of range, the first of which is a mistake."""
+        values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(name)
+        for row, (_, cells) in enumerate(self.rows):
+            cell = cells[k].strip()
             x = plain_number(cell)
             if empty and cell.lower() in ("", "nan"):
-                values.append(np.nan)
                 continue
             if x is None or not math.isfinite(x):
                 expected = "a number" if x is None else "a finite number"
             elif allowed and not allowed.holds(factor * x):
                 expected = allowed.expected(factor * x)
             else:
-                values.append(factor * x)
+                values[row] = factor * x
                 continue
-            self.mistakes.append(InputProblem(self.file, place, cell, expected))
-            break
-        return np.array(values)
+            if good:
+                self.wrong(self.place(row, name), cell, expected)
+            good = False
+        return values
+
+    def sizes(self, name: str) -> np.ndarray:
+        """The finite numbers of a column, whatever else stands in it."""
+        numbers = [plain_number(cell) for _, cell in self.cells(name)]
+        return np.array([x for x in numbers if x is not None and math.isfinite(x)] or [0.0])
 
 
 def assumed(file: str, phrases: Sequence[str]) -> None:
@@ -237,23 +296,20 @@ def write_poses(
         >>> print(path.read_text().splitlines()[1])
         30.0,1.5,4.0,2.0,-28.0,0.5,true
     """
-    _check_convention(os.fspath(path), convention)
+    check_convention(os.fspath(path), convention)
     table = np.asarray(table, float).reshape(-1, len(COLUMNS))
-    header: list[str] = list(COLUMNS)
-    values: list[Sequence[Any]] = list(convert_table(table, FEMORAL, convention).T)
+    columns: dict[str, Any] = dict(
+        zip(COLUMNS, convert_table(table, FEMORAL, convention).T, strict=True))
     if patella is not None:
-        header += [one.column for one in BODIES[PATELLA].values()]
-        values += list(patella.T)
-    own = None if convention == FEMORAL else [convention] * len(table)
-    for name, column, read in (
-        ("converged", converged, bool), ("stable", stable, bool),
-        ("status", status, lambda x: getattr(x, "word", x)), ("doubt", doubts, lambda x: x),
-        ("convention", own, str),
-    ):
-        if column is not None:
-            header.append(name)
-            values.append([read(x) for x in column])
-    write_rows(path, header, zip(*values, strict=True))
+        own = (one.column for one in BODIES[PATELLA].values())
+        columns |= dict(zip(own, patella.T, strict=True))
+    for name, flags in (("converged", converged), ("stable", stable)):
+        columns[name] = flags if flags is None else [*map(bool, flags)]
+    columns["status"] = None if status is None else [getattr(x, "word", x) for x in status]
+    columns["doubt"] = doubts
+    columns["convention"] = None if convention == FEMORAL else [convention] * len(table)
+    columns = {name: x for name, x in columns.items() if x is not None}
+    write_rows(path, [*columns], zip(*columns.values(), strict=True))
 
 
 def write_rows(
@@ -293,84 +349,30 @@ def write_rows(
 
 def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header, which has the columns sought, and line number and cells of each row not blank."""
-    text = reading.read_text(file, "a CSV table")
-    reader = csv.reader(io.StringIO(text, newline=""), strict=True)
-    lines: list[tuple[int, list[str]]] = []
-    try:
-        for cells in reader:
-            if any(cell.strip() for cell in cells):
-                lines.append((reader.line_num, cells))
-    except csv.Error as error:
-        place = f"line {reader.line_num}"
-        raise InputProblem(file, place, str(error), "comma separated values") from None
-    if not lines:
-        raise InputProblem(file, "header", "empty", "names of columns, with commas between")
-    header = [name.strip() for name in lines[0][1]]
-    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
-        raise InputProblem(file, "header", header[0], "columns separated by commas")
-    mistakes, rows = Mistakes(file), lines[1:]
-    mistakes += columns_missing(file, header, sought)
-    if not rows:
-        mistakes.append(InputProblem(file, "rows", "none", "at least one row under the header"))
-    for number, (line, cells) in enumerate(rows, 1):
-        if len(cells) != len(header):
-            place = f"row {number} (line {line})"
-            expected = f"{counted(len(header), 'cell')}, as in the header"
-            mistakes.append(InputProblem(file, place, counted(len(cells), "cell"), expected))
-            twice = [name for name in header if name not in sought]
-            mistakes += columns_missing(file, header, twice)
-            break
-    mistakes.check()
-    return header, rows
+    return Table.read(file, sought)[1:3]
 
 
-def columns_missing(file: str, header: list[str], sought: Sequence[str]) -> list[InputProblem]:
-    """What is wrong with the columns that a table needs: one of them twice; all that are missing,
-    in one sentence."""
-    found = []
-    for name in dict.fromkeys(sought):
-        if (count := header.count(name)) > 1:
-            found.append(InputProblem(file, name, f"{count} columns", "one column of this name"))
-    missing = [name for name in dict.fromkeys(sought) if name not in header]
-    near = {}
-    for name in missing:
-        # A column that is needed itself is no misspelling of another, nor is one of another joint.
-        joint = bool(_OF_PATELLA.search(name))
-        others = [x for x in header if x not in sought and bool(_OF_PATELLA.search(x)) == joint]
-        if nearest := nearest_name(name, others):
-            near[name] = nearest
-    if missing:
-        one = len(missing) == 1
-        what = f"{'this column' if one else 'these columns'} among {', '.join(header)}"
-        meant = ", ".join(near.values() if one else (f"{x} by {y}" for x, y in near.items()))
-        found.append(InputProblem(file, ", ".join(missing), "missing", what, meant or None))
-    return found
-
-
-def _check_convention(file: str, convention: str) -> None:
+def check_convention(file: str, convention: str) -> None:
+    """Refuse a convention that is none."""
     if convention not in CONVENTIONS:
         raise InputProblem(file, "convention", convention, CONVENTIONS)
 
 
-def _is_number(text: str) -> bool:
-    try:
-        return math.isfinite(float(text))
-    except ValueError:
-        return False
+def _joint(column: str) -> bool:
+    """Whether a column is of the patellofemoral joint, as laboratories call it."""
+    return re.search(r"(?:^|[^a-z])(?:pf|patell)", column, re.IGNORECASE) is not None
 
 
 def _cell(value: Any) -> Any:
-    if value is None:
-        return value
-    if isinstance(value, str):
-        # Python 3.11 leaves a carriage return unquoted, and the row would end there.
-        value = value.replace("\r\n", "\n").replace("\r", "\n")
-        # A spreadsheet would compute it; a number that came as text is one all the same.
-        formula = len(value) > 1 and value.startswith(_FORMULA) and not _is_number(value)
-        return f"'{value}" if formula else value
-    if isinstance(value, bool | np.bool_):
-        return "true" if value else "false"
     if hasattr(value, "item"):  # NumPy and JAX numbers
         value = value.item()
-        return _cell(value)
-    return repr(value) if isinstance(value, float) else value
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if not isinstance(value, str):
+        return value
+    # Python 3.11 leaves a carriage return unquoted, and the row would end there.
+    value = value.replace("\r\n", "\n").replace("\r", "\n")
+    # A spreadsheet would compute it; a number that came as text is one all the same.
+    is_number = math.isfinite(plain_number(value) or 0.0) and plain_number(value) is not None
+    formula = len(value) > 1 and value.startswith(_FORMULA) and not is_number
+    return f"'{value}" if formula else value

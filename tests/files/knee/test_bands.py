@@ -10,8 +10,7 @@ import pytest
 import yaml
 
 import kneejax as kj
-from kneejax.files import InputProblem, load_knee_file, read_knee, write_knee
-from kneejax.files.knee import mirror_document
+from kneejax.files import InputProblem, load_knee_file, mirror_document, read_knee, write_knee
 from kneejax.parameters import UnknownParameter, default_bounds
 from tests.files.knee.knee_documents import changed, write
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.files import InputProblem, load_knee_file, read_knee
-from kneejax.files.knee import mirror_document, restated
+from kneejax.files import InputProblem, load_knee_file, mirror_document, read_knee, restated
 from tests.files.knee.knee_documents import changed, write
 
 RING = {

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from kneejax.files import InputProblem
-from kneejax.files.meshes import band_of_meshes
+from kneejax.files import InputProblem, band_of_meshes
 from kneejax.geometry import Pose
 
 POSE = Pose.from_table([20.0, 2.0, -5.0, 4.0, -30.0, 1.0])

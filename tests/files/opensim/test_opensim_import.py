@@ -246,7 +246,7 @@ def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_pa
         entry = {"source": {"youngs_modulus_MPa": "given"}}
         return _mesh_import.MeshImport({"medial": entry}, ("fitted",), {}, False)
 
-    monkeypatch.setattr("kneejax.files.meshes.import_meshes", record)
+    monkeypatch.setattr("kneejax.files.meshes._import.import_meshes", record)
     for name in ("Thigh.STL", "shank.stl"):
         trimesh.creation.box((0.06, 0.02, 0.08)).export(tmp_path / name, file_type="stl")
     place = "<location>0.01 0.02 -0.03</location><scale_factors>1 1 1.5</scale_factors><mesh_file>G"

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, read_storage
-from kneejax.files.tables import angles_rad, column_of, common_times
+from kneejax.files.tables import angles_rad, common_times
 
+SECOND = r"row 2 \(line 7\)"
 HEAD = "walk\nversion=1\ninDegrees={}\nendheader\ntime\tknee_angle_r\tankle\n"
 
 
@@ -18,10 +19,10 @@ def written(path, rows, degrees="yes"):
     ("text", "said"),
     [
         ("time\ta\n0\t1\n", "header: no line endheader"),
-        (HEAD.format("yes") + "0 1 2\n0 3 4\n", r"line 7, time: 0: expected more than 0 s"),
-        (HEAD.format("yes") + "0 1 2\n-1 3 4\n", "line 7, time: -1"),
-        (HEAD.format("yes") + "0 1 2\n1 3\n", "line 7: 2 cells: expected 3 cells"),
-        (HEAD.format("yes") + "0 1 2\n1 3 much\n", "line 7, ankle: much: expected a number"),
+        (HEAD.format("yes") + "0 1 2\n0 3 4\n", SECOND + ", time: 0: expected more than 0 s"),
+        (HEAD.format("yes") + "0 1 2\n-1 3 4\n", SECOND + ", time: -1"),
+        (HEAD.format("yes") + "0 1 2\n1 3\n", SECOND + ": 2 cells: expected 3 cells"),
+        (HEAD.format("yes") + "0 1 2\n1 3 much\n", SECOND + ", ankle: much: expected a number"),
         (HEAD.format("yes") + "0 1 2\n1 3 nan\n", "expected a finite number"),
         (HEAD.format("perhaps") + "0 1 2\n1 3 4\n", "inDegrees: perhaps: expected yes or no"),
         (HEAD.format("yes") + "0 1 2\n", "rows: 1 row: expected names of columns and two rows"),
@@ -33,7 +34,7 @@ def written(path, rows, degrees="yes"):
             HEAD.format("yes").replace("version", "datacolumns 4\nversion") + "0 1 2\n1 3 4\n",
             "datacolumns: 4: expected 3 columns",
         ),
-        (HEAD.format("yes") + "0 1 2\n1 3 4_0\n", "line 7, ankle: 4_0: expected a number"),
+        (HEAD.format("yes") + "0 1 2\n1 3 4_0\n", SECOND + ", ankle: 4_0: expected a number"),
         ("walk\nendheader\nt\ta\n0\t1\n1\t2\n", "line 3: t: expected the column time first"),
     ],
 )
@@ -49,8 +50,6 @@ def test_a_column_that_is_not_there_has_the_nearest_name(tmp_path):
     table = read_storage(written(tmp_path / "walk.sto", [(0, 1, 2), (1, 3, 4)]))
     with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
         table.named("knee_angel_r")
-    with pytest.raises(InputProblem, match=r"did you mean knee_angle_r\?"):
-        column_of(table, ["knee_angel_r"], "flexion")
 
 
 def test_a_quintic_is_its_own_spline(tmp_path):

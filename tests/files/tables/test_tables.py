@@ -38,7 +38,7 @@ def test_round_trip(tmp_path, convention):
 
 def test_a_table_that_names_another_convention(tmp_path):
     write_poses(tmp_path / "p.csv", TABLE, convention="tibial")
-    assert "row 1, convention: tibial: expected femoral" in refusal(tmp_path / "p.csv")
+    assert "row 1 (line 2), convention: tibial: expected femoral" in refusal(tmp_path / "p.csv")
 
 
 def test_other_column_names_and_columns_to_ignore(tmp_path):

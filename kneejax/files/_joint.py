@@ -104,13 +104,9 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
     whole = checked(JointFields, document, os.fspath(path))
     flexion = [knot.flexion_deg for knot in whole.knots]
     points = np.array([[getattr(knot, name) for name in _POINTS] for knot in whole.knots])
-    points = points * _mirror(whole.side)
-    joint = Joint(
-        jnp.deg2rad(jnp.asarray(flexion)),
-        jnp.asarray(points[:, :2]),
-        jnp.asarray(points[:, 2:]),
-        whole.interpolation,
-    )
+    points = jnp.asarray(points * _mirror(whole.side))
+    bends = jnp.deg2rad(jnp.asarray(flexion))
+    joint = Joint(bends, points[:, :2], points[:, 2:], whole.interpolation)
     try:
         check_joint(joint)
     except UnsuitableAxis as error:
@@ -138,13 +134,10 @@ def format_joint(file: JointFile) -> str:
     points = np.concatenate([joint.femoral, joint.tibial], axis=1) * _mirror(file.side)
     points = points + 0.0  # no minus before a zero
     degrees = np.rad2deg(np.asarray(joint.flexion))
-    document = {"kneejax": _KIND, "name": file.name, "side": file.side}
-    document |= {"interpolation": joint.interpolation}
-    document["knots"] = [
-        {"flexion_deg": float(degrees[i])}
-        | {name: points[i, j].tolist() for j, name in enumerate(_POINTS)}
-        for i in range(len(degrees))
-    ]
+    knots = [{"flexion_deg": float(bend)} | dict(zip(_POINTS, own.tolist(), strict=True))
+             for bend, own in zip(degrees, points, strict=True)]
+    document = {"kneejax": _KIND, "name": file.name, "side": file.side,
+                "interpolation": joint.interpolation, "knots": knots}
     document |= {k: v for k, v in (("source", file.source), ("notes", file.notes)) if v}
     return reading.format_yaml(document)
 
@@ -271,14 +264,18 @@ def export_joint(file: JointFile) -> JointExport:
         last = error.max()
         knots = _knots(low, high, bends, np.deg2rad(_WIDEST_DEG) / 2**halving)
         values = _free(file.joint, knots)
-        error = _error(file.joint, knots, values)
+        # The largest difference at three places of every interval, degrees and mm.
+        places = (knots[:-1, None] + np.diff(knots)[:, None] * [0.2, 0.5, 0.8]).ravel()
+        apart = np.abs(simm_splines(knots, values, places) - _free(file.joint, places))
+        error = apart.max(axis=0) * np.r_[np.rad2deg([1.0, 1.0]), 1e3, 1e3, 1e3]
         if error.max() < TOLERANCE or error.max() > 0.7 * last:
             break
-    s = file.side[0]
+    s, bent = file.side[0], ", ".join(f"{x:.4g}" for x in np.rad2deg(bends))
+    note = f"{_plain(file.name)}: a kneejax joint calibrated at {bent} degrees of flexion"
     names = {"femur": f"femur_{s}", "tibia": f"tibia_{s}"}
     columns = dict(zip(FREE_COORDINATES, values.T, strict=True))
     snippet = _JOINT.format(
-        s=s, note=_note(file), coordinate=f"knee_flexion_{s}", low=float(low), high=float(high),
+        s=s, note=note, coordinate=f"knee_flexion_{s}", low=float(low), high=float(high),
         axes=transform_axes(file.side, f"knee_flexion_{s}", knots, columns), **names,
     )  # fmt: skip
     model = _MODEL.format(name=_plain(file.name) or "joint", joint=snippet, **names)
@@ -313,19 +310,6 @@ def _free(joint: Joint, flexion: np.ndarray) -> np.ndarray:
     blocks = np.pad(flexion, (0, -len(flexion) % _BLOCK), mode="edge").reshape(-1, _BLOCK)
     found = np.concatenate([np.asarray(_state(joint, block)) for block in blocks])
     return found[: len(flexion)] * [1.0, 1.0, 1e-3, 1e-3, 1e-3]
-
-
-def _error(joint: Joint, knots: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Largest difference at three places of every interval, degrees and mm."""
-    width = np.diff(knots)[:, None]
-    places = (knots[:-1, None] + width * [0.2, 0.5, 0.8]).ravel()
-    apart = np.abs(simm_splines(knots, values, places) - _free(joint, places)).max(axis=0)
-    return apart * np.r_[np.rad2deg([1.0, 1.0]), 1e3, 1e3, 1e3]
-
-
-def _note(file: JointFile) -> str:
-    angles = ", ".join(f"{x:.4g}" for x in np.rad2deg(np.asarray(file.joint.flexion)))
-    return f"{_plain(file.name)}: a kneejax joint calibrated at {angles} degrees of flexion"
 
 
 def _plain(text: str) -> str:

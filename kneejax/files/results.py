@@ -1,18 +1,32 @@
-"""A calibration's result.json, read back: which knee, with which numbers."""
+"""What earlier work left: a calibration's result.json, finished parts of long work, netCDF."""
 
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import io
+import json
 import os
-from typing import Annotated, Any
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 from pydantic import ConfigDict, PlainValidator, model_validator
 
+from kneejax._whole_files import read_json, read_sealed, undamaged, write_checked, write_sealed
 from kneejax.files import reading
 from kneejax.files.reading import Flag, InputProblem, Mistakes, Part, Text, meaning, reads, wrong
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Knee, range_of_parameter
 from kneejax.parameters import MEANING, fibres_summed
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: In a folder of results: of which study its parts are, and the folder of these.
+CLAIM, PARTS = "study.json", "parts"
+_ENDING = ".part"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,12 +113,14 @@ class Estimate(Written):
     standard_error: Annotated[float, reads(reading.number)] | None = meaning("if known", None)
 
 
+def _by_name(read: Callable[[Any, str], Any], names: Any = None) -> PlainValidator:
+    """A mapping whose values are read with their names."""
+    return PlainValidator(reading.mapping_of(read, "a mapping", names))
+
+
 #: Parameter -> value.
 Numbers = Annotated[
-    dict[str, float],
-    PlainValidator(
-        reading.mapping_of(lambda x, name: reading.number(x, range_of_parameter(name)), "a mapping")
-    ),
+    dict[str, float], _by_name(lambda x, name: reading.number(x, range_of_parameter(name)))
 ]
 
 
@@ -141,16 +157,16 @@ class ResultFile(Written):
 
     title: Any = meaning("of the study", None)
     knee: Text = meaning("name or file, in older files", "")
-    parameters: Annotated[
-        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping"))
-    ] | None = meaning("parameter -> estimate", None)
+    parameters: Annotated[dict[str, Estimate], _by_name(_estimate)] | None = meaning(
+        "parameter -> estimate", None
+    )
     settings: StudySettings | None = meaning("of the study", None)
     noise: dict[str, Annotated[float, reads(reading.number)] | None] | None = meaning(
         "estimated", None
     )
-    frame_offset: Annotated[
-        dict[str, Estimate], PlainValidator(reading.mapping_of(_estimate, "a mapping", _coordinate))
-    ] | None = meaning("free coordinate -> constant between frames", None)
+    frame_offset: Annotated[dict[str, Estimate], _by_name(_estimate, _coordinate)] | None = meaning(
+        "free coordinate -> constant between frames", None
+    )
     correlation: Correlation | None = meaning("of the estimates", None)
     stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = meaning(
         "of what a structure's stiffness is", None
@@ -197,3 +213,114 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         settings.patella,
         whole.stiffness_of is None,
     )  # fmt: skip
+
+
+class Checkpoints:
+    """Arrays under names in a folder that belongs to one study.
+
+    The folder is claimed by the fingerprint of everything that the work depends on; work on
+    something else must go elsewhere. A part that was damaged counts as missing, and so does a
+    damaged claim.
+
+    Attributes:
+        folder: of the results.
+        resumed: number of parts that were found there.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike[str],
+        about: Mapping[str, Any],
+        data: bytes,
+        begin: Callable[[], None] | None = None,
+    ):
+        """Check that the folder is free or of the same work; it is claimed by the first part.
+
+        Args:
+            folder: of the results; it need not exist yet.
+            about: what a person would say the work is; written into the folder.
+            data: everything that the work depends on, as bytes.
+            begin: called before the folder is claimed.
+
+        Raises:
+            InputProblem: the folder belongs to other work.
+        """
+        self.folder, self.resumed, self._begin = Path(folder), 0, begin
+        self._parts = self.folder / PARTS
+        self._print = hashlib.sha256(data).hexdigest()
+        before = undamaged(read_json(self.folder / CLAIM)) or {}
+        self._claimed = before.get("fingerprint") == self._print
+        if before and not self._claimed:
+            changed = _difference(before.get("about", {}), dict(about))
+            raise InputProblem(
+                "--out", "folder", os.fspath(folder),
+                f"a folder of the same study: {changed}; choose another, or delete this one",
+            )  # fmt: skip
+        self._document = {"about": dict(about), "fingerprint": self._print}
+
+    def load(self, name: str) -> dict[str, np.ndarray] | None:
+        """The arrays kept under a name, or None."""
+        data = read_sealed(self._path(name), self._print)
+        if data is None:
+            return None
+        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
+            found = {key: arrays[key] for key in arrays.files}
+        self.resumed += 1
+        return found
+
+    def save(self, name: str, arrays: Mapping[str, np.ndarray]) -> None:
+        """Keep arrays under a name; the file is complete or absent."""
+        if not self._claimed:
+            if self._begin is not None:
+                self._begin()
+            write_checked(self.folder / CLAIM, self._document)
+            self._claimed = True
+        stream = io.BytesIO()
+        np.savez(stream, **arrays)
+        write_sealed(self._path(name), stream.getvalue(), self._print)
+
+    def done(self) -> None:
+        """Throw the parts away; the folder stays claimed."""
+        for path in parts_of(self.folder):
+            path.unlink()
+        if self._parts.is_dir() and not any(self._parts.iterdir()):
+            self._parts.rmdir()
+
+    def _path(self, name: str) -> Path:
+        return self._parts / f"{name}{_ENDING}"
+
+
+def parts_of(folder: Path) -> list[Path]:
+    """Files of the parts that a folder of results keeps.
+
+    Args:
+        folder: of the results.
+    """
+    return sorted((folder / PARTS).glob(f"*{_ENDING}"))
+
+
+def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """In words, what is not as it was."""
+    for key in now:
+        if key in before and before[key] != json.loads(json.dumps(now[key])):
+            return f"its {key} is {before[key]}, not {now[key]}"
+    return "it was made from other data"
+
+
+def write_netcdf(path: str | os.PathLike[str], dataset: Dataset) -> Path:
+    """Write a data set as netCDF 4, completely or not at all.
+
+    Args:
+        path: where; folders are made.
+        dataset: with coordinates and units (`ParameterMap.to_dataset`).
+
+    Returns:
+        The path.
+
+    Raises:
+        InputProblem: the file cannot be written.
+    """
+    # HDF5 that meets a full disk may end the process when it closes its file.
+    content = dataset.to_netcdf(engine="h5netcdf", format="NETCDF4")
+    reading.write_bytes(path, bytes(content))
+    return Path(path)

@@ -12,7 +12,8 @@ from pydantic import model_validator
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
-from kneejax.files.tables import Table, write_rows
+from kneejax.files.tables import Table
+from kneejax.files.tables._tables import write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")
@@ -142,7 +143,11 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
         True
     """
     is_table = Path(path).suffix.lower() == ".csv"
-    axes = _from_table(os.fspath(path)) if is_table else _from_yaml(os.fspath(path), side)
+    if is_table:
+        axes = _from_table(os.fspath(path))
+    else:
+        whole = checked(Axes, reading.load_yaml(path, "axis points"), os.fspath(path))
+        axes = {name: pair.points(side) for name, pair in whole if pair is not None}
     for name, (medial, lateral) in axes.items():
         width = float(np.linalg.norm(lateral - medial))
         if width < _METRES_BELOW:
@@ -164,17 +169,9 @@ def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
     named = dict(zip(_AXES, axes.points, strict=True))
     if axes.epicondyles is not None:
         named[_FURTHER] = axes.epicondyles
-    rows = [
-        [axis, side, *map(float, point)]
-        for axis, pair in named.items()
-        for side, point in zip(SIDES, pair, strict=True)
-    ]
+    rows = [[axis, side, *map(float, point)] for axis, pair in named.items()
+            for side, point in zip(SIDES, pair, strict=True)]
     write_rows(path, list(_COLUMNS), rows)
-
-
-def _from_yaml(file: str, side: str) -> dict[str, np.ndarray]:
-    axes = checked(Axes, reading.load_yaml(file, "axis points"), file)
-    return {name: pair.points(side) for name, pair in axes if pair is not None}
 
 
 def _from_table(file: str) -> dict[str, np.ndarray]:
@@ -186,16 +183,14 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
     for name, options in (("axis", known), ("side", SIDES)):
         for place, word in table.cells(name):
             if word not in options:
-                table.mistakes.append(InputProblem(file, place, word, options))
+                table.wrong(place, word, options)
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
-    for row, ((_, axis), (_, side)) in enumerate(
-        zip(table.cells("axis"), table.cells("side"), strict=True)
-    ):
+    both = (dict(table.cells(name)).values() for name in ("axis", "side"))
+    for row, (axis, side) in enumerate(zip(*both, strict=True)):
         if (first := points.setdefault((axis, side), row)) != row:
-            place = f"row {row + 1} (line {table.rows[row][0]})"
             found = f"{axis} {side} again, as row {first + 1}"
-            raise InputProblem(file, place, found, "every point once")
+            raise InputProblem(file, table.place(row), found, "every point once")
     given = {axis for axis, _ in points}
     for axis in known:
         for side in SIDES:
@@ -308,14 +303,10 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
     if tibia is None:
         raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
     plateau, both = tibia.plateau.points(side), tibia.malleoli
-    if both is None:
-        found = [_place(tibia.ankle_center_mm, None, side)]
-    else:
-        found = [
-            _place(both.medial_mm, both.medial_ball, side),
-            _place(both.lateral_mm, both.lateral_ball, side),
-        ]
-    return TibiaLandmarks(plateau, np.stack([p for p, _ in found]), tuple(w for _, w in found))
+    places = ((tibia.ankle_center_mm, None),) if both is None else (
+        (both.medial_mm, both.medial_ball), (both.lateral_mm, both.lateral_ball))
+    points, within = zip(*(_place(*place, side) for place in places), strict=True)
+    return TibiaLandmarks(plateau, np.stack(points), within)
 
 
 def _right(point: tuple[float, float, float], side: str) -> np.ndarray:

@@ -1,0 +1,392 @@
+"""What acts in a recorded movement: forces from the ground, muscles, ligaments over the knee."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+
+from kneejax.files.knee import build_obstacle
+from kneejax.files.opensim import _ligaments as fibres
+from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, turn_xyz
+from kneejax.files.opensim._frames import Registration
+from kneejax.files.opensim._joints import Movement
+from kneejax.files.opensim._knee import OsimKneeJoint
+from kneejax.files.opensim._model import GROUND, Model, evaluate, function_of
+from kneejax.files.opensim._paths import OsimPoint, path_points, read_wraps
+from kneejax.files.opensim._xml import Element, parse_xml
+from kneejax.files.reading import InputProblem, counted
+from kneejax.files.tables import Storage, last_word
+from kneejax.files.tables._storage import read_storage
+from kneejax.geometry import FEMUR, TIBIA
+from kneejax.mechanics import RANGES, Course, Muscles, add_lane_axis, ligament_law
+
+KIND = "external loads of OpenSim (.xml)"
+#: Parts of the largest force above which a force's point is looked at: below, points are noise.
+_SOME_FORCE = 0.1
+#: A heel is no farther than this from the toes on which it presses: a point farther from the body
+#: is another foot's, or of an origin elsewhere, m.
+_FAR_M = 0.5
+#: A point that no body reaches, m.
+_NOWHERE_M = 3.0
+#: Largest forces and torques of the ground that are taken without a doubt, N and N m.
+_LEAST_N, _MOST_N, _MOST_NM = 5.0, 2e4, 300.0
+#: Activations and controls are no larger: a table of forces is.
+_ACTIVATION = 1.5
+#: Part of the largest tension by which filters may push one below zero.
+_RINGING = 0.05
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalForce:
+    """A force of a table on a body."""
+
+    name: str
+    body: str  # on which it acts
+    force_in: str  # body whose axes the force and the torque are along
+    point_in: str  # body in whose frame the point is
+    force: tuple[str, ...]  # columns, three; likewise point and torque, or none
+    point: tuple[str, ...]
+    torque: tuple[str, ...]
+
+    def rows(self, table: Storage) -> tuple[np.ndarray, ...]:
+        """Force, point and torque, N, m, N m, `(rows, 3)` each; zeros for those it has not."""
+        none = np.zeros(len(table.time))
+        return tuple(np.stack([table.named(x) for x in names] or [none] * 3, axis=1)
+                     for names in (self.force, self.point, self.torque))
+
+
+@dataclasses.dataclass(frozen=True)
+class ExternalLoads:
+    """Forces from the ground over time."""
+
+    table: Storage  # with the columns
+    forces: tuple[ExternalForce, ...]  # of the file, those that apply
+    doubts: tuple[str, ...]  # what looks wrong in the file, a sentence each
+
+
+def read_external_loads(
+    path: str | os.PathLike[str], model: Model, called: Mapping[str, str] | None = None
+) -> ExternalLoads:
+    """Read which force acts on which body of a model, and the table that it names, which is sought
+    beside the file; `called` says by which names the file has bodies."""
+    file, back = parse_xml(path, KIND), {own: name for name, own in (called or {}).items()}
+    top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
+    if top is None:
+        raise file.root.problem("", file.root.tag, f"{KIND}: an element ExternalLoads")
+    word = top.word("datafile")
+    if not word:
+        raise top.problem("datafile", "missing", "the table of forces")
+    table, found = read_storage(Path(path).parent / word), []
+    for element in top.inside("objects"):
+        if element.tag != "ExternalForce" or not element.applied:
+            continue
+        bodies, columns = [], []
+        for tag, usual in (("applied_to_body", ""), ("force_expressed_in_body", GROUND),
+                           ("point_expressed_in_body", GROUND)):
+            body = element.last_word(tag) or usual
+            bodies.append(model.named(back.get(body, body)))
+            if not bodies[-1]:
+                word, expected = element.word(tag) or "missing", "a body of the model"
+                raise element.problem(tag, word, expected, model.bodies)
+        for tag in ("force_identifier", "point_identifier", "torque_identifier"):
+            stem = element.word(tag)
+            needed = "xyz" if stem or tag == "force_identifier" else ""
+            columns.append(tuple(f"{stem}{axis}" for axis in needed))
+            for name in columns[-1]:
+                table.named(name, f"a column of {tag} of {element.name}")
+        found.append(ExternalForce(element.name, *bodies, *columns))
+    if not found:
+        raise top.problem("objects", "none", "at least one ExternalForce")
+    return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
+
+
+def _doubts(file: str, forces: list[ExternalForce], table: Storage) -> Iterator[str]:
+    """Torques that look like another force's: another one of the table is called more alike."""
+    spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
+    for one in forces:
+        # How many letters the two begin with together, but for the word that says which it is.
+        likeness = {
+            name: len(os.path.commonprefix(
+                [name.lower().replace("torque", "force"), one.force[0].lower()]))
+            for name in (*one.torque[:1], *spins)
+        }
+        nearest = max(likeness, key=lambda name: likeness[name], default="")
+        if one.torque and likeness[nearest] > likeness[one.torque[0]]:
+            own, better = (name[:-1].rstrip("_") for name in (one.torque[0], nearest))
+            yield (f"{file}: force {one.name} takes its torque from {own}; {better} would fit its "
+                   "force.")
+
+
+def on_bodies(
+    loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s. In
+    the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
+    straight: forces jump where a foot meets the ground."""
+    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    inside = loads.table.time
+    for one in loads.forces:
+        if one.body not in bodies:
+            continue
+        pull, point, torque = one.rows(loads.table)
+        if one.force_in == one.point_in == GROUND:
+            # Forces and moments are taken between rows, not points: one without force jumps.
+            here = _between(time, inside, pull)
+            spin = _between(time, inside, torque + np.cross(point, pull))
+        else:
+            carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
+            turn = np.asarray(carrier.turn)
+            here, spin = (np.einsum("nij,nj->ni", turn, _between(time, inside, x))
+                          for x in (pull, torque))
+            spin = spin + np.cross(frame.point(_between(time, inside, point)), here)
+        force, moment = force + here, moment + spin
+    return force, moment
+
+
+def place_doubts(
+    loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
+) -> Iterator[str]:
+    """Sentences on forces that cannot be those of the body that they are said to act on: their size
+    or torque is no person's, or their point lies farther from the body than a foot is long. Raises
+    where it is so far away that it must be in another unit."""
+    file, inside = Path(loads.table.file).name, loads.table.time
+    for one in loads.forces:
+        if one.body not in bodies:
+            continue
+        largest = np.linalg.norm(one.rows(loads.table)[0], axis=1).max()
+        pull, point, torque = (_between(time, inside, x) for x in one.rows(loads.table))
+        size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()
+        name = f"{file}: force {one.name} on {one.body}"
+        if 0.0 < largest < _LEAST_N:
+            yield f"{name} is at most {largest:.3g} N: kN or body weights are suspected."
+        if largest > _MOST_N:
+            yield f"{name} is up to {largest:,.0f} N: more than a person presses with."
+        if spin > _MOST_NM:
+            yield f"{name} turns by up to {spin:,.0f} N m: N mm are suspected."
+        if not one.point or not size.any():
+            continue
+        reach = _reach(movement, one.body, movement.placed[one.point_in].point(point))
+        reach = np.where(size > _SOME_FORCE * size.max(), reach, 0.0)
+        row = int(np.argmax(reach))
+        if reach[row] > _NOWHERE_M:
+            shown = ", ".join(f"{x:g}" for x in point[row])
+            suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
+            raise InputProblem(
+                loads.table.file, ", ".join(one.point), f"({shown}) at {time[row]:g} s",
+                f"a point of {one.body} in m, which is {reach[row]:,.1f} m away{suspected}",
+            )
+        if reach[row] > _FAR_M:
+            yield (
+                f"{name} acts {reach[row]:.2f} m away from it at {time[row]:g} s, farther than a "
+                "foot is long: another foot's plate, or an origin that is not the model's?"
+            )
+
+
+def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
+    """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
+    center of mass and its joints; m, `(n,)`."""
+    model, here = movement.model, movement.placed[body]
+    marks = [np.zeros(3), np.array(model.bodies[body].point("mass_center"), float)]
+    marks += [np.array(frame.shift, float) for joint in movement.joints
+              if GROUND not in (joint.parent, joint.child)
+              for end, frame in joint.ends if end == body]
+    return np.min([np.linalg.norm(point - here.point(np.broadcast_to(mark, point.shape)), axis=1)
+                   for mark in marks], axis=0)
+
+
+def of_contacts(
+    model: Model, table: Storage, bodies: set[str], time: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Force and moment of the ground on some bodies, by the contacts of the model itself. As
+    `on_bodies`, from a table of forces in which OpenSim records each contact with the bodies that
+    it acts on: the opposite of what the ground bears."""
+    carriers = {e.name: e.last_word("socket_frame") for e in model.elements
+                if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
+    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    for element in model.elements:
+        names = [f"{element.name}.ground.{kind}.{axis}" for kind in ("force", "torque")
+                 for axis in "XYZ"]
+        words = {w for e in element.iter("geometry") for w in e.content.split()}
+        if names[0] in table.columns and {carriers.get(word, "") for word in words} & bodies:
+            both = -table.at(time, names, degree=1).T
+            force, moment = force + both[:, :3], moment + both[:, 3:]
+    return force, moment
+
+
+def _between(time: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
+    return np.stack([np.interp(time, rows, x) for x in values.T], axis=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """The piece of a path that spans the knee."""
+
+    name: str  # of the muscle or ligament
+    element: Element
+    ends: dict[str, np.ndarray]  # last point above the knee and first below, by bone, `(n, 3)`, m
+    length: np.ndarray  # of the whole path between its points, m, `(n,)`
+
+
+@dataclasses.dataclass(frozen=True)
+class Crossing:
+    """What pulls over a knee."""
+
+    muscles: tuple[Way, ...]  # whose path goes from the thigh to the leg below
+    ligaments: tuple[Way, ...]  # likewise, of those that do not begin on the femur or the patella
+    on_patella: tuple[str, ...]  # names of muscles that end on the patella
+
+
+def crossing(movement: Movement, knee: OsimKneeJoint, below: set[str]) -> Crossing:
+    """Find what pulls over a knee, to the bodies below it."""
+    muscles, ligaments, on_patella = [], [], []
+    for element in movement.model.elements:
+        muscle = element.tag.endswith("Muscle")
+        if not muscle and element.tag != fibres.KIND:
+            continue
+        points = path_points(movement.model, element)
+        bodies = [point.body for point in points]
+        if muscle and knee.patella and knee.patella in (*bodies[:1], *bodies[-1:]):
+            on_patella.append(element.name)
+        elif {x in below for x in bodies} == {True, False}:
+            if muscle or not ({bodies[0], bodies[-1]} - below) & {*knee.rigid}:
+                own = muscles if muscle else ligaments
+                own.append(_way(movement, element, points, below))
+    return Crossing(tuple(muscles), tuple(ligaments), tuple(on_patella))
+
+
+def _way(movement: Movement, element: Element, points: list[OsimPoint], below: set[str]) -> Way:
+    points = points[::-1] if points[0].body in below else points
+    found = [(*_in_ground(movement, point), point.body in below) for point in points]
+    last, length = found[0][0], np.zeros(found[0][0].shape[:-1])
+    first = second = np.full(last.shape, np.nan)
+    for place, active, lower in found:
+        first = first if lower else np.where(active[..., None], place, first)
+        length = length + np.where(active, np.linalg.norm(place - last, axis=-1), 0.0)
+        last = np.where(active[..., None], place, last)
+    for place, active, lower in found[::-1]:
+        second = np.where(active[..., None], place, second) if lower else second
+    return Way(element.name, element, {FEMUR: first, TIBIA: second}, length)
+
+
+def _in_ground(movement: Movement, point: OsimPoint) -> tuple[np.ndarray, np.ndarray]:
+    """Where a point of a path is in the ground, `(n, 3)`, m, and whether the path goes there."""
+    element = point.element
+    carrier = movement.placed[point.body].after(point.frame)
+    shape = carrier.shift.shape[:-1]
+
+    def value(tag: str) -> np.ndarray:
+        name = element.last_word(f"socket_{tag}", f"socket_{tag}_connectee_name")
+        name = name or element.last_word(tag)
+        if name not in movement.values:
+            expected = "a coordinate of the model"
+            raise element.problem(tag, name or "missing", expected, movement.values)
+        return movement.values[name]
+
+    local, active = point.location.astype(float), np.ones(shape, bool)
+    if element.tag == "MovingPathPoint":
+        local = np.zeros((*shape, 3))
+        for k, axis in enumerate("xyz"):
+            held = element.child(f"{axis}_location")
+            function = None if held is None else function_of(held)
+            if function is not None:
+                local[..., k] = evaluate(function, [value(f"{axis}_coordinate")])
+    if element.tag == "ConditionalPathPoint":
+        low, high = (float(x) for x in element.numbers("range", 2))
+        at = value("coordinate")
+        active = (at >= low - 1e-5) & (at <= high + 1e-5)
+    return carrier.point(np.broadcast_to(local, (*shape, 3))), active
+
+
+def check_tensions(muscles: set[str], table: Storage) -> None:
+    """Refuse a table of muscles whose numbers are no forces in N: activations, negative tensions,
+    or more than any muscle pulls with."""
+    names = [name for name in table.columns if last_word(name) in muscles]
+    least = min(names, key=lambda name: table.columns[name].min())
+    most = max(names, key=lambda name: table.columns[name].max())
+    low, high = float(table.columns[least].min()), float(table.columns[most].max())
+    if 0.0 < high <= _ACTIVATION:
+        expected = "muscle forces, N; activations are suspected"
+        found = f"nothing above {_ACTIVATION:g} in {counted(len(names), 'column')} of muscles"
+        raise InputProblem(table.file, most, found, expected)
+    if low < -_RINGING * max(high, 0.0):
+        expected = "muscle forces, N, 0 or more: muscles pull"
+        raise InputProblem(table.file, least, f"{low:g}", expected)
+    if not RANGES["tension_N"].holds(max(high, 0.0)):
+        raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
+
+
+def recorded_muscles(
+    table: Storage | None, movement: Movement, knee: OsimKneeJoint, below: set[str],
+    frames: dict[str, Rigid], shifts: Registration, time: np.ndarray, notes: list[str],
+) -> tuple[Muscles, np.ndarray]:  # fmt: skip
+    """Muscles with their tensions, and the pull of the quadriceps on the patella. `frames` lead
+    from the ground to those of the knee's bones, mm; arrays end in instants. `notes` get a sentence
+    for what was left out."""
+    none = np.zeros(len(time))
+    if table is None:
+        notes.append("No muscle forces were given: their pull is part of the joint reaction.")
+        empty = np.zeros((0, 3, len(time)))
+        return Muscles(empty, empty, empty[:, 0], (), add_lane_axis([])), none
+    check_tensions({e.name for e in movement.model.muscles()}, table)
+    found, straight = crossing(movement, knee, below), []
+    by_name = {last_word(name): name for name in table.columns}
+    for name in (*(way.name for way in found.muscles), *found.on_patella):
+        if name not in by_name:
+            table.named(name, "a muscle over the knee")
+
+    def tensions(names) -> np.ndarray:
+        return np.maximum(table.at(time, [by_name[name] for name in names]), 0.0)
+
+    ways, tension = [*found.muscles, *found.ligaments], [*tensions(w.name for w in found.muscles)]
+    for ligament in found.ligaments:
+        slack, stiffness, transition = (ligament.element.number(*one) for one in (
+            ("slack_length", "0"), ("linear_stiffness", "1"), ("transition_strain", "0.06")))
+        strain = jnp.asarray(ligament.length / slack - 1.0)
+        tension.append(np.asarray(ligament_law.exact_tension(strain, stiffness, transition)))
+    ends = {bone: np.reshape([frames[bone].point(1e3 * way.ends[bone]).T for way in ways],
+                             (len(ways), 3, -1 if ways else len(time))) for bone in (FEMUR, TIBIA)}
+    wraps, by_wrap = read_wraps(movement.model), {}
+    for row, way in enumerate(ways):
+        wrap = fibres.wrap_of(way.element, wraps, knee, (FEMUR, TIBIA), straight)
+        if wrap is not None:
+            by_wrap.setdefault(wrap.element, (wrap, []))[1].append(row)
+    courses, mirror = [], MIRROR[knee.side]
+    for wrap, rows in by_wrap.values():
+        entry = wrap.document(knee, "")
+        bone = entry["bone"]
+        # In the knee's frames. Mirrored axes of a symmetric obstacle are axes again where the last
+        # is turned back.
+        turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
+        center = mirror @ np.array(entry["center_mm"]) + getattr(shifts, bone)
+        obstacle = build_obstacle(entry | {
+            "center_mm": center.tolist(),
+            "rotation_deg": np.rad2deg(angles_xyz(mirror @ turn @ mirror)).tolist(),
+        })
+        # As OpenSim has it: what ends inside an obstacle at any instant does not lie around it.
+        there = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends[bone][rows], 1, 0)))
+        parts = zip(there, obstacle.semi_axes_along_frame, strict=True)
+        buried = np.any(np.asarray(sum((x / a) ** 2 for x, a in parts)) < 1.0, axis=-1)
+        straight += [
+            f"{ways[row].name} ends inside {wrap.element.name} and runs straight, as in OpenSim."
+            for row, inside in zip(rows, buried, strict=True) if inside
+        ]
+        if not buried.all():
+            kept = [row for row, inside in zip(rows, buried, strict=True) if not inside]
+            courses.append(Course(kept, obstacle=obstacle, obstacle_bone=bone))
+    by_length = ", ".join(way.name for way in found.ligaments)
+    notes += straight
+    notes.append(
+        f"Over the knee: {counted(len(found.muscles), 'muscle')}"
+        + (f", {by_length} by its length" if by_length else "")
+        + (f"; on the patella: {', '.join(found.on_patella)}" if found.on_patella else "")
+        + "."
+    )
+    names = tuple(way.name for way in ways)
+    every = np.reshape(tension, (len(ways), len(time)))
+    muscles = Muscles(ends[FEMUR], ends[TIBIA], every, names, add_lane_axis(courses))
+    return muscles, tensions(found.on_patella).sum(axis=0) + none
