@@ -42,7 +42,6 @@ from kneejax.cohorts import (
     structures,
     summed_up,
     synthesise,
-    to_dataset,
     workers,
 )
 from kneejax.files import (
@@ -277,7 +276,7 @@ def _finish(summary: CohortSummary, arguments: Calibrate) -> int:
         write_text(out / "prior.yaml", text)
         files.append("prior.yaml")
     try:
-        write_netcdf(out / "cohort.nc", to_dataset(summary))
+        write_netcdf(out / "cohort.nc", summary.to_dataset())
         files.append("cohort.nc")
     except MissingPackage as problem:
         missing = str(problem)
