@@ -35,16 +35,9 @@ from kneejax.studies import stages_on_terminal
 
 def import_model(arguments: ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
-    read = import_osim(
-        arguments.file,
-        side=arguments.side,
-        femur=arguments.femur,
-        tibia=arguments.tibia,
-        without=arguments.without,
-        inside=arguments.inside,
-        patella=not arguments.without_patella,
-        at=arguments.at,
-    )
+    read = import_osim(arguments.file, side=arguments.side, femur=arguments.femur,
+                       tibia=arguments.tibia, without=arguments.without, inside=arguments.inside,
+                       patella=not arguments.without_patella, at=arguments.at)  # fmt: skip
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
@@ -96,24 +89,16 @@ def import_surfaces(arguments: ImportStl) -> int:
             arguments.femur_cartilage,
             arguments.tibia_cartilage,
             side=arguments.side,
-            options=MeshOptions(
-                patellar_cartilage=arguments.patella_cartilage,
-                femur_bone=arguments.femur_bone,
-                tibia_bone=arguments.tibia_bone,
-                layer_thickness_mm=arguments.layer_thickness,
-                thickness=arguments.thickness,
-                youngs_modulus_MPa=arguments.modulus,
-                poisson_ratio=arguments.poisson_ratio,
-                law=arguments.law,
-                unit=arguments.unit,
-                axis_point_mm=arguments.axis_point,
-                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-                notch_mm=arguments.notch,
-                split_mm=arguments.split,
-                angle_deg=arguments.angle,
-                reference_pose=pose,
-            ),
-        )
+            options=MeshOptions(patellar_cartilage=arguments.patella_cartilage,
+                                femur_bone=arguments.femur_bone, tibia_bone=arguments.tibia_bone,
+                                layer_thickness_mm=arguments.layer_thickness,
+                                thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
+                                poisson_ratio=arguments.poisson_ratio, law=arguments.law,
+                                unit=arguments.unit, axis_point_mm=arguments.axis_point,
+                                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
+                                notch_mm=arguments.notch, split_mm=arguments.split,
+                                angle_deg=arguments.angle, reference_pose=pose),
+        )  # fmt: skip
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
         document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
@@ -140,15 +125,9 @@ def _contacts_only(arguments: ImportStl, found: MeshImport) -> dict[str, Any]:
         "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
         "source": "the pose of the meshes: both bones' frames coincide",
     }  # fmt: skip
-    return {
-        "kneejax": 1,
-        "name": arguments.out.name or "imported",
-        "side": _SIDES[arguments.side],
-        "description": f"Contacts from {files}; no ligaments yet",
-        "reference_pose": pose,
-        "ligaments": {},
-        "contacts": found.contacts,
-    }
+    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": _SIDES[arguments.side],
+            "description": f"Contacts from {files}; no ligaments yet", "reference_pose": pose,
+            "ligaments": {}, "contacts": found.contacts}  # fmt: skip
 
 
 def _report(findings: Sequence[str], fits: Table) -> str:

@@ -21,12 +21,8 @@ from kneejax.files import (
 )
 
 #: What to do with the new file.
-_NEXT = {
-    "study": "kneejax calibrate {}",
-    "knee": "kneejax describe {}",
-    "cohort": "kneejax calibrate {}",
-    "plan": "kneejax plan acl {}",
-}
+_NEXT = {"study": "kneejax calibrate {}", "knee": "kneejax describe {}",
+         "cohort": "kneejax calibrate {}", "plan": "kneejax plan acl {}"}  # fmt: skip
 _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 

@@ -93,13 +93,9 @@ def octagon_study(knee: Knee) -> Octagon:
     graft = GRAFTS["hamstring"].stiffness_N
     single, double = (surgery("ACL", n, n * graft) for n in (1, 2))
     places = np.hstack([single.tibia.fibres, single.femur.fibres, np.full((2, 1), TENSION_N)])
-    return Octagon(
-        bundle.ligaments,
-        bundle.try_out(corners, slack_mm=slack),
-        single.try_out(corners),
-        float(single.try_out(places[0]).laxity_mm[0, 0]),
-        float(double.try_out(places.ravel()).laxity_mm[0, 0]),
-    )
+    return Octagon(bundle.ligaments, bundle.try_out(corners, slack_mm=slack),
+                   single.try_out(corners), float(single.try_out(places[0]).laxity_mm[0, 0]),
+                   float(double.try_out(places.ravel()).laxity_mm[0, 0]))  # fmt: skip
 
 
 def numberings(totals: np.ndarray) -> Iterator[np.ndarray]:

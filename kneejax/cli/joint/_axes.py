@@ -123,13 +123,9 @@ def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
     shift = np.array([read.frame_offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
     epicondyles = _given_epicondyles(arguments, read.knee.side)
     own = _fitted(arguments, arguments.knee, points, normals, None)
-    axes = dataclasses.replace(
-        own,
-        points=own.points + shift,
-        hinge=own.hinge + shift,
-        surface=points + shift,
-        facets=_shifted(own.facets, shift),
-    )
+    axes = dataclasses.replace(own, points=own.points + shift, hinge=own.hinge + shift,
+                               surface=points + shift,
+                               facets=_shifted(own.facets, shift))  # fmt: skip
     if epicondyles is not None:
         axes = dataclasses.replace(
             axes, hinge=epicondyles, hinge_source="the epicondyles", epicondyles=epicondyles
@@ -150,14 +146,9 @@ def problem(file: str | Path, error: JointProblem) -> InputProblem:
     return InputProblem(file, error.field, error.found, error.expected)
 
 
-def _fitted(
-    arguments: JointFit,
-    file: str | Path,
-    points: np.ndarray,
-    normals: np.ndarray,
-    epicondyles: np.ndarray | None,
-    touching: tuple[np.ndarray, ...] | None = None,
-) -> FemurAxes:
+def _fitted(arguments: JointFit, file: str | Path, points: np.ndarray, normals: np.ndarray,
+            epicondyles: np.ndarray | None,
+            touching: tuple[np.ndarray, ...] | None = None) -> FemurAxes:  # fmt: skip
     extension = tuple(arguments.extension_facet or EXTENSION_DEG)
     flexion = tuple(arguments.flexion_facet or FLEXION_DEG)
     regions = " and ".join(f"{low:g} to {high:g}" for low, high in (extension, flexion))
