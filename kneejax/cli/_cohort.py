@@ -15,23 +15,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from kneejax import cohorts
+from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._out import check_room
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
-from kneejax.files import (
-    InputProblems,
-    check_new,
-    counted,
-    read_calibrated,
-    write_knee,
-    write_netcdf,
-    write_poses,
-    write_rows,
-    write_text,
-)
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Calibration
@@ -90,7 +79,7 @@ class CohortWork:
         if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
             raise UnsuitableData("its calibration was not finished")
         if (folder / "result.json").is_file():
-            answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
+            answer = files.read_calibrated(folder / "result.json").of_structures(member.study.knee)
             try:
                 draws = range(*task.draws or ())
                 values = bootstrapped(member.study, draws, answer, task.by_blocks)
@@ -159,20 +148,21 @@ def run(arguments: Calibrate) -> int:
     out, tasks = arguments.out.resolve(), cohorts.plan(cohort)
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
-            check_new(out / KNEES / member.name / new, member.study.knee_name)
+            files.check_new(out / KNEES / member.name / new, member.study.knee_name)
     arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
     own = cohorts.shard_of(tasks, *arguments.shard or (1, 1))
     rounds = [(own, " knees"), (cohorts.bootstraps(own, count, by_blocks), " fits")]
     waiting = _unfinished(own, out)
     knees = sum(map(len, waiting))
-    check_room(out, _KNEE_MB * knees, f"results of {counted(knees, 'knee')}")
-    kinds = counted(cohorts.structures(tasks), "structure")
-    size = f"{counted(len(cohort.members), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
+    check_room(out, _KNEE_MB * knees, f"results of {files.counted(knees, 'knee')}")
+    kinds = files.counted(cohorts.structures(tasks), "structure")
+    size = f"{files.counted(len(cohort.members), 'knee')} of {kinds}"
+    size += f" in {files.counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {'/'.join(map(str, arguments.shard))}: {counted(len(own), 'task')}")
+        print(f"part {'/'.join(map(str, arguments.shard))}: {files.counted(len(own), 'task')}")
     if len(waiting) < len(own):
-        print(f"{counted(len(own) - len(waiting), 'task')} of these finished already")
+        print(f"{files.counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
     waiting += _unfinished(rounds[1][0], out)
     if waiting:
@@ -194,7 +184,7 @@ def run(arguments: Calibrate) -> int:
     ended = {task: finished(task, out) for task in every_task}
     still_open = [task for task, marks in ended.items() if marks is None]
     if any(not failed.keys() & set(task.names) for task in still_open):
-        left = counted(len(still_open), "task")
+        left = files.counted(len(still_open), "task")
         print(f"{left} left to other parts: the last one writes the report")
         return int(bool(failed))
     for name, mark in failed.items():
@@ -216,10 +206,10 @@ def _cohort_of(arguments: Calibrate) -> cohorts.Cohort:
         cohort = cohorts.read_cohort(arguments.study)
         if arguments.bootstrap:
             cohorts.check_bootstraps(cohort, arguments.blocks)
-    except InputProblems as every:
-        count = counted(len(every.problems), "mistake")
+    except files.InputProblems as every:
+        count = files.counted(len(every.problems), "mistake")
         end = ValueError(f"{count}; nothing was computed")
-        raise InputProblems([*every.problems, end]) from None
+        raise files.InputProblems([*every.problems, end]) from None
     return cohort
 
 
@@ -249,18 +239,18 @@ def _finish(summary: cohorts.CohortSummary, arguments: Calibrate) -> int:
     """Write what the knees say together, and say it."""
     from kneejax.report.cohort import cohort_answer
 
-    out, files, missing = arguments.out, [], ""
+    out, written, missing = arguments.out, [], ""
     if summary.populations:
         prior = format_yaml(cohorts.next_prior(summary))
         text = _PRIOR.format(" ".join(summary.title.split())) + prior
-        write_text(out / "prior.yaml", text)
-        files.append("prior.yaml")
+        files.write_text(out / "prior.yaml", text)
+        written.append("prior.yaml")
     try:
-        write_netcdf(out / "cohort.nc", summary.to_dataset())
-        files.append("cohort.nc")
+        files.write_netcdf(out / "cohort.nc", summary.to_dataset())
+        written.append("cohort.nc")
     except MissingPackage as problem:
         missing = str(problem)
-    status = deliver(cohort_answer(summary, KNEES), arguments, [*files, f"{KNEES}/NAME/"])
+    status = deliver(cohort_answer(summary, KNEES), arguments, [*written, f"{KNEES}/NAME/"])
     if missing:
         print(f"not written: {out}/cohort.nc: {missing}")
     return status
@@ -285,9 +275,9 @@ def make_up(arguments: CohortSynthesise) -> int:
             truth += [[made.name, name, value] for name, value in made.truth.items()]
             redrawn, names = redrawn + made.redrawn, [test.name for test in made.tests]
             progress("made-up knees", len(rows), count)
-    files = [f"{name}.file" for name in names]
-    write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
-    write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *files], rows)
+    columns = [f"{name}.file" for name in names]
+    files.write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
+    files.write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *columns], rows)
     study: dict[str, Any] = {
         "title": "Made-up knee",
         "knee": "four_ligament",
@@ -308,7 +298,7 @@ def make_up(arguments: CohortSynthesise) -> int:
     title = f"{count} made-up knees, seed {arguments.seed}"
     document = {"title": title, "study": study, "knees": "knees.csv"}
     # Last of all: without it the folder is no cohort.
-    write_text(out / "cohort.yaml", format_yaml(document))
+    files.write_text(out / "cohort.yaml", format_yaml(document))
     print(f"{count} made-up knees of {arguments.knee}, seed {arguments.seed}")
     if redrawn:
         print(f"drawn again, since they had no balance somewhere: {redrawn}")
@@ -320,8 +310,8 @@ def make_up(arguments: CohortSynthesise) -> int:
 def _written(made: cohorts.MadeUpKnee, out: Path) -> list[str]:
     """Write a knee and its data; its row of the table."""
     knee, passive = f"knees/{made.name}.yaml", f"data/{made.name}_passive.csv"
-    write_knee(made.document, out / knee, _COMMENT)
-    write_poses(out / passive, made.passive)
+    files.write_knee(made.document, out / knee, _COMMENT)
+    files.write_poses(out / passive, made.passive)
     row = [made.name, "right", knee, passive]
     for test in made.tests:
         row.append(f"data/{made.name}_{test.name.replace(' ', '_')}.csv")
@@ -329,5 +319,5 @@ def _written(made: cohorts.MadeUpKnee, out: Path) -> list[str]:
         observed = [f"{name}_{COORDINATES[name].unit}" for name in test.coordinates]
         columns = [test.flexion_deg, *test.loads.values(), *test.observed[:, places].T]
         rows = np.column_stack(columns).tolist()
-        write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
+        files.write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
     return row
