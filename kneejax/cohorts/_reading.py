@@ -18,6 +18,7 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, ValidationInfo
 
 from kneejax import files
+from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
 from kneejax.studies import STUDY_FIELDS, Study, study_of
 
@@ -36,7 +37,7 @@ def _template(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, dict):
         return value
     known, name = files.bundled_studies(), text(value)
-    path = files.study_path(name) if name in known else files.reading.folder_of(info) / name
+    path = files.study_path(name) if name in known else reading.folder_of(info) / name
     if not os.path.isfile(path):
         raise wrong(value, f"a study file, its fields, or a bundled study; not at {path}", known)
     return path
@@ -46,13 +47,13 @@ def _knees(value: Any, info: ValidationInfo) -> Any:
     """Rows as they are, or the table that has them."""
     if isinstance(value, list):
         mistakes = Mistakes()
-        for number, row in enumerate(files.reading.items(value, "knees")):
+        for number, row in enumerate(reading.items(value, "knees")):
             if not isinstance(row, dict):
                 expected = "a mapping with the field name, and what differs"
                 mistakes.append(wrong(row, expected, at=f"[{number}]"))
         mistakes.check()
         return value
-    path = files.reading.folder_of(info) / text(value)
+    path = reading.folder_of(info) / text(value)
     if not os.path.isfile(path):
         raise wrong(value, f"a CSV table with one row a knee, or a list of knees; not at {path}")
     return path
@@ -149,7 +150,7 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
     title, file, found = path.name, os.fspath(name_or_path), _from_studies(path, mistakes)
     if os.path.isfile(own):
         document = load_yaml(own, "a cohort file")
-        whole = files.reading.checked(CohortFile, document, os.fspath(own), folder=own.parent)
+        whole = reading.checked(CohortFile, document, os.fspath(own), folder=own.parent)
         title, file, found = whole.title, os.fspath(own), _from_rows(whole, own, mistakes)
     twice = []
     for name, document, place, folder, about in found:
@@ -228,7 +229,7 @@ def _value(cell: str) -> Any:
     text = cell.strip()
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
-    number = files.reading.plain_number(text)
+    number = reading.plain_number(text)
     if number is None:
         return text
     return int(text) if text.lstrip("+-").isdigit() else number
@@ -279,7 +280,7 @@ def _overlaid(
     if "side" in cells:
         mistakes, side = Mistakes(place), ""
         with mistakes.gathered("side"):
-            side = files.reading.choice(cells["side"], ("right", "left", "r", "l"))
+            side = reading.choice(cells["side"], ("right", "left", "r", "l"))
         mistakes.check()
         for one in (document.get("measured"), *tests):
             # A left knee's tables are mirrored; what comes with the package is of right knees.

@@ -88,7 +88,8 @@ def _variable(name: str, over: str | tuple, values: Any, unit: Any = "") -> tupl
     """Dimensions, values and attributes as xarray takes them."""
     over = tuple(over.split()) if isinstance(over, str) else over
     if isinstance(unit, enum.EnumMeta):
-        words = [unit(int(one)).word for one in np.asarray(values).ravel()]
+        kind: Any = unit
+        words = [kind(int(one)).word for one in np.asarray(values).ravel()]
         return over, np.reshape(np.array(words, str), np.shape(values)), {}
     attributes = dict(unit) if isinstance(unit, Mapping) else {}
     unit = "" if isinstance(unit, Mapping) else unit or unit_of_column(name)
