@@ -149,11 +149,12 @@ def answered(
                 for name, (figure, more) in pairs.items()}  # fmt: skip
     kept = {name: as_setting(value) for name, value in json_safe(settings).items()}
     every = [claim.verdict for claim in claims]
-    counts = [f"{every.count(word)} {word}" for word in dict.fromkeys(every)]
+    counts = ", ".join(f"{every.count(word)} {word}" for word in dict.fromkeys(every))
     return Answer(
-        said["title"], f"Which of {len(claims)} claims of the paper hold for this software?",
-        sentence=f"{', '.join(counts)}.", tables={"reproduction": verdicts, **made},
-        main=["reproduction"], drawings=drawings, doubts=doubts, document=document,
+        said["title"], f"Which of the paper's {len(claims)} claims are reproduced?",
+        tables={"reproduction": verdicts, **made}, main=["reproduction"], drawings=drawings,
+        doubts=doubts, facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
+        document=document,
         sections=[
             Section("About", [text.format(**values) for text in said["about"]], opened=True),
             *(Section(f"{claim.number} {claim.statement}", _reasons(claim)) for claim in claims),
@@ -161,7 +162,7 @@ def answered(
             Section("Settings of the computation",
                     tables=[Table.of({"setting": [*kept], "value": [*kept.values()]})]),
         ],
-        text=[line for claim in claims for line in _printed(claim)],
+        text=[*(line for claim in claims for line in _printed(claim)), f"{counts}."],
     )  # fmt: skip
 
 

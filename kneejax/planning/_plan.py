@@ -204,6 +204,9 @@ class PlanResult(Named):
         surgery = self.plan.surgery
         return whole | {
             "variant": ("variant", np.repeat([*parts], count)),
+            "ligament": ("ligament", surgery.ligaments),
+            "bundle": ("bundle", surgery.plan.bundles),
+            "choice": ("choice", [f"{x} {y}" for x in surgery.plan.bundles for y in CHOICES]),
             "test": ("test", surgery.protocol.lachman_deg, "deg"),
             "load_case_flexion_deg": ("load_case", surgery.protocol.flexion_deg),
             "load_case_anterior_N": ("load_case", surgery.protocol.force),
