@@ -137,23 +137,24 @@ def answered(
         The answer; its first table is `reproduction`.
     """
     said, values = claimed(paper), {"verdicts": ", ".join(VERDICTS), **(words or {})}
-    seen = ("number", "verdict", "statement")
-    columns = [Column(field.name, "claim" * (field.name == "statement"), words=True,
-                      shown=field.name in seen) for field in dataclasses.fields(Claim)]
-    verdicts = Table(columns, [[*dataclasses.astuple(claim)] for claim in claims])
-    made = {name: one if isinstance(one, Table) else Table([*map(Column, one[0])], [*one[1]])
-            for name, one in tables.items()}  # fmt: skip
+    columns = [Column(field.name) for field in dataclasses.fields(Claim)]
+    every = [claim.verdict for claim in claims]
+    verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
+                         "claim": [claim.statement for claim in claims]})
+    rows = [[*dataclasses.astuple(claim)] for claim in claims]
+    made = {"reproduction": Table(columns, rows)}
+    made |= {name: one if isinstance(one, Table) else Table([*map(Column, one[0])], [*one[1]])
+             for name, one in tables.items()}  # fmt: skip
     pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
              for name, one in figures.items()}  # fmt: skip
     drawings = {name: Drawing(lambda one=figure: one, more=more)
                 for name, (figure, more) in pairs.items()}  # fmt: skip
     kept = {name: as_setting(value) for name, value in json_safe(settings).items()}
-    every = [claim.verdict for claim in claims]
     counts = ", ".join(f"{every.count(word)} {word}" for word in dict.fromkeys(every))
     return Answer(
         said["title"], f"Which of the paper's {len(claims)} claims are reproduced?",
-        tables={"reproduction": verdicts, **made}, main=["reproduction"], drawings=drawings,
-        doubts=doubts, facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
+        tables=made, main=[verdicts], drawings=drawings, doubts=doubts,
+        facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
         document=document,
         sections=[
             Section("About", [text.format(**values) for text in said["about"]], opened=True),
