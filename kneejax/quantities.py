@@ -13,6 +13,14 @@ from collections.abc import Iterable, Mapping
 
 #: Components of points and directions.
 AXES = ("anterior", "superior", "lateral")
+#: With which names of columns end.
+COLUMN_UNITS = ("N", "mm", "mm2", "MPa", "deg", "Nm", "Nmm", "s", "kg", "m")
+
+
+def unit_of_column(name: str) -> str:
+    """The unit with which the name of a column ends, as `N` of `force_N`; empty without one."""
+    stem, _, unit = name.rpartition("_")
+    return unit if stem and unit in COLUMN_UNITS else ""
 
 
 @dataclasses.dataclass(frozen=True)

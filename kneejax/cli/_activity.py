@@ -7,23 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from kneejax import files
 from kneejax._whole_files import writing_place
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
 from kneejax.experiments import Activity, Round, activity, cycle_of, weights
-from kneejax.files import (
-    InputProblem,
-    WholeBody,
-    ask_opensim,
-    couple_model,
-    coupled_motion,
-    load_knee_file,
-    read_activity,
-    registered,
-    said_of,
-    whole_body,
-    write_bytes,
-)
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
@@ -33,12 +21,12 @@ from kneejax.studies import read_plan, stages_on_terminal
 
 
 def asked_of_opensim(
-    arguments: options.Activity, body: WholeBody, knee: Knee, document: dict[str, Any], show
+    arguments: options.Activity, body: files.WholeBody, knee: Knee, document: dict[str, Any], show
 ) -> tuple[LegRecord, list[Round]]:
     """What acts on the leg as OpenSim finds it, in the last of the rounds asked for, in which the
     knee's secondary motion goes back into the model; and the rounds, none where no motion was to go
     back. `show` is called with what is done."""
-    shifts = registered(body.model, body.side, knee, document, arguments.frames, body.bones)
+    shifts = files.registered(body.model, body.side, knee, document, arguments.frames, body.bones)
     known = {"side": body.side, "knee": knee, "frames": shifts, "femur": body.bones[0],
              "tibia": body.bones[1]}  # fmt: skip
     rounds, model, motion = [], body.model, None  # the model's own motion, to begin with
@@ -48,13 +36,13 @@ def asked_of_opensim(
         folder = writing_place(place)
         if motion is not None:
             model = folder / body.model.name
-            data = couple_model(body.model, body.side, motion, shifts, body.bones)
-            write_bytes(model, data)
-        said = ask_opensim(body, folder, model)
+            data = files.couple_model(body.model, body.side, motion, shifts, body.bones)
+            files.write_bytes(model, data)
+        said = files.ask_opensim(body, folder, model)
         # Where no ground is given, the feet's own contacts are among the forces. The instants are
         # those of static optimisation, between which nothing is known.
         forces = [said.forces, *([] if body.loads is None else [body.loads])]
-        record = read_activity(model, [body.motion, *forces], **known)
+        record = files.read_activity(model, [body.motion, *forces], **known)
         if not arguments.rounds:
             break
         show(f"{knee.name}, round {number}", 0, 0)
@@ -62,12 +50,12 @@ def asked_of_opensim(
         poses, file = np.asarray(one.motion.to_table())[one.holds], str(arguments.motion)
         if not len(poses):
             expected = "a movement under which the knee balances, for its motion to go back"
-            raise InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
-        before = coupled_motion(record.pose) if motion is None else motion
-        after = coupled_motion(poses, file, before.flexion_deg)
+            raise files.InputProblem(file, "balances", f"none of {len(one.holds)}", expected)
+        before = files.coupled_motion(record.pose) if motion is None else motion
+        after = files.coupled_motion(poses, file, before.flexion_deg)
         off = float("nan")
         if body.loads is not None and not record.quadriceps_N.any():
-            theirs = read_activity(model, [body.motion, said.reactions], **known)
+            theirs = files.read_activity(model, [body.motion, said.reactions], **known)
             off = _reaction_off(record, theirs)
         moment = float(np.sqrt(np.nanmean(one.residual_Nm**2)))
         holds = int(one.holds.sum()), len(one.holds)
@@ -97,7 +85,7 @@ def run(arguments: options.Activity) -> int:
     """Read what acted on the leg, and find the equilibria of each knee under it."""
     known = {"side": arguments.side, "instants": arguments.instants, "femur": arguments.femur,
              "tibia": arguments.tibia}  # fmt: skip
-    body = None if arguments.motion is None else whole_body(
+    body = None if arguments.motion is None else files.whole_body(
         arguments.model, arguments.motion, arguments.grf, actuators=arguments.actuators,
         time_s=arguments.time_s, **known,
     )  # fmt: skip
@@ -105,21 +93,21 @@ def run(arguments: options.Activity) -> int:
     if arguments.plan is not None:
         plan = read_plan(arguments.plan, patella=arguments.patella)
     if plan is None:
-        read = load_knee_file(arguments.knee or _USUAL)
+        read = files.load_knee_file(arguments.knee or _USUAL)
         document = read.document
         whole = read.with_patella() if arguments.patella else read.knee
-        with said_of("--set"):
+        with files.said_of("--set"):
             knee = whole.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
     if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
         expected = f"{document['side'][0]}, the side of the knee {knee.name}"
-        raise InputProblem("--side", "side", arguments.side, expected)
+        raise files.InputProblem("--side", "side", arguments.side, expected)
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
     if body is None:
-        record, rounds = read_activity(
+        record, rounds = files.read_activity(
             arguments.model, arguments.files, knee=knee, document=document,
             frames=arguments.frames, called=arguments.called, **known,
         ), []  # fmt: skip
@@ -128,7 +116,7 @@ def run(arguments: options.Activity) -> int:
             record, rounds = asked_of_opensim(arguments, body, knee, document, show)
     if record.quadriceps_N.any() and not knee.other_bones and not knee.lines:
         expected = "a knee with a line for the patellar tendon, or --patella"
-        raise InputProblem("--knee", "lines", f"none in {knee.name}", expected)
+        raise files.InputProblem("--knee", "lines", f"none in {knee.name}", expected)
     with stages_on_terminal(knee.name) as show:
         knees = knees if plan is None else operated_knees(plan)
         found: dict[str, Activity] = {}

@@ -15,47 +15,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._out import check_room
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
-from kneejax.cohorts import (
-    Cohort,
-    CohortSummary,
-    Ended,
-    MadeUpKnee,
-    Member,
-    Spread,
-    Task,
-    Work,
-    bootstraps,
-    check_bootstraps,
-    in_process,
-    next_prior,
-    on_workers,
-    plan,
-    read_answers,
-    read_cohort,
-    reason,
-    shard_of,
-    structures,
-    summed_up,
-    synthesise,
-    to_dataset,
-    workers,
-)
-from kneejax.files import (
-    InputProblems,
-    check_new,
-    counted,
-    read_calibrated,
-    write_knee,
-    write_netcdf,
-    write_poses,
-    write_rows,
-    write_text,
-)
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Calibration
@@ -66,7 +31,7 @@ from kneejax.studies import Study, bootstrapped, run_side_by_side, stages_on_ter
 #: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
 _KNEE_MB = 0.25
 #: Computes tasks, each yielded when it has ended, with why it left no results.
-Compute = Callable[[Sequence[Task], Work], Iterator[Ended]]
+Compute = Callable[[Sequence[cohorts.Task], cohorts.Work], Iterator[cohorts.Ended]]
 #: What became of a knee of a task: why it has no answer, if it has none, and seconds.
 Mark = Mapping[str, Any]
 
@@ -79,7 +44,7 @@ class CohortWork:
     # Whether each knee's figures are files too, as PNG and SVG; its page holds them.
     svg: bool = False
 
-    def __call__(self, task: Task) -> None:
+    def __call__(self, task: cohorts.Task) -> None:
         """Calibrate the knees of a task, or draw its data again, unless its results are there."""
         begun = time.perf_counter()
         if finished(task, self.out) is not None:
@@ -93,10 +58,11 @@ class CohortWork:
             self._write(task, member, answer, share)
 
     def _write(
-        self, task: Task, member: Member, answer: Calibration | Exception, seconds: float
-    ) -> None:
+        self, task: cohorts.Task, member: cohorts.Member, answer: Calibration | Exception,
+        seconds: float,
+    ) -> None:  # fmt: skip
         begun, folder = time.perf_counter(), self.out / KNEES / member.name
-        failed = reason(answer, named=False) if isinstance(answer, Exception) else ""
+        failed = cohorts.reason(answer, named=False) if isinstance(answer, Exception) else ""
 
         def write() -> dict[str, Any]:
             if not isinstance(answer, Exception):
@@ -106,19 +72,19 @@ class CohortWork:
 
         replace_knee(folder, write)
 
-    def _bootstrap(self, task: Task, begun: float) -> None:
+    def _bootstrap(self, task: cohorts.Task, begun: float) -> None:
         """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
         (member,) = task.members
         folder, failed, values = self.out / KNEES / member.name, "", np.zeros((0, 0))
         if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
             raise UnsuitableData("its calibration was not finished")
         if (folder / "result.json").is_file():
-            answer = read_calibrated(folder / "result.json").of_structures(member.study.knee)
+            answer = files.read_calibrated(folder / "result.json").of_structures(member.study.knee)
             try:
                 draws = range(*task.draws or ())
                 values = bootstrapped(member.study, draws, answer, task.by_blocks)
             except UnsuitableData as problem:
-                failed = reason(problem)
+                failed = cohorts.reason(problem)
         stream, seconds = io.BytesIO(), time.perf_counter() - begun
         np.savez(stream, values=values, failed=failed, seconds=seconds)
         write_sealed(_draws_file(task, self.out), stream.getvalue(), task.fingerprint)
@@ -136,11 +102,11 @@ def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
         raise
     except Exception as problem:
         if len(studies) == 1:
-            return [RuntimeError(reason(problem))]
+            return [RuntimeError(cohorts.reason(problem))]
         return [answer for study in studies for answer in _answers([study])]
 
 
-def finished(task: Task, out: Path) -> dict[str, Mark] | None:
+def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
     """What became of each knee of a task; None where any of them is still to be computed."""
     if task.draws is not None:
         kept = _kept_draws(task, out)
@@ -150,7 +116,7 @@ def finished(task: Task, out: Path) -> dict[str, Mark] | None:
     return marks if whole else None
 
 
-def draws_of(tasks: Sequence[Task], out: Path) -> dict[str, np.ndarray]:
+def draws_of(tasks: Sequence[cohorts.Task], out: Path) -> dict[str, np.ndarray]:
     """Knee -> draws of its bootstrap, `(draws, p)`, of the tasks that have ended."""
     found: dict[str, list[np.ndarray]] = {}
     for task in tasks:
@@ -160,12 +126,12 @@ def draws_of(tasks: Sequence[Task], out: Path) -> dict[str, np.ndarray]:
     return {name: np.concatenate(parts) for name, parts in found.items()}
 
 
-def _draws_file(task: Task, out: Path) -> Path:
+def _draws_file(task: cohorts.Task, out: Path) -> Path:
     first = 0 if task.draws is None else task.draws[0]
     return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
 
 
-def _kept_draws(task: Task, out: Path) -> Mark | None:
+def _kept_draws(task: cohorts.Task, out: Path) -> Mark | None:
     """What a task of a bootstrap has left; None where there is nothing, or something damaged."""
     data = read_sealed(_draws_file(task, out), task.fingerprint)
     if data is None:
@@ -179,23 +145,24 @@ def run(arguments: Calibrate) -> int:
     if arguments.scheduler or (arguments.jobs or 1) > 1:
         check_installed("distributed", "cohorts")
     cohort, count, by_blocks = _cohort_of(arguments), arguments.bootstrap or 0, arguments.blocks
-    out, tasks = arguments.out.resolve(), plan(cohort)
+    out, tasks = arguments.out.resolve(), cohorts.plan(cohort)
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
-            check_new(out / KNEES / member.name / new, member.study.knee_name)
+            files.check_new(out / KNEES / member.name / new, member.study.knee_name)
     arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
-    own = shard_of(tasks, *arguments.shard or (1, 1))
-    rounds = [(own, " knees"), (bootstraps(own, count, by_blocks), " fits")]
+    own = cohorts.shard_of(tasks, *arguments.shard or (1, 1))
+    rounds = [(own, " knees"), (cohorts.bootstraps(own, count, by_blocks), " fits")]
     waiting = _unfinished(own, out)
     knees = sum(map(len, waiting))
-    check_room(out, _KNEE_MB * knees, f"results of {counted(knees, 'knee')}")
-    kinds = counted(structures(tasks), "structure")
-    size = f"{counted(len(cohort.members), 'knee')} of {kinds} in {counted(len(tasks), 'task')}"
+    check_room(out, _KNEE_MB * knees, f"results of {files.counted(knees, 'knee')}")
+    kinds = files.counted(cohorts.structures(tasks), "structure")
+    size = f"{files.counted(len(cohort.members), 'knee')} of {kinds}"
+    size += f" in {files.counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {'/'.join(map(str, arguments.shard))}: {counted(len(own), 'task')}")
+        print(f"part {'/'.join(map(str, arguments.shard))}: {files.counted(len(own), 'task')}")
     if len(waiting) < len(own):
-        print(f"{counted(len(own) - len(waiting), 'task')} of these finished already")
+        print(f"{files.counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
     waiting += _unfinished(rounds[1][0], out)
     if waiting:
@@ -212,12 +179,12 @@ def run(arguments: Calibrate) -> int:
                     for name in task.names if why and finished(task, out) is None else ():
                         failed.setdefault(name, {"failed": why, "seconds": 0.0})
                     bar.update(len(task))
-    every_task = [*tasks, *bootstraps(tasks, count, by_blocks)]
+    every_task = [*tasks, *cohorts.bootstraps(tasks, count, by_blocks)]
     # Other parts may have ended meanwhile.
     ended = {task: finished(task, out) for task in every_task}
     still_open = [task for task, marks in ended.items() if marks is None]
     if any(not failed.keys() & set(task.names) for task in still_open):
-        left = counted(len(still_open), "task")
+        left = files.counted(len(still_open), "task")
         print(f"{left} left to other parts: the last one writes the report")
         return int(bool(failed))
     for name, mark in failed.items():
@@ -227,39 +194,40 @@ def run(arguments: Calibrate) -> int:
         for task, marks in ended.items() if not task.draws for name, mark in (marks or {}).items()
     }  # fmt: skip
     arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
-    answers = read_answers(cohort, failed | known, out / KNEES)
+    answers = cohorts.read_answers(cohort, failed | known, out / KNEES)
     draws = draws_of(every_task, out) if count else {}
-    return max(_finish(summed_up(cohort.title, answers, draws), arguments), int(bool(failed)))
+    summary = cohorts.summed_up(cohort.title, answers, draws)
+    return max(_finish(summary, arguments), int(bool(failed)))
 
 
-def _cohort_of(arguments: Calibrate) -> Cohort:
+def _cohort_of(arguments: Calibrate) -> cohorts.Cohort:
     """The cohort, checked: refused with every mistake, and how many there are."""
     try:
-        cohort = read_cohort(arguments.study)
+        cohort = cohorts.read_cohort(arguments.study)
         if arguments.bootstrap:
-            check_bootstraps(cohort, arguments.blocks)
-    except InputProblems as every:
-        count = counted(len(every.problems), "mistake")
+            cohorts.check_bootstraps(cohort, arguments.blocks)
+    except files.InputProblems as every:
+        count = files.counted(len(every.problems), "mistake")
         end = ValueError(f"{count}; nothing was computed")
-        raise InputProblems([*every.problems, end]) from None
+        raise files.InputProblems([*every.problems, end]) from None
     return cohort
 
 
-def _unfinished(tasks: Sequence[Task], out: Path) -> list[Task]:
+def _unfinished(tasks: Sequence[cohorts.Task], out: Path) -> list[cohorts.Task]:
     return [task for task in tasks if finished(task, out) is None]
 
 
 @contextlib.contextmanager
-def _computer(waiting: Sequence[Task], arguments: Calibrate) -> Iterator[Compute]:
+def _computer(waiting: Sequence[cohorts.Task], arguments: Calibrate) -> Iterator[Compute]:
     """Who computes: this process, or workers that stay for all rounds."""
     jobs, address = arguments.jobs or 1, arguments.scheduler
     if not waiting or (jobs < 2 and address is None):
-        yield in_process
+        yield cohorts.in_process
         return
-    with workers(min(jobs, len(waiting)), address) as client:
+    with cohorts.workers(min(jobs, len(waiting)), address) as client:
         if sys.stderr.isatty():
             print(f"workers: {client.dashboard_link}", flush=True)
-        yield functools.partial(on_workers, client)
+        yield functools.partial(cohorts.on_workers, client)
 
 
 _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
@@ -267,21 +235,22 @@ _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
 """
 
 
-def _finish(summary: CohortSummary, arguments: Calibrate) -> int:
+def _finish(summary: cohorts.CohortSummary, arguments: Calibrate) -> int:
     """Write what the knees say together, and say it."""
     from kneejax.report.cohort import cohort_answer
 
-    out, files, missing = arguments.out, [], ""
+    out, written, missing = arguments.out, [], ""
     if summary.populations:
-        text = _PRIOR.format(" ".join(summary.title.split())) + format_yaml(next_prior(summary))
-        write_text(out / "prior.yaml", text)
-        files.append("prior.yaml")
+        prior = format_yaml(cohorts.next_prior(summary))
+        text = _PRIOR.format(" ".join(summary.title.split())) + prior
+        files.write_text(out / "prior.yaml", text)
+        written.append("prior.yaml")
     try:
-        write_netcdf(out / "cohort.nc", to_dataset(summary))
-        files.append("cohort.nc")
+        files.write_netcdf(out / "cohort.nc", summary.to_dataset())
+        written.append("cohort.nc")
     except MissingPackage as problem:
         missing = str(problem)
-    status = deliver(cohort_answer(summary, KNEES), arguments, [*files, f"{KNEES}/NAME/"])
+    status = deliver(cohort_answer(summary, KNEES), arguments, [*written, f"{KNEES}/NAME/"])
     if missing:
         print(f"not written: {out}/cohort.nc: {missing}")
     return status
@@ -297,18 +266,18 @@ knee. What made its data stands in truth.csv."""
 def make_up(arguments: CohortSynthesise) -> int:
     """Make up a cohort and write its files."""
     out, count = arguments.out, arguments.knees
-    spread = Spread(noise_mm=arguments.noise_mm, noise_deg=arguments.noise_deg)
+    spread = cohorts.Spread(noise_mm=arguments.noise_mm, noise_deg=arguments.noise_deg)
     rows, truth, redrawn, names = [], [], 0, []
     with stages_on_terminal("made-up knees") as progress:
-        for made in synthesise(count, arguments.seed, arguments.knee, spread):
+        for made in cohorts.synthesise(count, arguments.seed, arguments.knee, spread):
             rows.append(_written(made, out))
             truth += [[made.name, "size", made.size]]
             truth += [[made.name, name, value] for name, value in made.truth.items()]
             redrawn, names = redrawn + made.redrawn, [test.name for test in made.tests]
             progress("made-up knees", len(rows), count)
-    files = [f"{name}.file" for name in names]
-    write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
-    write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *files], rows)
+    columns = [f"{name}.file" for name in names]
+    files.write_rows(out / "truth.csv", ["knee", "parameter", "value"], truth)
+    files.write_rows(out / "knees.csv", ["name", "side", "knee", "measured.file", *columns], rows)
     study: dict[str, Any] = {
         "title": "Made-up knee",
         "knee": "four_ligament",
@@ -329,7 +298,7 @@ def make_up(arguments: CohortSynthesise) -> int:
     title = f"{count} made-up knees, seed {arguments.seed}"
     document = {"title": title, "study": study, "knees": "knees.csv"}
     # Last of all: without it the folder is no cohort.
-    write_text(out / "cohort.yaml", format_yaml(document))
+    files.write_text(out / "cohort.yaml", format_yaml(document))
     print(f"{count} made-up knees of {arguments.knee}, seed {arguments.seed}")
     if redrawn:
         print(f"drawn again, since they had no balance somewhere: {redrawn}")
@@ -338,11 +307,11 @@ def make_up(arguments: CohortSynthesise) -> int:
     return 0
 
 
-def _written(made: MadeUpKnee, out: Path) -> list[str]:
+def _written(made: cohorts.MadeUpKnee, out: Path) -> list[str]:
     """Write a knee and its data; its row of the table."""
     knee, passive = f"knees/{made.name}.yaml", f"data/{made.name}_passive.csv"
-    write_knee(made.document, out / knee, _COMMENT)
-    write_poses(out / passive, made.passive)
+    files.write_knee(made.document, out / knee, _COMMENT)
+    files.write_poses(out / passive, made.passive)
     row = [made.name, "right", knee, passive]
     for test in made.tests:
         row.append(f"data/{made.name}_{test.name.replace(' ', '_')}.csv")
@@ -350,5 +319,5 @@ def _written(made: MadeUpKnee, out: Path) -> list[str]:
         observed = [f"{name}_{COORDINATES[name].unit}" for name in test.coordinates]
         columns = [test.flexion_deg, *test.loads.values(), *test.observed[:, places].T]
         rows = np.column_stack(columns).tolist()
-        write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
+        files.write_rows(out / row[-1], ["flexion_deg", *test.loads, *observed], rows)
     return row

@@ -21,12 +21,8 @@ if TYPE_CHECKING:
 FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
 
 
-def deliver(
-    answer: Answer,
-    arguments: Drawn,
-    written: Sequence[str] = (),
-    seconds: dict[str, float] | None = None,
-) -> int:
+def deliver(answer: Answer, arguments: Drawn, written: Sequence[str] = (),
+            seconds: dict[str, float] | None = None) -> int:  # fmt: skip
     """Write tables, figures, result.json and report.html; then print what was found. Gives the exit
     status.
 
@@ -82,15 +78,9 @@ def write_results(
         seconds=result.seconds,
     )  # fmt: skip
     words = [Status(s) for s in motion.status]
-    write_poses(
-        out / "poses.csv",
-        motion.table,
-        status=words,
-        converged=[w.converged for w in words],
-        stable=[w.sound for w in words],
-        doubts=motion_words(motion),
-        patella=motion.other_bones.get(PATELLA),
-    )
+    write_poses(out / "poses.csv", motion.table, status=words,
+                converged=[w.converged for w in words], stable=[w.sound for w in words],
+                doubts=motion_words(motion), patella=motion.other_bones.get(PATELLA))  # fmt: skip
     try:
         write_calibrated_knee(written_place(out / "result.json"), out / "knee.yaml")
     except InputProblem as problem:

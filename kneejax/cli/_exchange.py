@@ -6,27 +6,10 @@ import copy
 from collections.abc import Sequence
 from typing import Any
 
+from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
 from kneejax.cli.options import ExportOsim, ImportOsim, ImportStl
-from kneejax.files import (
-    InputProblem,
-    MeshImport,
-    MeshOptions,
-    add_osim_contacts,
-    counted,
-    coupled_motion,
-    export_osim,
-    format_import_report,
-    format_knee,
-    import_meshes,
-    import_osim,
-    load_knee_file,
-    read_poses,
-    write_bytes,
-    write_knee,
-    write_text,
-)
 from kneejax.files.opensim import import_sections
 from kneejax.report import mesh_import_answer, osim_import_answer
 from kneejax.report.look import Table
@@ -35,38 +18,29 @@ from kneejax.studies import stages_on_terminal
 
 def import_model(arguments: ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
-    read = import_osim(
-        arguments.file,
-        side=arguments.side,
-        femur=arguments.femur,
-        tibia=arguments.tibia,
-        without=arguments.without,
-        inside=arguments.inside,
-        patella=not arguments.without_patella,
-        at=arguments.at,
-    )
+    read = files.import_osim(arguments.file, side=arguments.side, femur=arguments.femur,
+                       tibia=arguments.tibia, without=arguments.without, inside=arguments.inside,
+                       patella=not arguments.without_patella, at=arguments.at)  # fmt: skip
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
-        write_text(file, format_knee(document))  # checked on reading; to build it takes longer
+        # It was checked when it was read; to build the knee takes longer.
+        files.write_text(file, files.format_knee(document))
     else:
         with stages_on_terminal("surfaces and layers"):
-            geometry = add_osim_contacts(read, arguments.geometry)
+            geometry = files.add_osim_contacts(read, arguments.geometry)
         document, findings, missed = geometry.document, geometry.findings, geometry.doubtful
-        write_knee(document, file)
-    write_text(arguments.out / "import_report.md", format_import_report(read, findings))
+        files.write_knee(document, file)
+    files.write_text(arguments.out / "import_report.md", files.format_import_report(read, findings))
     knee = read.knee
-    said = [
-        f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
-        f"{counted(len(read.ligaments), 'fibre')}, {counted(len(read.wraps), 'wrap object')}, "
-        f"{counted(len(document['contacts']), 'contact')}; "
-        f"{read.numbers_left_out or 'nothing left out'}",
-        *knee.unusual,
-    ]
+    parts = {"fibre": read.ligaments, "wrap object": read.wraps, "contact": document["contacts"]}
+    counts = ", ".join(files.counted(len(some), name) for name, some in parts.items())
+    said = [f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
+            f"{counts}; {read.numbers_left_out or 'nothing left out'}", *knee.unusual]
     free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
     if free < 6:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
-        coordinates = counted(free, "free coordinate")
+        coordinates = files.counted(free, "free coordinate")
         said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
     waiting = [] if arguments.geometry else [*read.contacts, *read.patellofemoral]
     if waiting:
@@ -86,69 +60,55 @@ def import_surfaces(arguments: ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
-        knee = load_knee_file(arguments.knee)
+        knee = files.load_knee_file(arguments.knee)
         pose = knee.knee.reference_pose
         if knee.document["side"] != _SIDES[arguments.side]:
             expected = f"{knee.document['side'][0]}, the side of {knee.path}"
-            raise InputProblem("--side", "side", arguments.side, expected)
+            raise files.InputProblem("--side", "side", arguments.side, expected)
     with stages_on_terminal("surfaces and layers"):
-        found = import_meshes(
+        found = files.import_meshes(
             arguments.femur_cartilage,
             arguments.tibia_cartilage,
             side=arguments.side,
-            options=MeshOptions(
-                patellar_cartilage=arguments.patella_cartilage,
-                femur_bone=arguments.femur_bone,
-                tibia_bone=arguments.tibia_bone,
-                layer_thickness_mm=arguments.layer_thickness,
-                thickness=arguments.thickness,
-                youngs_modulus_MPa=arguments.modulus,
-                poisson_ratio=arguments.poisson_ratio,
-                law=arguments.law,
-                unit=arguments.unit,
-                axis_point_mm=arguments.axis_point,
-                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-                notch_mm=arguments.notch,
-                split_mm=arguments.split,
-                angle_deg=arguments.angle,
-                reference_pose=pose,
-            ),
-        )
+            options=files.MeshOptions(patellar_cartilage=arguments.patella_cartilage,
+                                femur_bone=arguments.femur_bone, tibia_bone=arguments.tibia_bone,
+                                layer_thickness_mm=arguments.layer_thickness,
+                                thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
+                                poisson_ratio=arguments.poisson_ratio, law=arguments.law,
+                                unit=arguments.unit, axis_point_mm=arguments.axis_point,
+                                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
+                                notch_mm=arguments.notch, split_mm=arguments.split,
+                                angle_deg=arguments.angle, reference_pose=pose),
+        )  # fmt: skip
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
         document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
     elif found.patellofemoral is not None:
         # Without ligaments and muscles there is no patella yet: its surface waits for them.
         document["surfaces"] = {"patella": found.patellofemoral["patellar_surface"]}
-    write_knee(document, arguments.out / "knee.yaml")
+    files.write_knee(document, arguments.out / "knee.yaml")
     answer = mesh_import_answer(found.fits, found.findings, found.doubtful)
     report = _report(found.findings, answer.tables["fit_report"])
-    write_text(arguments.out / "fit_report.md", report)
+    files.write_text(arguments.out / "fit_report.md", report)
     return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
 
 
-def _replaced(knee, found: MeshImport) -> dict[str, Any]:
+def _replaced(knee, found: files.MeshImport) -> dict[str, Any]:
     document = copy.deepcopy(knee.document)
     document["contacts"] = found.contacts
     return document
 
 
-def _contacts_only(arguments: ImportStl, found: MeshImport) -> dict[str, Any]:
-    files = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
+def _contacts_only(arguments: ImportStl, found: files.MeshImport) -> dict[str, Any]:
+    meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
     pose = {
         "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
         "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
         "source": "the pose of the meshes: both bones' frames coincide",
     }  # fmt: skip
-    return {
-        "kneejax": 1,
-        "name": arguments.out.name or "imported",
-        "side": _SIDES[arguments.side],
-        "description": f"Contacts from {files}; no ligaments yet",
-        "reference_pose": pose,
-        "ligaments": {},
-        "contacts": found.contacts,
-    }
+    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": _SIDES[arguments.side],
+            "description": f"Contacts from {meshes}; no ligaments yet", "reference_pose": pose,
+            "ligaments": {}, "contacts": found.contacts}  # fmt: skip
 
 
 def _report(findings: Sequence[str], fits: Table) -> str:
@@ -167,19 +127,19 @@ def export_model(arguments: ExportOsim) -> int:
     """Write a knee's numbers into the OpenSim model that it came from."""
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:
-        raise InputProblem("--out", "file", str(arguments.out), "another file than the model")
+        raise files.InputProblem("--out", "file", str(arguments.out), "another file than the model")
     coupled = None
     if arguments.coupled is not None:
         file = str(arguments.coupled)
-        coupled = coupled_motion(read_poses(file, arguments.convention), file)
-    written = export_osim(
+        coupled = files.coupled_motion(files.read_poses(file, arguments.convention), file)
+    written = files.export_osim(
         arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
     )
-    write_bytes(arguments.out, written.data)
+    files.write_bytes(arguments.out, written.data)
     for change in written.changes:
         print(change)
     for note in written.notes:
         print(note)
-    count = counted(len(written.changes), "change") if written.changes else "no changes"
+    count = files.counted(len(written.changes), "change") if written.changes else "no changes"
     print(f"written: {arguments.out}, {count}")
     return DONE

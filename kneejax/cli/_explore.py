@@ -11,18 +11,9 @@ from typing import Any
 import numpy as np
 import yaml
 
-from kneejax import report
+from kneejax import files, report
 from kneejax.cli.options import Explore
 from kneejax.explorer import Page, Setting, Subject, serve
-from kneejax.files import (
-    InputProblem,
-    bundled_files,
-    bundled_studies,
-    load_knee_file,
-    read_calibrated,
-    read_mesh_points,
-    study_path,
-)
 from kneejax.geometry import FEMUR, FREE_COORDINATES, PATELLA, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.studies import read_study
@@ -46,20 +37,20 @@ def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, s
     """The knee, its document, measured poses where there are some, and what the knee itself is."""
     named, is_study = asked.subject, _is_study(asked.subject)
     if asked.patella and is_study:  # a knee may have the name of a study
-        if named not in bundled_files("knees"):
+        if named not in files.bundled_files("knees"):
             expected = "a knee or a result: the poses of a study are those of a tibia alone"
-            raise InputProblem(named, "--patella", "with a study", expected)
+            raise files.InputProblem(named, "--patella", "with a study", expected)
         is_study = False
     if not is_study:
-        read = load_knee_file(named)
+        read = files.load_knee_file(named)
         found = _measured(Path(named)) if named.endswith(".json") else None
         first = "stored fit" if named.endswith(".json") else "as read"
         return (read.with_patella() if asked.patella else read.knee), read.document, found, first
     study = read_study(named)
     path = Path(named)
-    said = yaml.safe_load(study_path(named).read_text(encoding="utf-8"))["knee"]
+    said = yaml.safe_load(files.study_path(named).read_text(encoding="utf-8"))["knee"]
     beside = path.parent / said
-    read = load_knee_file(beside if beside.exists() else said)
+    read = files.load_knee_file(beside if beside.exists() else said)
     return study.knee, read.document, study.poses(), "as read"
 
 
@@ -68,13 +59,13 @@ def _measured(result: Path) -> np.ndarray | None:
     said = json.loads(result.read_text(encoding="utf-8")).get("settings") or {}
     if not Path(said.get("path") or "-").is_file():
         return None
-    offset = read_calibrated(result).frame_offset
+    offset = files.read_calibrated(result).frame_offset
     away = np.array([0.0, *(offset.get(name, 0.0) for name in FREE_COORDINATES)])
     return read_study(said["path"]).poses() - away
 
 
 def _is_study(named: str) -> bool:
-    if named in bundled_studies():
+    if named in files.bundled_studies():
         return True
     path = Path(named)
     if path.suffix not in (".yaml", ".yml") or not path.is_file():
@@ -86,8 +77,8 @@ def _is_study(named: str) -> bool:
 def begin(asked: Explore) -> Page:
     """The page of a command, being served."""
     knee, document, measured, first = _subject(asked)
-    files = {bone: getattr(asked, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
-    meshes = {bone: read_mesh_points(path) for bone, path in files.items() if path is not None}
+    paths = {bone: getattr(asked, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
+    meshes = {bone: files.read_mesh_points(path) for bone, path in paths.items() if path}
     bones = [report.BoneMesh(bone, mesh.points_mm, mesh.faces) for bone, mesh in meshes.items()]
     pages: list[Page] = []
     server, link = serve(asked.port, lambda x: pages and pages[0].go(Setting.of_link(x)))

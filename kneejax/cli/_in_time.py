@@ -8,18 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from kneejax import experiments
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import asked_knee, knee_words, read_loads
 from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
-from kneejax.experiments import (
-    MOST_ERROR_MM,
-    beginning,
-    lab_tests,
-    leg_of_person,
-    raised_leg,
-    transient,
-)
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS
 from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
@@ -64,7 +57,7 @@ def run_in_time(arguments: Simulate) -> int:
         fit = _with_dampers(arguments, moving, recorded, flexion, motion)
         moving = fit.moving
     with _shown(arguments, moving, times) as options:
-        found = transient(moving, flexion, times, **motion, **options)
+        found = experiments.transient(moving, flexion, times, **motion, **options)
     answer = transient_answer(
         knee_words(arguments, moving.knee), name, found, recorded=recorded, fit=fit,
         convention=arguments.convention,
@@ -89,7 +82,7 @@ def _loads(arguments: Simulate, flexion: float):
     if name != "load":
         asked = {k: getattr(arguments, k) for k in ("force_N", "moment_Nm")}
         asked = {k: v for k, v in asked.items() if v is not None}
-        (test,) = lab_tests(name, [flexion], **asked, constant=constant)
+        (test,) = experiments.lab_tests(name, [flexion], **asked, constant=constant)
         full = dict(test.full)
     ramp = 0.1 if arguments.ramp_s is None else arguments.ramp_s
     load_s = np.array([0.0, max(ramp, 1e-9)])
@@ -136,10 +129,10 @@ def _with_dampers(
         def report(done: int) -> None:
             show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
 
-        begin = beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
+        begin = experiments.beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
         return fit_transient(
             moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
-            most_mm=arguments.error_mm or MOST_ERROR_MM, progress=report,
+            most_mm=arguments.error_mm or experiments.MOST_ERROR_MM, progress=report,
         )  # fmt: skip
 
 
@@ -154,7 +147,7 @@ def _shown(
         def report(done: int) -> None:
             show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
 
-        yield {"most_mm": arguments.error_mm or MOST_ERROR_MM, "progress": report}
+        yield {"most_mm": arguments.error_mm or experiments.MOST_ERROR_MM, "progress": report}
 
 
 def _moving(arguments: Simulate, knee: Knee) -> MovingKnee:
@@ -166,7 +159,7 @@ def _moving(arguments: Simulate, knee: Knee) -> MovingKnee:
     part = 1.0 if arguments.critical is None else arguments.critical
     pressed = arguments.dissipation_s_per_mm
     contacts = {name: pressed for name in knee.contact_names} if pressed else {}
-    leg = leg_of_person(**arguments.person)
+    leg = experiments.leg_of_person(**arguments.person)
     moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity, contact_dissipation=contacts)
     moving = moving.critically_damped(part)
     usual = 1.0 if arguments.experiment == "settle" else 0.0
@@ -190,6 +183,6 @@ def run_raised_leg(arguments: Simulate) -> int:
     times = _times(arguments, duration_s, _RAISED_EVERY_MS)
     moving = _moving(arguments, asked_knee(arguments, patella=True))
     with _shown(arguments, moving, times) as options:
-        found = raised_leg(moving, flexion, times, lengths=lengths, **options)
+        found = experiments.raised_leg(moving, flexion, times, lengths=lengths, **options)
     knee = knee_words(arguments, moving.knee)
     return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)

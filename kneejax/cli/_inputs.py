@@ -8,27 +8,19 @@ from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
-from kneejax.cli._command import (
-    Angles,
-    Bundled,
-    Command,
-    File,
-    Parameters,
-    marks,
-    shown_name,
-)
+from kneejax.cli import _command
 from kneejax.files import InputProblem
 from kneejax.files.reading import together
 
 
-def check_inputs(asked: Command, folder: Path, gone: str = "") -> None:
+def check_inputs(asked: _command.Command, folder: Path, gone: str = "") -> None:
     """Refuse files that are missing from a folder, and names of bundled data or parameters that are
     unknown; `gone` is the file of settings that names them, if they were recorded earlier."""
     if problems := [*_wrong_inputs(asked, folder, gone)]:
         raise together(problems)
 
 
-def _wrong_inputs(asked: Command, folder: Path, gone: str) -> Iterator[InputProblem]:
+def _wrong_inputs(asked: _command.Command, folder: Path, gone: str) -> Iterator[InputProblem]:
     found, knee = False, getattr(asked, "knee", None)
     for name, field in type(asked).model_fields.items():
         value = getattr(asked, name)
@@ -39,21 +31,21 @@ def _wrong_inputs(asked: Command, folder: Path, gone: str) -> Iterator[InputProb
             except InputProblem as problem:
                 found = True
                 yield problem
-        if marks(field, Parameters) and value and knee and not found:
+        if _command.marks(field, _command.Parameters) and value and knee and not found:
             from kneejax.studies import misspelt
 
             path = folder / knee
             for one in misspelt(os.fspath(path) if path.exists() else knee, value):
-                option = shown_name(field)
+                option = _command.shown_name(field)
                 yield InputProblem(option, "name", one.value, one.expected, one.nearest)
 
 
 def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
-    if marks(field, Angles):
+    if _command.marks(field, _command.Angles):
         from kneejax.files import parse_flexion
 
         parse_flexion(value)
-    bundled, files = marks(field, Bundled), marks(field, File)
+    bundled, files = _command.marks(field, _command.Bundled), _command.marks(field, _command.File)
     named = bundled and not (Path(value).suffix or len(Path(value).parts) > 1)
     if not (bundled or files) or any(c in value for c in "*?["):
         return

@@ -6,27 +6,12 @@ import shutil
 import textwrap
 from pathlib import Path
 
+from kneejax import files
 from kneejax.cli.options import Init, Knees
-from kneejax.files import (
-    InputProblem,
-    absent_measurement,
-    bundled_examples,
-    bundled_files,
-    bundled_knee_descriptions,
-    bundled_laxity_sources,
-    bundled_measurements,
-    bundled_path,
-    bundled_studies,
-    write_text,
-)
 
 #: What to do with the new file.
-_NEXT = {
-    "study": "kneejax calibrate {}",
-    "knee": "kneejax describe {}",
-    "cohort": "kneejax calibrate {}",
-    "plan": "kneejax plan acl {}",
-}
+_NEXT = {"study": "kneejax calibrate {}", "knee": "kneejax describe {}",
+         "cohort": "kneejax calibrate {}", "plan": "kneejax plan acl {}"}  # fmt: skip
 _INDENT = " " * 23
 _HANGING = {"subsequent_indent": _INDENT, "break_on_hyphens": False}
 
@@ -36,39 +21,39 @@ def run(arguments: Knees) -> int:
     if arguments.copy_of is not None:
         return _copy(arguments.copy_of)
     print("Knees")
-    for name, description in bundled_knee_descriptions().items():
+    for name, description in files.bundled_knee_descriptions().items():
         print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     print("Studies")
-    for name, title in bundled_studies().items():
+    for name, title in files.bundled_studies().items():
         print(f"  {name:<20} {title}")
-        table = absent_measurement(name)
+        table = files.absent_measurement(name)
         if table is not None:
             print(f"{_INDENT}needs measured motion that is not bundled: {table}")
             print(f"{_INDENT}put it there, or name your own `file` in a copy of")
-            print(f"{_INDENT}{bundled_path('studies', name)}")
-    measurements = bundled_measurements()
+            print(f"{_INDENT}{files.bundled_path('studies', name)}")
+    measurements = files.bundled_measurements()
     print("Measurements" + ("" if measurements else ": none bundled"))
     for name, measurement in measurements.items():
         said = f"{measurement.title} ({measurement.source})"
         print(textwrap.fill(said, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     print("Laxity, as others measured it: drawn beside `simulate` under the same load,")
     print("and a test of a study by its name, with `load:` where that is not known")
-    for name, source in bundled_laxity_sources().items():
+    for name, source in files.bundled_laxity_sources().items():
         print(textwrap.fill(source, 98, initial_indent=f"  {name:<24} ", **_HANGING))
     print("Examples, made up: `kneejax knees --copy NAME` copies one, or a knee file, to here")
-    for name, about in bundled_examples().items():
+    for name, about in files.bundled_examples().items():
         print(textwrap.fill(about.title, 98, initial_indent=f"  {name:<20} ", **_HANGING))
     return 0
 
 
 def _copy(name: str) -> int:
     """Copy something bundled, with the tables that it names, to where the command was called."""
-    known = {one: example.path for one, example in bundled_examples().items()}
+    known = {one: example.path for one, example in files.bundled_examples().items()}
     for kind in ("knees", "studies", "plans", "measurements"):
-        files = bundled_files(kind)
-        known = {**files, **known, **{f"{kind}/{one}": path for one, path in files.items()}}
+        bundled = files.bundled_files(kind)
+        known = {**bundled, **known, **{f"{kind}/{one}": path for one, path in bundled.items()}}
     if name not in known:
-        raise InputProblem("knees", "--copy", name, known)
+        raise files.InputProblem("knees", "--copy", name, known)
     source, folder = known[name], known[name].parent
     if source.is_dir():
         found = {one: one.relative_to(folder) for one in sorted(source.rglob("*.*"))}
@@ -78,7 +63,8 @@ def _copy(name: str) -> int:
         found = {one: Path(one.name) for one in sorted(beside)}
     for target in {Path(one.parts[0]) for one in found.values()}:
         if target.exists():
-            raise InputProblem("knees", "--copy", str(target), "no such file or folder here yet")
+            expected = "no such file or folder here yet"
+            raise files.InputProblem("knees", "--copy", str(target), expected)
     for one, target in found.items():
         target.parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(one, target)
@@ -90,10 +76,10 @@ def begin(asked: Init) -> int:
     """Write the file, which runs as it is, and print what to do with it."""
     out = asked.out or Path(f"{asked.kind}.yaml")
     if out.exists():
-        raise InputProblem("init", "--out", str(out), "a file that is not there yet")
-    text = bundled_path("templates", asked.kind).read_text(encoding="utf-8")
+        raise files.InputProblem("init", "--out", str(out), "a file that is not there yet")
+    text = files.bundled_path("templates", asked.kind).read_text(encoding="utf-8")
     if asked.kind == "knee":
-        text += bundled_path("knees", "four_ligament").read_text(encoding="utf-8")
-    write_text(out, text)
+        text += files.bundled_path("knees", "four_ligament").read_text(encoding="utf-8")
+    files.write_text(out, text)
     print(f"written: {out}\nnext: {_NEXT[asked.kind].format(out)}")
     return 0

@@ -10,19 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax import report
+from kneejax import files, report
 from kneejax.cli._deliver import deliver
 from kneejax.cli.options import Describe, Evaluate, View
 from kneejax.experiments import evaluate
-from kneejax.files import (
-    InputProblem,
-    counted,
-    load_knee,
-    load_knee_file,
-    read_mesh_points,
-    read_patella_poses,
-    read_poses,
-)
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.numerics import check_installed
@@ -37,7 +28,7 @@ _OF_CONTACTS = ("youngs_modulus", "poisson_ratio", "layer_thickness")
 
 def describe_knee(asked: Describe) -> int:
     """Print a knee: ligaments, contacts, loads, frames, adaptations; or its parameters."""
-    read = load_knee_file(asked.knee)
+    read = files.load_knee_file(asked.knee)
     if asked.parameters:
         print("\n".join(parameter_lines(read.knee, asked.fibres)))
     else:
@@ -69,9 +60,9 @@ def parameter_lines(knee: Knee, fibres: bool = False) -> Iterator[str]:
 
 def evaluate_poses(arguments: Evaluate) -> int:
     """Evaluate given poses, write ligaments.csv and contact.csv."""
-    knee = load_knee(arguments.knee)
-    table = read_poses(arguments.poses, arguments.convention)
-    with stages_on_terminal(counted(len(table), "pose")):
+    knee = files.load_knee(arguments.knee)
+    table = files.read_poses(arguments.poses, arguments.convention)
+    with stages_on_terminal(files.counted(len(table), "pose")):
         answer = evaluation_answer(knee, table, evaluate(knee, Pose.from_table(table)))
     return deliver(answer, arguments)
 
@@ -84,11 +75,11 @@ def view_knee(arguments: View) -> int:
     """Draw a knee in space and the pressure on its plateaux; print what was written."""
     knee, state = _knee_and_state(arguments)
     out, count = arguments.out, state.shape[0]
-    files = {bone: getattr(arguments, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
-    bones = [_bone(knee, bone, path) for bone, path in files.items() if path is not None]
+    meshes = {bone: getattr(arguments, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
+    bones = [_bone(knee, bone, path) for bone, path in meshes.items() if path is not None]
     for module in ("pyvista", "viser"):
         check_installed(module, "view")
-    with stages_on_terminal(counted(count, "pose")):
+    with stages_on_terminal(files.counted(count, "pose")):
         scenes = report.scenes(knee, state, bones)
     written = [report.write_whole(out / "scene.html", report.scene_page(scenes).encode())]
     if knee.contacts:
@@ -102,7 +93,8 @@ def view_knee(arguments: View) -> int:
         print(f"kneejax: no pictures in space: {problem}", file=sys.stderr)
         status = 1
     names = ", ".join(path.name for path in written)
-    print(f"{counted(count, 'pose')} of {knee.name}; written to {out}: {names}, settings.json")
+    poses = files.counted(count, "pose")
+    print(f"{poses} of {knee.name}; written to {out}: {names}, settings.json")
     places = [str(row) for row in range(count)]
     found, doubts = report.given_doubts(knee, evaluate(knee, state), places)
     for doubt in doubts:
@@ -114,9 +106,9 @@ def _knee_and_state(arguments: View) -> tuple[Knee, State]:
     """The knee, with its patella where that was asked for or the table says where it is."""
     path = arguments.poses
     patella = arguments.patella or arguments.patella_bone is not None
-    table = None if path is None else read_poses(path, arguments.convention)
-    own = None if path is None else read_patella_poses(path, needed=patella)
-    knee = load_knee(arguments.knee, patella=patella or own is not None)
+    table = None if path is None else files.read_poses(path, arguments.convention)
+    own = None if path is None else files.read_patella_poses(path, needed=patella)
+    knee = files.load_knee(arguments.knee, patella=patella or own is not None)
     if table is None:
         return knee, jax.tree.map(jnp.atleast_1d, knee.at_reference)
     poses = {TIBIA: table} | ({} if own is None else {PATELLA: own})
@@ -125,7 +117,7 @@ def _knee_and_state(arguments: View) -> tuple[Knee, State]:
 
 def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
     """A bone's mesh, if it is where the knee has that bone."""
-    mesh = read_mesh_points(path)
+    mesh = files.read_mesh_points(path)
     fibres = knee.ligaments
     sides = fibres.femoral_attachment, fibres.tibial_attachment
     ends = [
@@ -140,7 +132,7 @@ def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
     if far > _FARTHEST_MM:
         value = f"{far:.0f} mm from the end of a ligament"
         expected = f"the {bone}'s mesh in its frame, within {_FARTHEST_MM:g} mm of every ligament"
-        raise InputProblem(path, f"--{bone}-bone", value, expected)
+        raise files.InputProblem(path, f"--{bone}-bone", value, expected)
     return report.BoneMesh(bone, mesh.points_mm, mesh.faces)
 
 

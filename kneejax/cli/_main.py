@@ -11,25 +11,16 @@ import warnings
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from kneejax.cli import options
 from kneejax.cli._command import Command, Written
 from kneejax.cli._inputs import check_inputs
 from kneejax.cli._line import CommandLine
 from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
-from kneejax.cli.options import (
-    ABOVE,
-    COMMANDS,
-    EXAMPLE,
-    Completion,
-    ExportOsim,
-    Init,
-    Knees,
-    Rerun,
-)
 from kneejax.files import InputProblem
 
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
 #: Commands that compute nothing themselves. All others begin with JAX: seconds of imports.
-_WITHOUT_JAX = (Knees, Init, Completion, Rerun)
+_WITHOUT_JAX = (options.Knees, options.Init, options.Completion, options.Rerun)
 #: Variables that say on what JAX computes.
 _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 
@@ -37,7 +28,7 @@ _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 @functools.cache
 def line() -> CommandLine:
     """The command line of kneejax."""
-    return CommandLine(COMMANDS, ABOVE, EXAMPLE)
+    return CommandLine(options.COMMANDS, options.ABOVE, options.EXAMPLE)
 
 
 def main(arguments: Sequence[str] | None, begun: float) -> int:
@@ -87,7 +78,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         if (out := getattr(asked, "out", None)) is not None:
             from kneejax.cli._out import try_out
 
-            try_out(out, folder=not isinstance(asked, ExportOsim | Init))
+            try_out(out, folder=not isinstance(asked, options.ExportOsim | options.Init))
         check_inputs(asked, Path())
         with _starting(not isinstance(asked, _WITHOUT_JAX)) as computes:
             if computes:
@@ -125,7 +116,7 @@ def _starting(computes: bool) -> Iterator[bool]:
             print("\r        \r", end="", file=sys.stderr, flush=True)
 
 
-def rerun(asked: Rerun) -> int:
+def rerun(asked: options.Rerun) -> int:
     """Print which versions differ, and run the command as its settings say."""
     from kneejax.cli._settings import (
         FILE,
@@ -150,7 +141,7 @@ def rerun(asked: Rerun) -> int:
         return carry_out(again)
 
 
-def completion(asked: Completion) -> int:
+def completion(asked: options.Completion) -> int:
     """Print the script by which a shell completes commands, options, bundled names and files."""
     script = line().app(completing=True).generate_completion(shell=asked.shell)
     # In the place of the name of a bundled knee or study, a file may be meant.

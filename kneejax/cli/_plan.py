@@ -8,17 +8,9 @@ import json
 
 import numpy as np
 
-from kneejax import planning, studies
+from kneejax import files, planning, studies
 from kneejax.cli._deliver import deliver
 from kneejax.cli.options import PlanAcl
-from kneejax.files import (
-    InputProblem,
-    reconstructed,
-    restated,
-    write_knee,
-    write_netcdf,
-    write_text,
-)
 from kneejax.inference import versions
 from kneejax.numerics import check_installed
 from kneejax.studies import stages_on_terminal
@@ -36,7 +28,8 @@ def run(arguments: PlanAcl) -> int:
         plan = dataclasses.replace(plan, map_points=arguments.points)
     if arguments.front and not plan.population:
         if not plan.free:
-            raise InputProblem(plan.file, "optimum", False, "what is free, for a front to be found")
+            expected = "what is free, for a front to be found"
+            raise files.InputProblem(plan.file, "optimum", False, expected)
         said = plan.said | {"front": True}
         plan = dataclasses.replace(plan, population=planning.POPULATION, said=said)
     if plan.population:
@@ -51,12 +44,12 @@ def run(arguments: PlanAcl) -> int:
     used = ["dtaidistance", *(["pymoo"] if result.front is not None else [])]
     packages = versions() | {name: importlib.metadata.version(name) for name in used}
     document = plan_document(result, packages)
-    write_text(arguments.out / "plan.json", json.dumps(document, indent=1) + "\n")
+    files.write_text(arguments.out / "plan.json", json.dumps(document, indent=1) + "\n")
     written = ["plan.json", *_write_knees(arguments, result)]
     about = {"title": plan.title, "knee": plan.own.name, "versions": json.dumps(packages)}
     for one in result.maps:
         written.append(f"map_{one.bone}.nc")
-        write_netcdf(arguments.out / written[-1], one.to_dataset(about))
+        files.write_netcdf(arguments.out / written[-1], one.to_dataset(about))
     return deliver(plan_answer(result), arguments, written, result.seconds)
 
 
@@ -66,7 +59,7 @@ def _write_knees(arguments: PlanAcl, result: planning.PlanResult) -> list[str]:
     known = {"planned": result.planned}
     if result.optimum is not None:
         known["optimum"] = result.optimum.outcome
-    base = restated(plan.document, plan.own, f"set by the plan: {plan.title}")
+    base = files.restated(plan.document, plan.own, f"set by the plan: {plan.title}")
     written = []
     for word, outcome in known.items():
         if not np.isfinite(outcome.slack_mm[0]).all():
@@ -78,9 +71,9 @@ def _write_knees(arguments: PlanAcl, result: planning.PlanResult) -> list[str]:
             f"{plan.graft.name} graft, {word}: {plan.title}; fixed under {tension} N at "
             f"{plan.surgery.fixation_deg:g} degrees; {plan.graft.source}"
         )
-        document = reconstructed(base, knee, one.torn, one.bundles, source)
+        document = files.reconstructed(base, knee, one.torn, one.bundles, source)
         document["name"] = f"{plan.own.name} {word}"
         document["description"] = f"{document['description'].strip()}; {about}"
-        write_knee(document, arguments.out / f"{word}.yaml", _COMMENT.format(about))
+        files.write_knee(document, arguments.out / f"{word}.yaml", _COMMENT.format(about))
         written.append(f"{word}.yaml")
     return written

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import importlib
 
+from kneejax.cli._deliver import deliver
 from kneejax.cli.options import Reproduce
+from kneejax.studies import stages_on_terminal
 
 
 def run(arguments: Reproduce) -> int:
@@ -15,15 +17,5 @@ def run(arguments: Reproduce) -> int:
     """
     given = {name: getattr(arguments, name) for name in ("knee", "patella")}
     options = {name: value for name, value in given.items() if value}
-    # A wrong option is answered before anything that computes is imported.
-    from kneejax.papers.claims import summary, write
-    from kneejax.studies import stages_on_terminal
-
     paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")
-    found = paper.reproduce(stages_on_terminal, **options)
-    files = write(found, arguments.out, arguments.svg)
-    print(summary(found.claims))
-    for doubt in found.doubts:
-        print(f"! {doubt}")
-    print(f"written: {arguments.out}/{', '.join(files)}, settings.json, figures/")
-    return int(bool(found.doubts))
+    return deliver(paper.reproduce(stages_on_terminal, **options), arguments)

@@ -4,28 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from kneejax import experiments
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads, whole_knee
 from kneejax.cli.options import EXTENSOR, Simulate
-from kneejax.experiments import (
-    DrivenExtensor,
-    LabTest,
-    Shank,
-    branches,
-    evaluate,
-    extension_by_length,
-    isometric_extension,
-    lab_tests,
-    leg_raise,
-    leg_raise_by_length,
-    load_curves,
-    load_cycle,
-    mechanics_of,
-    passive_flexion,
-    patellar_tracking,
-    second_balances,
-)
 from kneejax.files import InputProblem, bundled_bands, parse_flexion, parse_range
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import LIMITS, NAMED_LOADS, Knee, Range, load_of
@@ -68,12 +51,12 @@ def _passive_flexion(arguments: Simulate) -> int:
     loads, knee = read_loads(arguments.load), asked_knee(arguments)
     acting = [load_of(**loads)] if loads else []
     with stages_on_terminal(knee.name):
-        motion = passive_flexion(knee, flexion, acting)
-        mechanics = evaluate(knee, motion.pose, motion.equilibrium.contact_points)
+        motion = experiments.passive_flexion(knee, flexion, acting)
+        mechanics = experiments.evaluate(knee, motion.pose, motion.equilibrium.contact_points)
         answer = flexion_answer(
             knee_words(arguments, knee), motion, mechanics, flexion, loads=loads,
-            unloaded=passive_flexion(knee, flexion) if loads else None,
-            branches=branches(knee, flexion, acting) if arguments.branches else None,
+            unloaded=experiments.passive_flexion(knee, flexion) if loads else None,
+            branches=experiments.branches(knee, flexion, acting) if arguments.branches else None,
             convention=arguments.convention,
         )  # fmt: skip
     return deliver(answer, arguments)
@@ -86,14 +69,15 @@ def run_test(arguments: Simulate) -> int:
     whole = whole_knee(arguments)
     knee = cut(whole, arguments.cut)
     with stages_on_terminal(knee.name):
-        curves = load_curves(knee, tests, whole if from_intact else None)
-        mechanics = mechanics_of(curves[0])
-        others = [second_balances(one, whole) for one in curves] if arguments.cut else []
+        curves = experiments.load_curves(knee, tests, whole if from_intact else None)
+        mechanics = experiments.mechanics_of(curves[0])
+        looked_at = curves if arguments.cut else ()
+        others = [experiments.second_balances(one, whole) for one in looked_at]
         meniscectomy = any(x.partition(":")[0] in whole.menisci for x in arguments.cut)
         before = None
         if arguments.experiment == "compression" and meniscectomy:
-            beside = load_curves(whole, tests)
-            before = whole, beside, mechanics_of(beside[0])
+            beside = experiments.load_curves(whole, tests)
+            before = whole, beside, experiments.mechanics_of(beside[0])
     answer = laboratory_answer(
         knee_words(arguments, knee), knee, curves, mechanics, second=others,
         bands=bundled_bands(arguments.cut), convention=arguments.convention, intact=before,
@@ -101,7 +85,7 @@ def run_test(arguments: Simulate) -> int:
     return deliver(answer, arguments)
 
 
-def _tests(arguments: Simulate) -> tuple[LabTest, ...]:
+def _tests(arguments: Simulate) -> tuple[experiments.LabTest, ...]:
     """What is asked for; everything wrong with it is said before a knee is read."""
     name, loads = arguments.experiment, read_loads(arguments.load)
     given = {load: size for load, size in loads.items() if size}
@@ -117,10 +101,11 @@ def _tests(arguments: Simulate) -> tuple[LabTest, ...]:
         first = next(name for name in NAMED_LOADS if name in given)
         observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
         flexion = range(0, 91, 15) if angles is None else angles
-        path, held = load_cycle(steps, arguments.both), tuple(arguments.hold)
+        path, held = experiments.load_cycle(steps, arguments.both), tuple(arguments.hold)
         at = tuple(map(float, flexion))
-        return (LabTest("load", {first: given[first], **given}, observed, at, path, held=held),)
-    return lab_tests(
+        full = {first: given[first], **given}
+        return (experiments.LabTest("load", full, observed, at, path, held=held),)
+    return experiments.lab_tests(
         name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
         constant=given,
     )  # fmt: skip
@@ -135,19 +120,19 @@ def run_extensor(arguments: Simulate) -> int:
         lengths = parse_range(lengths, "--quadriceps-mm", "lengths", _LONGER, "length")
     loads = read_loads(arguments.load)
     knee, acting = asked_knee(arguments, patella=True), [load_of(**loads)] if loads else []
-    shank = Shank.of_person(**arguments.person, femur_deg=arguments.femur_deg or 0.0)
+    shank = experiments.Shank.of_person(**arguments.person, femur_deg=arguments.femur_deg or 0.0)
     pull, steps = arguments.quadriceps_N or _PULL_N.get(name, 0.0), arguments.steps or 20
     with stages_on_terminal(knee.name):
         if lengths is not None:
             driven = _driven(name, knee, flexion, lengths, acting, shank)
             found = driven.found
         elif name == "leg-raise":
-            found = leg_raise(knee, flexion, shank)
+            found = experiments.leg_raise(knee, flexion, shank)
         elif name == "patellar-tracking":
-            found = patellar_tracking(knee, flexion, pull, acting)
+            found = experiments.patellar_tracking(knee, flexion, pull, acting)
         else:
             pulls = pull * np.arange(1, steps + 1) / steps
-            found = isometric_extension(knee, flexion, pulls, acting)
+            found = experiments.isometric_extension(knee, flexion, pulls, acting)
     answer = extensor_answer(
         knee_words(arguments, knee), name, found, loads=loads, driven=driven
     )
@@ -155,11 +140,11 @@ def run_extensor(arguments: Simulate) -> int:
 
 
 def _driven(
-    name: str, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads, shank: Shank
-) -> DrivenExtensor:
+    name: str, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads, shank: experiments.Shank
+) -> experiments.DrivenExtensor:
     if name == "extension":
-        return extension_by_length(knee, flexion, lengths, loads)
+        return experiments.extension_by_length(knee, flexion, lengths, loads)
     try:
-        return leg_raise_by_length(knee, lengths, shank)
+        return experiments.leg_raise_by_length(knee, lengths, shank)
     except WrongValue as problem:
         raise InputProblem("--quadriceps-mm", "lengths", problem.found, problem.expected) from None

@@ -6,18 +6,9 @@ import importlib.metadata
 import json
 from pathlib import Path
 
-from kneejax import studies
+from kneejax import files, studies
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
-from kneejax.files import (
-    Checkpoints,
-    InputProblem,
-    bundled_studies,
-    load_knee,
-    read_calibrated,
-    read_candidates,
-    write_netcdf,
-)
 from kneejax.files.reading import load_json
 from kneejax.files.results import CLAIM
 from kneejax.inference import Candidate, versions
@@ -38,7 +29,7 @@ def objective_maps(arguments: options.Map) -> int:
     study, begun = _study(arguments.study)
     studies.check(study, question)
     about = studies.about_maps(study, question)
-    store = Checkpoints(
+    store = files.Checkpoints(
         arguments.out, about, studies.fingerprint(study, question),
         begin=lambda: arguments.results.begin(lambda _: False),
     )  # fmt: skip
@@ -48,15 +39,15 @@ def objective_maps(arguments: options.Map) -> int:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
     arguments.results.holds = [CLAIM]
     packages = versions() | {name: importlib.metadata.version(name) for name in _PACKAGES}
-    files = []
+    written = []
     for one in maps:
         tail = "" if len(maps) == 1 else f"-{one.names[0]}-{one.names[1]}"
-        files.append(f"map{tail}.nc")
+        written.append(f"map{tail}.nc")
         dataset = one.to_dataset({**about, "versions": json.dumps(packages)})
-        write_netcdf(arguments.out / files[-1], dataset)
+        files.write_netcdf(arguments.out / written[-1], dataset)
     from kneejax.report.maps import map_answer
 
-    shown = files if len(files) < 4 else [f"{len(files)} files map-*.nc"]
+    shown = written if len(written) < 4 else [f"{len(written)} files map-*.nc"]
     return deliver(map_answer(maps, about, packages, begun), arguments, shown)
 
 
@@ -65,14 +56,14 @@ def _study(name_or_path: str) -> tuple[studies.Study, str]:
     fit."""
     path = Path(name_or_path)
     a_result = path.is_dir() or path.suffix.lower() == ".json"
-    if not a_result or name_or_path in bundled_studies():
+    if not a_result or name_or_path in files.bundled_studies():
         return studies.read_study(name_or_path), "start"
     file = path / "result.json" if path.is_dir() else path
-    found = read_calibrated(file)
+    found = files.read_calibrated(file)
     path = load_json(file, "a result")["settings"]["path"]
-    if path not in bundled_studies() and not Path(path).is_file():
+    if path not in files.bundled_studies() and not Path(path).is_file():
         expected = "the file of its study, which must be there still"
-        raise InputProblem(file, "settings.path", path, expected)
+        raise files.InputProblem(file, "settings.path", path, expected)
     study = studies.read_study(path)
     fitted = found.of_structures(study.knee).found
     return study.replace(start=fitted), "fit"
@@ -83,7 +74,7 @@ def what_data_tell(arguments: options.Identify) -> int:
     table = vars(arguments)["candidates"]
     candidates = None if table is None else [
         Candidate(row.name or load_words(row.loads), row.flexion_deg, **row.loads)
-        for row in read_candidates(table)
+        for row in files.read_candidates(table)
     ]  # fmt: skip
     question = arguments.question(candidates=candidates)
     study = studies.read_study(arguments.study)
@@ -130,8 +121,9 @@ def _knees_side_by_side(arguments: options.Sensitivity) -> int:
 def _loaded(names: list[str]) -> dict[str, Knee]:
     knees: dict[str, Knee] = {}
     for name in names:
-        knee = load_knee(name)
+        knee = files.load_knee(name)
         if knee.name in knees:
-            raise InputProblem("--knees", "knee", name, f"every knee once; {knee.name} is twice")
+            expected = f"every knee once; {knee.name} is twice"
+            raise files.InputProblem("--knees", "knee", name, expected)
         knees[knee.name] = knee
     return knees

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from kneejax.cohorts._summary import next_prior as next_prior
     from kneejax.cohorts._summary import read_answers as read_answers
     from kneejax.cohorts._summary import summed_up as summed_up
-    from kneejax.cohorts._summary import to_dataset as to_dataset
     from kneejax.cohorts._synthesise import MadeUpKnee as MadeUpKnee
     from kneejax.cohorts._synthesise import Protocol as Protocol
     from kneejax.cohorts._synthesise import Spread as Spread

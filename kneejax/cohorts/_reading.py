@@ -17,15 +17,8 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, ValidationInfo
 
-from kneejax.files import (
-    InputProblem,
-    InputProblems,
-    bundled_knees,
-    bundled_measurements,
-    bundled_studies,
-    reading,
-    study_path,
-)
+from kneejax import files
+from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
 from kneejax.studies import STUDY_FIELDS, Study, study_of
 
@@ -43,8 +36,8 @@ def _template(value: Any, info: ValidationInfo) -> Any:
     """The fields of a study as they are, or the file that has them."""
     if isinstance(value, dict):
         return value
-    known, name = bundled_studies(), text(value)
-    path = study_path(name) if name in known else reading.folder_of(info) / name
+    known, name = files.bundled_studies(), text(value)
+    path = files.study_path(name) if name in known else reading.folder_of(info) / name
     if not os.path.isfile(path):
         raise wrong(value, f"a study file, its fields, or a bundled study; not at {path}", known)
     return path
@@ -127,7 +120,7 @@ def is_cohort(name_or_path: str | os.PathLike[str]) -> bool:
     path = Path(name_or_path)
     if glob.has_magic(os.fspath(name_or_path)) and not os.path.exists(path):
         return True
-    if os.fspath(name_or_path) in bundled_studies():
+    if os.fspath(name_or_path) in files.bundled_studies():
         return False
     if not os.path.isfile(path) or path.suffix.lower() not in (".yaml", ".yml"):
         return os.path.isdir(path)
@@ -164,14 +157,14 @@ def read_cohort(name_or_path: str | os.PathLike[str]) -> Cohort:
         with mistakes.gathered():
             if not _NAME.fullmatch(name):
                 expected = "a name of letters, digits, ., _, + or -, which its folder has too"
-                raise InputProblem(place, "name", name, expected)
+                raise files.InputProblem(place, "name", name, expected)
             one = Member(name, study_of(document, place, folder), about, place)
             # Folders of results may not tell capitals from others.
             if (before := seen.setdefault(name.lower(), one)) is not one:
                 expected = f"every knee by a name of its own; {before.place} has it too"
-                twice.append(InputProblem(place, "name", name, expected))
+                twice.append(files.InputProblem(place, "name", name, expected))
     if mistakes or twice:
-        raise InputProblems([*mistakes, *twice])
+        raise files.InputProblems([*mistakes, *twice])
     return Cohort(title, tuple(seen.values()), file)
 
 
@@ -183,13 +176,13 @@ def _from_studies(pattern: Path, mistakes: Mistakes) -> Iterator[_Row]:
     """Every study that a folder or a pattern names."""
     if pattern.is_dir():
         names = ("*.yaml", "*.yml", f"*/{_STUDY_FILE}")
-        files = [file for name in names for file in pattern.glob(name)]
+        found = [file for name in names for file in pattern.glob(name)]
         expected = f"{_COHORT_FILE}, or studies as *.yaml or */{_STUDY_FILE} in this folder"
     else:
-        files = [Path(one) for one in glob.glob(os.fspath(pattern), recursive=True)]
+        found = [Path(one) for one in glob.glob(os.fspath(pattern), recursive=True)]
         expected = "a pattern of at least one study file"
     count = 0
-    for file in sorted(files):
+    for file in sorted(found):
         count += 1
         with mistakes.gathered():
             document = load_yaml(file, "a study file")
@@ -199,7 +192,7 @@ def _from_studies(pattern: Path, mistakes: Mistakes) -> Iterator[_Row]:
             name = file.parent.name if file.name == _STUDY_FILE else file.stem
             yield name, document, os.fspath(file), file.parent, {}
     if not count:
-        raise InputProblem("cohort", "folder", os.fspath(pattern), expected)
+        raise files.InputProblem("cohort", "folder", os.fspath(pattern), expected)
 
 
 def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Row]:
@@ -209,7 +202,7 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         path, folder = template, template.parent
         template = load_yaml(path, "a study file")
         if not isinstance(template, dict):
-            raise InputProblem(path, "file", template, "a study file")
+            raise files.InputProblem(path, "file", template, "a study file")
     if isinstance(whole.knees, list):
         places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
         rows = whole.knees
@@ -252,17 +245,17 @@ def _overlaid(
     are those of the study.
     """
     if not str(cells.get("name", "")).strip():
-        raise InputProblem(place, "name", "missing", "a name for this knee")
+        raise files.InputProblem(place, "name", "missing", "a name for this knee")
     known, document = {}, copy.deepcopy(dict(template))
     document["title"] = f"{document.get('title', 'Knee')}: {cells['name']}"
     listed = document.get("tests")
     tests = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
     named = {one["name"]: one for one in tests if isinstance(one.get("name"), str)}
-    bundled = {**bundled_knees(), **bundled_measurements()}
+    bundled = {**files.bundled_knees(), **files.bundled_measurements()}
     for column, value in cells.items():
         if column in about:
             if not isinstance(value, str | int | float):
-                raise InputProblem(place, column, value, "a number or a text")
+                raise files.InputProblem(place, column, value, "a number or a text")
             known[column] = value
         if column in (*about, "name", "side"):
             continue
@@ -278,11 +271,12 @@ def _overlaid(
         elif rest and first in _WITH_ENTRIES:
             inner = document.setdefault(first, {})
             if not isinstance(inner, dict):
-                raise InputProblem(place, column, value, f"{first} of the template as fields")
+                raise files.InputProblem(place, column, value, f"{first} of the template as fields")
             inner[rest] = value
         else:
             near = [*STUDY_FIELDS, "measured.file", *(f"{name}.file" for name in named)]
-            raise InputProblem(place, "column", column, f"no such column, but {_COLUMNS}", near)
+            expected = f"no such column, but {_COLUMNS}"
+            raise files.InputProblem(place, "column", column, expected, near)
     if "side" in cells:
         mistakes, side = Mistakes(place), ""
         with mistakes.gathered("side"):
@@ -290,6 +284,6 @@ def _overlaid(
         mistakes.check()
         for one in (document.get("measured"), *tests):
             # A left knee's tables are mirrored; what comes with the package is of right knees.
-            if isinstance(one, dict) and str(one.get("file")) not in bundled_measurements():
+            if isinstance(one, dict) and str(one.get("file")) not in files.bundled_measurements():
                 one["mirror"] = side.startswith("l")
     return known, document

@@ -13,13 +13,13 @@ import numpy as np
 
 from kneejax.cohorts._reading import Cohort
 from kneejax.files.reading import read_text
-from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.geometry import BY_COORDINATE, FREE_COORDINATES
 from kneejax.inference.population import Population, in_log, population
-from kneejax.numerics import check_installed
+from kneejax.numerics import Named
 from kneejax.parameters import MEANING
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    pass
 
 #: What the result of a knee says of a fit that leaves more than noise.
 POOR = "Poor fit"
@@ -81,7 +81,7 @@ class Outlier(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
-class CohortSummary:
+class CohortSummary(Named):
     """What the knees of a cohort say together.
 
     Attributes:
@@ -94,6 +94,10 @@ class CohortSummary:
             than five knees have both.
         outliers: the farthest first.
         draws: knee -> values of its bootstrap, `(draws, p)`, NaN where a draw did not converge.
+
+    `to_dataset` gives of each knee estimates with limits, their values shrunken towards the
+    population (`in_population`), correlation, errors, outcome; of each parameter mean and spread
+    over knees, of the logarithm where `logarithm` says so. Knees without an answer are NaN.
     """
 
     title: str
@@ -103,6 +107,60 @@ class CohortSummary:
     correlation: np.ndarray
     outliers: tuple[Outlier, ...]
     draws: Mapping[str, np.ndarray]
+
+    def _named(self) -> dict[str, tuple]:
+        answers, names = self.answers, list(self.units)
+        over = [self.populations.get(name) for name in names]
+        size, count = len(answers), len(names)
+        longest = max(map(len, self.draws.values()), default=0)
+        nothing = np.full((size, count), np.nan)
+        kinds = (*_NUMBERS, "in_population", "in_population_sd")
+        numbers = {name: nothing.copy() for name in kinds}
+        limits = np.full((size, count), "", object)
+        correlation = np.full((size, count, count), np.nan)
+        redrawn = np.full((size, longest, count), np.nan)
+        for row, one in enumerate(answers):
+            own = [names.index(name) for name in one.parameters]
+            for column, estimate in zip(own, one.parameters.values(), strict=True):
+                for name in _NUMBERS:
+                    numbers[name][row, column] = estimate[name]
+                limits[row, column] = estimate["interval"]
+            if own:
+                correlation[np.ix_([row], own, own)] = one.correlation
+            if one.name in self.draws:
+                values = self.draws[one.name][:, : len(own)]
+                redrawn[np.ix_([row], range(len(values)), own)] = values
+        fitted = [row for row, one in enumerate(answers) if not one.failed]
+        for column, found in enumerate(over):
+            if found is not None:
+                numbers["in_population"][fitted, column] = found.shrunk
+                numbers["in_population_sd"][fitted, column] = found.deviation
+        rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
+        each = "knee", "parameter"
+        data: dict[str, Any] = {name: (each, values) for name, values in numbers.items()} | {
+            "interval": (each, limits.astype(str)),
+            "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
+            "correlation": ((*each, "other_parameter"), correlation),
+            "objective": ("knee", [one.objective for one in answers]),
+            "outcome": ("knee", [one.outcome or "failed" for one in answers]),
+            "failed": ("knee", [one.failed for one in answers]),
+            "mean": ("parameter", [np.nan if x is None else x.mean for x in over]),
+            "spread": ("parameter", [np.nan if x is None else x.spread for x in over]),
+            "logarithm": ("parameter", [x is not None and x.log for x in over]),
+            "correlation_over_knees": (("parameter", "other_parameter"), self.correlation),
+        }
+        if self.draws:
+            data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
+        places = {
+            "knee": ("knee", [one.name for one in answers]), "parameter": ("parameter", names),
+            "other_parameter": ("other_parameter", names),
+                        "parameter_unit": ("parameter", list(self.units.values())),
+            **BY_COORDINATE,
+        }  # fmt: skip
+        return data | places
+
+    def _about(self) -> dict[str, Any]:
+        return {"title": self.title}
 
     def redrawn(self, knee: str, parameter: str) -> tuple[float, float, float]:
         """Standard deviation and 95 % limits of a parameter over a knee's bootstrap; NaN without
@@ -230,70 +288,3 @@ def next_prior(summary: CohortSummary) -> dict[str, Any]:
         "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()},
         **MEANING,
     }
-
-
-def to_dataset(summary: CohortSummary) -> Dataset:
-    """Everything that a cohort found, over knees, parameters and coordinates.
-
-    Args:
-        summary: of the cohort.
-
-    Returns:
-        Of each knee: estimates with limits, their values shrunken towards the population
-        (`in_population`), correlation, errors, outcome; of each parameter mean and spread over
-        knees, of the logarithm where `logarithm` says so. Knees without an answer are NaN.
-
-    Raises:
-        MissingPackage: xarray is not installed.
-    """
-    check_installed("xarray", "cohorts")
-    import xarray
-
-    answers, names = summary.answers, list(summary.units)
-    over = [summary.populations.get(name) for name in names]
-    size, count = len(answers), len(names)
-    longest = max(map(len, summary.draws.values()), default=0)
-    nothing = np.full((size, count), np.nan)
-    numbers = {name: nothing.copy() for name in (*_NUMBERS, "in_population", "in_population_sd")}
-    limits = np.full((size, count), "", object)
-    correlation = np.full((size, count, count), np.nan)
-    redrawn = np.full((size, longest, count), np.nan)
-    for row, one in enumerate(answers):
-        own = [names.index(name) for name in one.parameters]
-        for column, estimate in zip(own, one.parameters.values(), strict=True):
-            for name in _NUMBERS:
-                numbers[name][row, column] = estimate[name]
-            limits[row, column] = estimate["interval"]
-        if own:
-            correlation[np.ix_([row], own, own)] = one.correlation
-        if one.name in summary.draws:
-            values = summary.draws[one.name][:, : len(own)]
-            redrawn[np.ix_([row], range(len(values)), own)] = values
-    fitted = [row for row, one in enumerate(answers) if not one.failed]
-    for column, found in enumerate(over):
-        if found is not None:
-            numbers["in_population"][fitted, column] = found.shrunk
-            numbers["in_population_sd"][fitted, column] = found.deviation
-    rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
-    each = "knee", "parameter"
-    data: dict[str, Any] = {name: (each, values) for name, values in numbers.items()} | {
-        "interval": (each, limits.astype(str)),
-        "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
-        "correlation": ((*each, "other_parameter"), correlation),
-        "objective": ("knee", [one.objective for one in answers]),
-        "outcome": ("knee", [one.outcome or "failed" for one in answers]),
-        "failed": ("knee", [one.failed for one in answers]),
-        "mean": ("parameter", [np.nan if x is None else x.mean for x in over]),
-        "spread": ("parameter", [np.nan if x is None else x.spread for x in over]),
-        "logarithm": ("parameter", [x is not None and x.log for x in over]),
-        "correlation_over_knees": (("parameter", "other_parameter"), summary.correlation),
-    }
-    if summary.draws:
-        data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
-    places = {
-        "knee": [one.name for one in answers], "parameter": names, "other_parameter": names,
-        "coordinate": list(FREE_COORDINATES),
-        "parameter_unit": ("parameter", list(summary.units.values())),
-        "coordinate_unit": ("coordinate", [COORDINATES[n].unit for n in FREE_COORDINATES]),
-    }  # fmt: skip
-    return xarray.Dataset(data, places, {"title": summary.title})

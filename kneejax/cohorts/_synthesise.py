@@ -109,13 +109,8 @@ class MadeUpKnee:
     redrawn: int
 
 
-def synthesise(
-    count: int,
-    seed: int = 0,
-    knee: str = "four_ligament",
-    spread: Spread | None = None,
-    protocol: Protocol | None = None,
-) -> Iterator[MadeUpKnee]:
+def synthesise(count: int, seed: int = 0, knee: str = "four_ligament", spread: Spread | None = None,
+               protocol: Protocol | None = None) -> Iterator[MadeUpKnee]:  # fmt: skip
     """Make up a cohort, knee by knee.
 
     A knee depends on the seed and on its number alone: the first ten of a hundred are those of

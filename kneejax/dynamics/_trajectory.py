@@ -17,7 +17,7 @@ from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, m
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
-from kneejax.numerics import WrongValue, traced
+from kneejax.numerics import Named, WrongValue, traced
 from kneejax.statics import Status, converged
 
 
@@ -77,7 +77,7 @@ def rising(time_s: ArrayLike) -> np.ndarray:
 Held = Mapping[str, Callable[[np.ndarray], ArrayLike]] | tuple[str, ...]
 
 
-class Trajectory(eqx.Module):
+class Trajectory(eqx.Module, Named):
     """A motion through time.
 
     Attributes:
@@ -112,7 +112,18 @@ class Trajectory(eqx.Module):
     loads: tuple[Load, ...]
     held: dict[str, Array]
     grid: Grid = eqx.field(static=True)
-    error_mm: Array | float = float("nan")
+    error_mm: Array | float = np.nan
+
+    OVER = {"time_s": {"time_s": "", "status": Status}}
+
+    def _named(self) -> dict[str, tuple]:
+        rates = zip(self.names, self.to_table().T, self.rates_to_table().T, strict=True)
+        content = super()._named()
+        for name, values, rate in rates:
+            unit = coordinate(name).unit
+            content[name] = "time_s", values, unit
+            content[f"{name}_rate"] = "time_s", rate, f"{unit} s-1"
+        return content
 
     @property
     def pose(self) -> Pose:

@@ -11,9 +11,9 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.experiments._motion import Motion, passive_flexion
-from kneejax.geometry import FREE_COORDINATES, scales, table_units
+from kneejax.geometry import COLUMNS, FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import compiled, needs_numbers
+from kneejax.numerics import Named, compiled, needs_numbers
 from kneejax.statics import (
     Equilibrium,
     Guess,
@@ -138,7 +138,7 @@ _LANES = 128
 
 
 @dataclasses.dataclass(frozen=True)
-class Branch:
+class Branch(Named):
     """A stable balance.
 
     Attributes:
@@ -157,6 +157,12 @@ class Branch:
     by_test: bool
     apart_mm: float
     starts: int
+
+    OVER = {"": {"load_case": "", "by_test": "", "apart_mm": "", "starts": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        poses = {name: ("", x) for name, x in zip(COLUMNS, self.pose, strict=True)}
+        return poses | super()._named() | {"status": ("", self.status.word)}
 
 
 def branches(

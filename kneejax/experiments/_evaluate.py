@@ -21,7 +21,7 @@ from kneejax.mechanics import (
     add_lane_axis,
     displacement,
 )
-from kneejax.numerics import compiled, on_all_cores, safe_sqrt, traced
+from kneejax.numerics import Named, compiled, on_all_cores, safe_sqrt, traced
 from kneejax.quantities import AXES
 from kneejax.statics import ContactFaults, Faults, Status
 
@@ -31,7 +31,7 @@ _CHUNK = 64
 _BORDER_LANES, _RAY_LANES = 32, 8
 
 
-class Mechanics(eqx.Module):
+class Mechanics(eqx.Module, Named):
     """Ligaments and contact at poses; arrays begin with the pose.
 
     The onset of contact is rounded, in pressures and areas as in forces: near first touch they
@@ -106,6 +106,19 @@ class Mechanics(eqx.Module):
     ligament_force: Array
     max_extrusion: Array
     mean_extrusion: Array
+
+    OVER = {
+        "pose ligament": {"length": "mm", "strain": "1", "tension": "N"},
+        "pose contact": {
+            "area": "mm2", "max_pressure": "MPa", "mean_pressure": "MPa", "max_depth": "mm",
+            "beyond_mm": "", "beyond_share": "1", "max_extrusion": "mm", "mean_extrusion": "mm",
+        },
+        "pose contact axis": {"contact_force": "N", "contact_moment": "N mm", "center": "mm"},
+        "pose ligament axis": {"ligament_force": "N"},
+    }  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        return super()._named() | {"axis": ("axis", AXES)}
 
 
 def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = None) -> Mechanics:

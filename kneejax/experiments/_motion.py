@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics
 from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import WrongValue, compiled, imported, traced
+from kneejax.numerics import Named, WrongValue, compiled, imported, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
     Equilibria,
@@ -112,7 +112,7 @@ def with_flips(status: ArrayLike, found: Mechanics) -> np.ndarray:
     return np.where(jumps, int(Status.WAY_FLIPPED), status)
 
 
-class Motion(eqx.Module):
+class Motion(eqx.Module, Named):
     """Balanced poses of a knee, one after the other.
 
     Attributes:
@@ -220,15 +220,27 @@ class Motion(eqx.Module):
             MissingPackage: pandas is not installed; the sentence says what to do.
         """
         pandas = imported("pandas", "pandas", "tables")
-        table = pandas.DataFrame(np.asarray(self.to_table()), columns=list(COLUMNS))
-        table["status"] = [Status(int(status)).word for status in self.status]
+        return pandas.DataFrame(self._columns())
+
+    OVER = {"pose": {"reached": "1", "stable": "", "residual_force": "N",
+                     "residual_moment": "N mm", "left_mm": ""}}  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        return {name: ("pose", values) for name, values in self._columns().items()} | (
+            super()._named()
+        )
+
+    def _columns(self) -> dict[str, Any]:
+        """Column -> a number or word for each pose."""
+        table = dict(zip(COLUMNS, np.asarray(self.to_table()).T, strict=True))
+        columns = table | {"status": [Status(int(status)).word for status in self.status]}
         for name in self.load_cases.prescribed:
             if name != "flexion":
                 force = np.asarray(self.reaction(name))
                 of_turn = coordinate(name).unit == "deg"
                 column = f"reaction_{name}_{'Nm' if of_turn else 'N'}"
-                table[column] = force / 1000.0 if of_turn else force
-        return table
+                columns[column] = force / 1000.0 if of_turn else force
+        return columns
 
 
 @compiled(static_argnums=(0,))

@@ -9,6 +9,7 @@ from kneejax.geometry._conventions import convert_table as convert_table
 from kneejax.geometry._conventions import grood_suntay_axes as grood_suntay_axes
 from kneejax.geometry._coordinates import ARM_MM as ARM_MM
 from kneejax.geometry._coordinates import BODIES as BODIES
+from kneejax.geometry._coordinates import BY_COORDINATE as BY_COORDINATE
 from kneejax.geometry._coordinates import COLUMNS as COLUMNS
 from kneejax.geometry._coordinates import COORDINATES as COORDINATES
 from kneejax.geometry._coordinates import FEMUR as FEMUR

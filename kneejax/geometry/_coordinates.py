@@ -186,6 +186,11 @@ def free_of(prescribed: Iterable[str], bodies: Iterable[str] = (TIBIA,)) -> tupl
 
 #: The coordinates that are free when flexion alone is prescribed.
 FREE_COORDINATES = free_of(["flexion"])
+#: Labels of a dimension of these, for datasets.
+BY_COORDINATE = {
+    "coordinate": ("coordinate", FREE_COORDINATES),
+    "coordinate_unit": ("coordinate", [COORDINATES[name].unit for name in FREE_COORDINATES]),
+}
 
 
 def table_units(names: Iterable[str]) -> np.ndarray:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 import jax
 import numpy as np
 
+from kneejax.geometry import BY_COORDINATE
 from kneejax.inference.calibration import CalibrationProblem, Motion, motion_at
 from kneejax.inference.fit import (
     Observations,
@@ -28,12 +29,14 @@ from kneejax.inference.intervals import (
     named,
 )
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
 from kneejax.parameters import Selection, UnsuitableData, prior_scales
+from kneejax.quantities import quantity_of
 from kneejax.statics import Slopes
 
 
 @dataclasses.dataclass(frozen=True)
-class Identification:
+class Identification(Named):
     """A fit by maximum likelihood, and what the data say about it.
 
     Attributes:
@@ -75,6 +78,14 @@ class Identification:
     problem: Problem
     lost: int
     spare: int
+
+    OVER = {"parameter": dict.fromkeys(("values", "lower", "upper", "at_bound"), ""),
+            "coordinate": {"noise": ""}}  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        limits = {name: ("parameter", [getattr(one, name) for one in self.intervals])
+                  for name in ("low", "high") if self.intervals}  # fmt: skip
+        return super()._named() | self.information._named() | limits | BY_COORDINATE
 
     @property
     def vector(self) -> np.ndarray:
@@ -166,7 +177,7 @@ _ROUNDING = 1e-13
 
 
 @dataclasses.dataclass(frozen=True)
-class Information:
+class Information(Named):
     """What data tell about parameters, to first order at a fit.
 
     Parameters are scaled by `scale`, what is known of them before a knee is measured. A combination
@@ -210,6 +221,15 @@ class Information:
     flexion_deg: np.ndarray | None
     slack: Mapping[str, np.ndarray]
 
+    OVER = {"parameter": {"scale": "", "standard_error": ""}, "combination": {"eigenvalues": "1"},
+            "parameter combination": {"eigenvectors": "1"},
+            "parameter other_parameter": {"correlation": "1"}}  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        names = {x: (x, self.names) for x in ("parameter", "other_parameter")}
+        units = [quantity_of(name).unit for name in self.names]
+        return super()._named() | names | {"parameter_unit": ("parameter", units)}
+
     @property
     def data(self) -> int:
         """How many numbers were measured."""
@@ -222,16 +242,10 @@ class Information:
 
 
 def information(
-    jacobian: np.ndarray,
-    noise: np.ndarray | float,
-    names: Sequence[str],
-    values: np.ndarray,
-    *,
-    scale: np.ndarray | None = None,
-    at_bound: np.ndarray | None = None,
-    flexion_deg: np.ndarray | None = None,
-    slack: Mapping[str, np.ndarray] | None = None,
-) -> Information:
+    jacobian: np.ndarray, noise: np.ndarray | float, names: Sequence[str], values: np.ndarray, *,
+    scale: np.ndarray | None = None, at_bound: np.ndarray | None = None,
+    flexion_deg: np.ndarray | None = None, slack: Mapping[str, np.ndarray] | None = None,
+) -> Information:  # fmt: skip
     """Fisher information of measured coordinates with independent normal noise.
 
     A fit that weights its data by `1 / noise^2` reaches these standard errors where the model is
@@ -280,26 +294,16 @@ def information(
     largest = np.abs(eigenvectors).argmax(axis=0)
     eigenvectors *= np.sign(eigenvectors[largest, np.arange(free.sum())])
     spread, correlation = _spread(roots, eigenvectors, held)
-    error = spread * scale
     eigenvalues = roots**2
     worst = eigenvalues.min(initial=np.inf)
     condition = float(eigenvalues.max(initial=0.0) / worst) if worst > 0 else np.inf
     return Information(
-        names=names,
-        values=values,
-        scale=scale,
-        at_bound=held,
-        matrix=weighted.T @ weighted,
-        eigenvalues=eigenvalues,
-        eigenvectors=eigenvectors,
-        standard_error=error,
-        correlation=correlation,
-        condition_number=condition,
-        weighted=weighted,
-        lost=lost,
+        names=names, values=values, scale=scale, at_bound=held, matrix=weighted.T @ weighted,
+        eigenvalues=eigenvalues, eigenvectors=eigenvectors, standard_error=spread * scale,
+        correlation=correlation, condition_number=condition, weighted=weighted, lost=lost,
         flexion_deg=None if flexion_deg is None else np.asarray(flexion_deg, float),
         slack=dict(slack or {}),
-    )
+    )  # fmt: skip
 
 
 def fit_information(

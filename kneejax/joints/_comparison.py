@@ -18,6 +18,7 @@ from kneejax.joints._repeated_measures import (
     repeated_measures,
     standard_error,
 )
+from kneejax.numerics import Named
 
 #: Name of the measured motion among the models.
 MEASURED = "measured"
@@ -104,7 +105,7 @@ class Prediction:
 
 
 @dataclasses.dataclass(frozen=True)
-class Comparison:
+class Comparison(Named):
     """Models held against measured motion.
 
     Attributes:
@@ -135,6 +136,16 @@ class Comparison:
     predictions: tuple[Prediction, ...]
     tests: tuple[RepeatedMeasures | None, ...]
     alpha: float
+
+    OVER = {"flexion_deg": {"flexion_deg": "", "compared": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        over = "motion subject flexion_deg measure"
+        return super()._named() | {
+            "motion": ("motion", [*self.motions]), "values": (over, [*self.motions.values()]),
+            "measure": ("measure", [one.name for one in MEASURES]),
+            "measure_unit": ("measure", [one.unit for one in MEASURES]),
+        }  # fmt: skip
 
     @property
     def motions(self) -> dict[str, np.ndarray]:

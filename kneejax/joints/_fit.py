@@ -8,9 +8,10 @@ from collections.abc import Sequence
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Pose
+from kneejax.geometry import BY_COORDINATE, COLUMNS, Pose
 from kneejax.joints._frames import UnsuitablePoses
 from kneejax.joints._joint import Joint, axis_between, generalised_axis, hinge, moving_axis
+from kneejax.numerics import Named
 
 #: A calibration pose is at most this far from the flexion that was asked for, degrees.
 FARTHEST_DEG = 5.0
@@ -19,7 +20,7 @@ LEAST_SPAN_DEG = 5.0
 
 
 @dataclasses.dataclass(frozen=True)
-class JointFit:
+class JointFit(Named):
     """Simple joints of one knee.
 
     Attributes:
@@ -38,6 +39,13 @@ class JointFit:
     rows: tuple[int, ...]
     poses: np.ndarray
     rmse: np.ndarray
+
+    OVER = {"joint coordinate": {"rmse": ""}, "pose": {"rows": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        poses = {name: ("pose", x) for name, x in zip(COLUMNS, self.poses.T, strict=True)}
+        joints = {"joint": ("joint", ["moving", "hinge"])}
+        return super()._named() | poses | joints | BY_COORDINATE
 
 
 def fit_joints(

@@ -8,6 +8,7 @@ from kneejax.numerics._configure import configure as configure
 from kneejax.numerics._configure import on_all_cores as on_all_cores
 from kneejax.numerics._configure import share_memory_between_threads as share_memory_between_threads
 from kneejax.numerics._configure import use_shared_fusion as use_shared_fusion
+from kneejax.numerics._datasets import Named as Named
 from kneejax.numerics._elimination import identity as identity
 from kneejax.numerics._elimination import solve as solve
 from kneejax.numerics._elimination import symmetric as symmetric

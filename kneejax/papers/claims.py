@@ -1,4 +1,4 @@
-"""A published claim: read from its paper's file, judged by what was computed, printed, written.
+"""A published claim: read from its paper's file, judged by what was computed, and answered.
 
 `paperN.yaml` has what is claimed, the criterion, the printed value and, where it is always the
 same, the reason of a verdict; `paperN.py` computes the `Finding` of each claim.
@@ -9,14 +9,14 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from kneejax.files import write_rows, write_text
 from kneejax.files.reading import load_yaml
-from kneejax.inference import versions
+from kneejax.report.look import Answer, Table, as_setting, json_safe, wrapped
+from kneejax.report.look.page import Drawing, Section
+from kneejax.report.look.tables import Column
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -24,8 +24,6 @@ if TYPE_CHECKING:
 #: Verdicts. The last is for what this software has no part for, or no data.
 REPRODUCED, NOT_REPRODUCED, CANNOT_BE_JUDGED = "reproduced", "not reproduced", "cannot be judged"
 VERDICTS = (REPRODUCED, NOT_REPRODUCED, CANNOT_BE_JUDGED)
-#: Verdict -> colour of its badge on the page.
-_BADGES = {REPRODUCED: "good", NOT_REPRODUCED: "doubtful", CANNOT_BE_JUDGED: "none"}
 
 #: Called with a stage, equilibria done and requested; and a block that shows it while it lasts.
 Progress = Callable[[str, int, int], None]
@@ -80,31 +78,6 @@ class Claim:
             raise ValueError(f"Claim.verdict is {self.verdict!r}; expected one of {VERDICTS}")
 
 
-@dataclasses.dataclass(frozen=True)
-class Reproduction:
-    """A paper's claims with everything that was computed for them.
-
-    Attributes:
-        paper: its number.
-        claims: judged.
-        figures: name of the file -> figure, or figure and caption where the paper's file has none.
-        tables: name of the file -> columns and rows.
-        settings: everything needed to run it again.
-        doubts: sentences that a reader must know before the verdicts.
-        words: what stands for the names in braces of the page's first paragraphs.
-        documents: name of the file -> what it holds as JSON.
-    """
-
-    paper: int
-    claims: tuple[Claim, ...]
-    figures: Mapping[str, Figure | tuple[Figure, str]]
-    tables: Mapping[str, tuple[Sequence[str], Iterable[Sequence[Any]]]]
-    settings: Mapping[str, Any]
-    doubts: Sequence[str] = ()
-    words: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    documents: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-
-
 @functools.cache
 def claimed(paper: int) -> dict[str, Any]:
     """What stands in a paper's file: title, paragraphs, captions, claims by number."""
@@ -142,70 +115,69 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     return tuple(claims)
 
 
-def summary(claims: Sequence[Claim]) -> str:
-    """Say on a terminal what was reproduced: number, verdict, statement, and what was computed."""
-    from kneejax.report.look import wrapped
-
-    lines = []
-    for claim in claims:
-        first = f"{claim.number:<5} {claim.verdict:<16} "
-        lines += wrapped(claim.statement, first)
-        # Of what cannot be judged, the reason; else the numbers.
-        lines += wrapped(claim.reason if claim.ours == "-" else claim.ours, " " * len(first))
-    verdicts = [claim.verdict for claim in claims]
-    counts = [f"{verdicts.count(word)} {word}" for word in dict.fromkeys(verdicts)]
-    return "\n".join([*lines, "", ", ".join(counts)])
-
-
-def write(found: Reproduction, out: Path, svg: bool = False) -> list[str]:
-    """Write claims, tables, figures and the page that shows them.
+def answered(
+    paper: int, claims: Sequence[Claim], figures: Mapping[str, Figure | tuple[Figure, str]],
+    tables: Mapping[str, Table | tuple[Sequence[str], Iterable[Sequence[Any]]]],
+    settings: Mapping[str, Any], doubts: Sequence[str] = (), words: Mapping[str, Any] | None = None,
+    document: Mapping[str, Any] | None = None,
+) -> Answer:
+    """A paper's claims with everything that was computed for them.
 
     Args:
-        found: what to write.
-        out: folder of the results; made if needed, files of the same names are replaced.
-        svg: whether figures are saved as SVG as well; the page holds them in any case.
+        paper: its number.
+        claims: judged.
+        figures: name of the file -> figure, or figure and caption where the paper's file has none.
+        tables: name of the file -> table, or columns and rows.
+        settings: everything needed to run it again.
+        doubts: sentences that a reader must know before the verdicts.
+        words: what stands for the names in braces of the page's first paragraphs.
+        document: what result.json holds.
 
     Returns:
-        Names of the files: reproduction.csv first, then tables and documents, then the page.
+        The answer; its first table is `reproduction`.
     """
-    columns = [field.name for field in dataclasses.fields(Claim)]
-    rows = map(dataclasses.astuple, found.claims)
-    tables = {"reproduction.csv": (columns, rows), **found.tables}
-    for name, (header, body) in tables.items():
-        write_rows(out / name, list(header), body)
-    for name, document in found.documents.items():
-        write_text(out / name, json.dumps(document, indent=1) + "\n")
-    _write_page(found, out, svg)
-    return [*tables, *found.documents, "report.html"]
+    said, values = claimed(paper), {"verdicts": ", ".join(VERDICTS), **(words or {})}
+    columns = [Column(field.name) for field in dataclasses.fields(Claim)]
+    every = [claim.verdict for claim in claims]
+    verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
+                         "claim": [claim.statement for claim in claims]})
+    rows = [[*dataclasses.astuple(claim)] for claim in claims]
+    made = {"reproduction": Table(columns, rows)}
+    made |= {name: one if isinstance(one, Table) else Table([*map(Column, one[0])], [*one[1]])
+             for name, one in tables.items()}  # fmt: skip
+    pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
+             for name, one in figures.items()}  # fmt: skip
+    drawings = {name: Drawing(lambda one=figure: one, more=more)
+                for name, (figure, more) in pairs.items()}  # fmt: skip
+    kept = {name: as_setting(value) for name, value in json_safe(settings).items()}
+    counts = ", ".join(f"{every.count(word)} {word}" for word in dict.fromkeys(every))
+    return Answer(
+        said["title"], f"Which of the paper's {len(claims)} claims are reproduced?",
+        tables=made, main=[verdicts], drawings=drawings, doubts=doubts,
+        facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
+        document=document,
+        sections=[
+            Section("About", [text.format(**values) for text in said["about"]], opened=True),
+            *(Section(f"{claim.number} {claim.statement}", _reasons(claim)) for claim in claims),
+            *[Section("Further figures", drawings=[*drawings][1:])] * (len(drawings) > 1),
+            Section("Settings of the computation",
+                    tables=[Table.of({"setting": [*kept], "value": [*kept.values()]})]),
+        ],
+        text=[*(line for claim in claims for line in _printed(claim)), f"{counts}."],
+    )  # fmt: skip
 
 
-def _write_page(found: Reproduction, out: Path, svg: bool) -> None:
-    """report.html, which needs no other file, and `figures/NAME.png`."""
-    from kneejax.report.look import as_setting, json_safe, rendered, save_and_inline, write_whole
-
-    document, pictures = claimed(found.paper), []
-    for name, drawn in found.figures.items():
-        figure, caption = drawn if isinstance(drawn, tuple) else (drawn, document["figures"][name])
-        _, inline = save_and_inline(figure, out / "figures", name, svg=svg)
-        pictures.append((name, inline, caption))
-    words = {"verdicts": ", ".join(VERDICTS), **found.words}
-    verdicts = [claim.verdict for claim in found.claims]
-    page = rendered(
-        "claims.html.j2",
-        title=document["title"],
-        about=[text.format(**words) for text in document["about"]],
-        counts=[(word.capitalize(), verdicts.count(word)) for word in _BADGES],
-        doubts=found.doubts,
-        claims=[(claim, _BADGES[claim.verdict], _rows(claim)) for claim in found.claims],
-        pictures=pictures,
-        settings=[(k, as_setting(value)) for k, value in json_safe(found.settings).items()],
-        versions=[*versions().items()],
-    )
-    write_whole(out / "report.html", page.encode())
-
-
-def _rows(claim: Claim) -> list[tuple[str, str]]:
-    rows = [("Criterion", claim.criterion), ("Printed", claim.printed), ("Ours", claim.ours)]
+def _reasons(claim: Claim) -> list[str]:
+    """What stands below a claim: the verdict with everything that led to it."""
+    told = {"Criterion": claim.criterion, "Printed": claim.printed, "Ours": claim.ours}
     if claim.verdict == CANNOT_BE_JUDGED and claim.ours == "-":
-        rows = [("Printed", claim.printed)]
-    return rows + [("Reason", claim.reason)] * bool(claim.reason)
+        told = {"Printed": claim.printed}
+    told = {"Verdict": claim.verdict, **told, "Reason": claim.reason}
+    return [f"{name}: {text}" for name, text in told.items() if text]
+
+
+def _printed(claim: Claim) -> list[str]:
+    """On a terminal: number, verdict, statement, and what was computed, or else the reason."""
+    first = f"{claim.number:<5} {claim.verdict:<16} "
+    more = claim.reason if claim.ours == "-" else claim.ours
+    return [*wrapped(claim.statement, first), *wrapped(more, " " * len(first))]

@@ -84,13 +84,9 @@ class Change:
         return f"{self.value:+g} {CHANGED[self.quantity]}".strip()
 
 
-def changes_of(
-    knee: Knee,
-    ligaments: tuple[str, ...],
-    prestretch: tuple[float, ...],
-    modulus_MPa: tuple[float, ...],
-    reference_modulus_MPa: float,
-) -> tuple[tuple[Change, ...], Fibres]:
+def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, ...],
+               modulus_MPa: tuple[float, ...],
+               reference_modulus_MPa: float) -> tuple[tuple[Change, ...], Fibres]:  # fmt: skip
     """Every change of every ligament, and the fibres that result.
 
     A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's

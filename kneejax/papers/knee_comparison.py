@@ -30,12 +30,9 @@ from kneejax.papers.varus_valgus import (
 from kneejax.parameters import UnsuitableData, fibre_rows
 
 #: Outcomes, and the upper limits of the scores 0.5, 1, 1.5, 2 and 2.5 in the outcome's unit.
-LIMITS = {
-    "convergence_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
-    "rmse_deg": (0.2, 0.5, 0.9, 1.4, 2.0),
-    "pressure_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
-    "displacement_mm": (0.2, 0.5, 1.25, 2.5, 4.0),
-}
+LIMITS = {"convergence_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
+          "rmse_deg": (0.2, 0.5, 0.9, 1.4, 2.0), "pressure_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
+          "displacement_mm": (0.2, 0.5, 1.25, 2.5, 4.0)}  # fmt: skip
 #: What a balance leaves open counts as no difference.
 NOUGHT = 1e-6
 

@@ -23,8 +23,9 @@ from kneejax.inference import (
     sensitivity_maps,
     sweep,
 )
-from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.patella_on_path import on_path
+from kneejax.report.look import Answer
 from kneejax.studies import calibrate, read_study
 
 #: The paper's protocol, a knee of four lines that moves as measured knees do, and its ligaments.
@@ -39,11 +40,8 @@ _PATELLAS = {
     "none": "A line of constant tension stands for the patella on which 2 kg pull.",
 }
 #: Displacements as the paper names them.
-_DISPLACEMENTS = {
-    "lateral": "medial-lateral",
-    "anterior": "anterior-posterior",
-    "superior": "distal-proximal",
-}
+_DISPLACEMENTS = {"lateral": "medial-lateral", "anterior": "anterior-posterior",
+                  "superior": "distal-proximal"}  # fmt: skip
 _ROTATIONS = ("adduction", "internal_rotation")
 #: Parts of the largest effect that count as none and as almost none.
 NONE, _ALMOST = 0.1, 0.2
@@ -99,7 +97,7 @@ class Paper1Study:
 
 def reproduce(
     stages: Stages = silent, knee: str | None = None, patella: str | None = None
-) -> Reproduction:
+) -> Answer:
     """Sweep, map and calibrate, and judge the claims.
 
     Args:
@@ -163,7 +161,7 @@ def reproduce(
     }  # fmt: skip
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     words = {"knee": study.knee.name, "patella": _PATELLAS[patella], "noise": noise}
-    counts = {"evaluations.csv": (
+    counts = {"evaluations": (
         ["procedure", "evaluations", "published_search_steps", "published_model_calls"],
         [
             [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
@@ -172,7 +170,7 @@ def reproduce(
             if name.split(".")[0] == fit.procedure
         ],
     )}  # fmt: skip
-    return Reproduction(1, claims(found), figures, counts, settings, doubts, words)
+    return answered(1, claims(found), figures, counts, settings, doubts, words)
 
 
 def effect(sweep: Sweep) -> np.ndarray:

@@ -12,10 +12,10 @@ import numpy as np
 from kneejax.experiments import lab_tests, load_curves, mechanics_of
 from kneejax.files import load_knee
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
-from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, styled
+from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -108,7 +108,7 @@ class LachmanStudy:
         return {"table_1": self.printed, "calibrated": self.calibrated}
 
 
-def reproduce(stages: Stages = silent) -> Reproduction:
+def reproduce(stages: Stages = silent) -> Answer:
     """Make the tests, place the grafts, and judge the claims.
 
     Args:
@@ -139,11 +139,9 @@ def reproduce(stages: Stages = silent) -> Reproduction:
         "knee": KNEE, "added_to_collateral_strains": list(PRESTRAINS),
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
-    tables = {"lachman.csv": (header, rows)} | ({"octagon.csv": grafts.table} if grafts else {})
+    tables = {"lachman": (header, rows)} | ({"octagon": grafts.table} if grafts else {})
     figures = {"lachman": lachman_figure(found)}
-    return Reproduction(
-        2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE}
-    )
+    return answered(2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE})
 
 
 def lachman_study(knee: Knee) -> LachmanStudy:

@@ -7,20 +7,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from kneejax import planning
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Finding
-from kneejax.planning import (
-    GRAFTS,
-    WINDOW,
-    Limits,
-    Outcome,
-    Protocol,
-    Surgery,
-    footprint_of,
-    octagon,
-    reconstruction_of,
-)
 
 #: The motion of section 4.3, in steps of our own, and the test of 4.2.
 EXTENSION_DEG, LACHMAN_DEG, FORCE_N = np.arange(80.0, -1.0, -2.5), 20.0, 100.0
@@ -46,8 +36,8 @@ class Octagon:
     """
 
     ligaments: tuple[str, ...]
-    moved: Outcome
-    planned: Outcome
+    moved: planning.Outcome
+    planned: planning.Outcome
     one: float
     two: float
 
@@ -76,30 +66,27 @@ def octagon_study(knee: Knee) -> Octagon:
         MissingPackage: dtaidistance is not installed.
     """
 
-    def surgery(ligament: str, bundles: int, stiffness_N: float) -> Surgery:
-        plan = reconstruction_of(knee, ligament, bundles, stiffness_N, np.inf)
-        tibia, femur = (footprint_of(knee, ligament, bone) for bone in (TIBIA, FEMUR))
+    def surgery(ligament: str, bundles: int, stiffness_N: float) -> planning.Surgery:
+        plan = planning.reconstruction_of(knee, ligament, bundles, stiffness_N, np.inf)
+        tibia, femur = (planning.footprint_of(knee, ligament, bone) for bone in (TIBIA, FEMUR))
         replaced = (plan.torn,) if bundles == 1 else tuple((name,) for name in plan.torn)
-        through = Protocol(EXTENSION_DEG, (LACHMAN_DEG,), FORCE_N)
+        through = planning.Protocol(EXTENSION_DEG, (LACHMAN_DEG,), FORCE_N)
         # Limits of a search for an optimum; none is made.
-        free = Limits(np.inf, np.inf, (1.0, 1000.0))
-        return Surgery(plan, tibia, femur, replaced, LACHMAN_DEG, through, WINDOW, free)
+        free = planning.Limits(np.inf, np.inf, (1.0, 1000.0))
+        known = plan, tibia, femur, replaced, LACHMAN_DEG, through
+        return planning.Surgery(*known, planning.WINDOW, free)
 
     own, row = knee.ligaments, knee.ligaments.names.index("aACL")
     bundle = surgery("aACL", 1, float(own.stiffness[row]))
     corners = np.zeros((8, 5))
-    corners[:, :2], corners[:, 4] = octagon(), TENSION_N
+    corners[:, :2], corners[:, 4] = planning.octagon(), TENSION_N
     slack = np.full((8, 1), float(own.slack_length[row]))
-    graft = GRAFTS["hamstring"].stiffness_N
+    graft = planning.GRAFTS["hamstring"].stiffness_N
     single, double = (surgery("ACL", n, n * graft) for n in (1, 2))
     places = np.hstack([single.tibia.fibres, single.femur.fibres, np.full((2, 1), TENSION_N)])
-    return Octagon(
-        bundle.ligaments,
-        bundle.try_out(corners, slack_mm=slack),
-        single.try_out(corners),
-        float(single.try_out(places[0]).laxity_mm[0, 0]),
-        float(double.try_out(places.ravel()).laxity_mm[0, 0]),
-    )
+    return Octagon(bundle.ligaments, bundle.try_out(corners, slack_mm=slack),
+                   single.try_out(corners), float(single.try_out(places[0]).laxity_mm[0, 0]),
+                   float(double.try_out(places.ravel()).laxity_mm[0, 0]))  # fmt: skip
 
 
 def numberings(totals: np.ndarray) -> Iterator[np.ndarray]:

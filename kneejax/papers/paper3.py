@@ -11,7 +11,7 @@ from kneejax.experiments import lab_tests, laxity, load_curves, mechanics_of
 from kneejax.files import bundled_measurements, load_knee
 from kneejax.files.tables import read_rows
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper3_leg import (
     BODY_KG,
     HEIGHT_M,
@@ -21,7 +21,7 @@ from kneejax.papers.paper3_leg import (
     raise_leg,
     raised_leg_figure,
 )
-from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, styled
+from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -87,7 +87,7 @@ class LaxityStudy:
         return float((forth - back) / (y[-1] - high + low - y[0]))
 
 
-def reproduce(stages: Stages = silent) -> Reproduction:
+def reproduce(stages: Stages = silent) -> Answer:
     """Make the tests, raise the leg, and judge the claims.
 
     Args:
@@ -104,7 +104,7 @@ def reproduce(stages: Stages = silent) -> Reproduction:
     bundles = list(found.tension)
     turned = found.torsion_deg, found.internal_deg, found.external_deg, *found.held_Nm.T
     tables = {
-        "drawer.csv": (
+        "drawer": (
             ["flexion_deg", "anterior_mm", "anterior_N", *(f"{name}_N" for name in bundles)],
             [
                 [flexion, mm, found.force_N[i, k], *(found.tension[name][i, k] for name in bundles)]
@@ -112,26 +112,23 @@ def reproduce(stages: Stages = silent) -> Reproduction:
                 for k, mm in enumerate(found.moved_mm)
             ],
         ),
-        "torsion.csv": (
+        "torsion": (
             ["flexion_deg", "internal_deg", "external_deg", "held_external_Nm", "held_internal_Nm"],
             list(zip(*turned, strict=True)),
         ),
-        "raised_leg.csv": leg_table(raised),
+        "raised_leg": leg_table(raised),
     }
     doubts = [
         f"{flexion:g} degrees: {status.word} ({status.sentence})."
         for flexion, status in sorted(found.status.items())
         if status not in _ANSWERS
     ]
-    figures = {
-        "drawer": drawer_figure(found),
-        "torsion": torsion_figure(found),
-        "raised_leg": raised_leg_figure(raised),
-    }
+    figures = {"drawer": drawer_figure(found), "torsion": torsion_figure(found),
+               "raised_leg": raised_leg_figure(raised)}  # fmt: skip
     settings = {"knee": KNEE, "conditions": CONDITIONS, "torque_Nm": found.torque_Nm}
     words = {"knee": KNEE, "body_kg": BODY_KG, "height_m": HEIGHT_M}
     doubts += raised.doubts
-    return Reproduction(3, claims(found, raised), figures, tables, settings, doubts, words)
+    return answered(3, claims(found, raised), figures, tables, settings, doubts, words)
 
 
 def laxity_study(

@@ -146,11 +146,8 @@ def _forces(found: RaisedLeg) -> dict[str, Finding]:
             "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
             f"of the leg, which halves there; the arm does not fall along with it. {_OTHER}",
         ),
-        "3.7": Finding(
-            rises,
-            _every_third(found, tendon, ".2f"),
-            "" if rises else f"largest at {peak:g} degrees, {start:.2f} at 0; {_OTHER}",
-        ),
+        "3.7": Finding(rises, _every_third(found, tendon, ".2f"),
+                       "" if rises else f"largest at {peak:g} degrees, {start:.2f} at 0; {_OTHER}"),
         "3.8": Finding(
             0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
             _every_third(found, ratio, ".2f"),

@@ -9,12 +9,12 @@ from functools import partial
 import numpy as np
 
 from kneejax.files import load_knee
-from kneejax.papers.claims import Claim, Finding, Reproduction, Stages, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.fibre_changes import ATTACHMENT, MODULUS, PRESTRETCH, synthetic_knee
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
 from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
-from kneejax.report.look import json_safe
+from kneejax.report.look import Answer
 
 #: Bundled models, and the one around which synthetic knees are drawn, with their seeds.
 KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
@@ -34,7 +34,7 @@ _KINSHIP = (
 )
 
 
-def reproduce(stages: Stages = silent) -> Reproduction:
+def reproduce(stages: Stages = silent) -> Answer:
     """Compare three bundled and two synthetic knees, and judge the findings.
 
     Args:
@@ -55,11 +55,8 @@ def reproduce(stages: Stages = silent) -> Reproduction:
         "drawn": len(SEEDS), "drawn_around": DRAWN_AROUND,
     }  # fmt: skip
     answer = comparison_answer(found)
-    tables = {f"{name}.csv": (table.names, table.rows) for name, table in answer.tables.items()}
-    document = {"result.json": json_safe(dict(answer.document or {}))}
-    return Reproduction(
-        4, claims(found, _KINSHIP), figures, tables, settings, found.doubts, words, document
-    )
+    return answered(4, claims(found, _KINSHIP), figures, answer.tables, settings, found.doubts,
+                    words, answer.document)  # fmt: skip
 
 
 def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:

@@ -9,14 +9,7 @@ import numpy as np
 from kneejax.files import load_knee
 from kneejax.joints import MEASURES, UnsuitableMotions
 from kneejax.papers import paper5_tables as printed
-from kneejax.papers.claims import (
-    Claim,
-    Finding,
-    Reproduction,
-    Stages,
-    judged,
-    silent,
-)
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper5_study import (
     CENTRE_SD_MM,
     COHORTS,
@@ -31,7 +24,7 @@ from kneejax.papers.paper5_study import (
 )
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
-from kneejax.report.look import BLACK, BLUE, VERMILLION, styled
+from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, styled
 from kneejax.report.panels import flexion_axis, grid, part_legend
 
 if TYPE_CHECKING:
@@ -41,7 +34,7 @@ if TYPE_CHECKING:
 _ERRORS = 2.0 / np.sqrt(printed.SUBJECTS)
 
 
-def reproduce(stages: Stages = silent) -> Reproduction:
+def reproduce(stages: Stages = silent) -> Answer:
     """Compute the joints and synthetic cohorts, and judge the claims.
 
     Args:
@@ -69,11 +62,8 @@ def reproduce(stages: Stages = silent) -> Reproduction:
         for angle, row in zip(printed.REACHED_DEG, table, strict=True)
     ]
     tables = {
-        "means.csv": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
-        **{
-            f"synthetic_{name}.csv": (one.names, one.rows)
-            for name, one in comparison_tables(cohort).items()
-        },
+        "means": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
+        **{f"synthetic_{name}": one for name, one in comparison_tables(cohort).items()},
     }
     labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}
     figures = {
@@ -88,7 +78,7 @@ def reproduce(stages: Stages = silent) -> Reproduction:
         "epicondyles_mm": found.points.epicondyles,
     }  # fmt: skip
     words = {"donor": DONOR, "draws": DRAWS, "cohorts": COHORTS}
-    return Reproduction(5, claims(found), figures, tables, settings, (), words)
+    return answered(5, claims(found), figures, tables, settings, (), words)
 
 
 def claims(found: Paper5Study) -> tuple[Claim, ...]:

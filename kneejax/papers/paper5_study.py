@@ -241,13 +241,8 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     return tilt, motion(tilt)
 
 
-def _cohort(
-    stand_ins: dict[str, AxisPoints],
-    tilt_deg: float,
-    rho: float,
-    rng: np.random.Generator,
-    tested: bool,
-) -> Comparison:
+def _cohort(stand_ins: dict[str, AxisPoints], tilt_deg: float, rho: float, rng: np.random.Generator,
+            tested: bool) -> Comparison:  # fmt: skip
     """Ten synthetic subjects with the printed means and standard deviations.
 
     Each has axis points of its own, drawn like `_drawn`, and a hinge with the printed mean and
@@ -264,14 +259,10 @@ def _cohort(
     apart = (measured[:, 0] - mean[0]) / sd[0]
     first = printed.MEAN[printed.HINGE][0] + printed.SD[printed.HINGE][0] * apart
     hinges = hinge_measures(np.array([_tilted(tilt) for tilt in tilts]), first)
-    return compare_motions(
-        printed.FLEXION_DEG,
-        measured,
-        {"moving axis": moving_axis_measures(facets, measured), "hinge": hinges},
-        calibrated_at_deg=(0.0, 90.0),
-        anova=tested,
-        alpha=printed.ALPHA,
-    )
+    return compare_motions(printed.FLEXION_DEG, measured,
+                           {"moving axis": moving_axis_measures(facets, measured), "hinge": hinges},
+                           calibrated_at_deg=(0.0, 90.0), anova=tested,
+                           alpha=printed.ALPHA)  # fmt: skip
 
 
 def synthetic_measures(rho: float, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -166,15 +166,12 @@ def rigid_patella_of(knee: Knee) -> RigidPatella:
     heads = np.array(muscles.quadriceps)
     part = muscles.tension[heads] / jnp.sum(muscles.tension[heads])
     share = fibres.stiffness[rows] / jnp.sum(fibres.stiffness[rows])
-    return RigidPatella(
-        groove=_groove(contact.femoral),
-        facets=_facets(contact.tibial),
-        patellar_attachment=share @ fibres.femoral_attachment[rows],
-        tibial_attachment=share @ fibres.tibial_attachment[rows],
-        tendon_length=share @ fibres.slack_length[rows],
-        origin=part @ muscles.femoral_attachment[heads],
-        insertion=part @ muscles.tibial_attachment[heads],
-    )
+    return RigidPatella(groove=_groove(contact.femoral), facets=_facets(contact.tibial),
+                        patellar_attachment=share @ fibres.femoral_attachment[rows],
+                        tibial_attachment=share @ fibres.tibial_attachment[rows],
+                        tendon_length=share @ fibres.slack_length[rows],
+                        origin=part @ muscles.femoral_attachment[heads],
+                        insertion=part @ muscles.tibial_attachment[heads])  # fmt: skip
 
 
 def _groove(whole: Condyle) -> tuple[Condyle, Condyle]:

@@ -149,13 +149,8 @@ class VarusValgus:
         return np.pad(apart > _JUMP, ((0, 0), (1, 0)))
 
 
-def varus_valgus(
-    knee: Knee,
-    ramp: VarusValgusRamp,
-    vary=None,
-    values: Any = None,
-    progress=None,
-) -> VarusValgus:
+def varus_valgus(knee: Knee, ramp: VarusValgusRamp, vary=None, values: Any = None,
+                 progress=None) -> VarusValgus:  # fmt: skip
     """Load a knee, or variants of it, in varus or valgus.
 
     Args:

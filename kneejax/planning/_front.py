@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.optimize import linprog
 
-from kneejax.numerics import imported
+from kneejax.numerics import Named, imported
 from kneejax.planning._limits import (
     TOLERANCE,
     bounds,
@@ -45,7 +45,7 @@ _ROUNDED = 1e-9
 
 
 @dataclasses.dataclass(frozen=True)
-class Front:
+class Front(Named):
     """Choices of which none is better than another in all criteria.
 
     Attributes:
@@ -62,6 +62,12 @@ class Front:
     criteria: np.ndarray
     rough: np.ndarray
     evaluations: int
+
+    OVER = {"variant criterion": {"criteria": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        names = {"criterion": ("criterion", self.names)}
+        return self.outcome._named() | super()._named() | names
 
     @property
     def compromise(self) -> int:

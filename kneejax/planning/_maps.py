@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
-from kneejax.numerics import imported
+from kneejax.numerics import Named
 from kneejax.planning._limits import excess
 from kneejax.planning._surgery import CHOICES, Outcome, Surgery
 from kneejax.statics import Progress
@@ -136,7 +135,7 @@ class _Line:
 
 
 @dataclasses.dataclass(frozen=True)
-class TunnelMap:
+class TunnelMap(Named):
     """A tunnel moved over a grid, everything else kept.
 
     Attributes:
@@ -182,33 +181,22 @@ class TunnelMap:
         row, column = np.unravel_index(np.argmin(kept), kept.shape)
         return float(self.first[column]), float(self.second[row]), float(kept[row, column])
 
-    def to_dataset(self, attributes: Mapping[str, Any] | None = None):
-        """The map as an `xarray.Dataset` with units.
-
-        Args:
-            attributes: of the whole.
-
-        Raises:
-            MissingPackage: the package xarray is not installed.
-        """
-        xarray = imported("xarray", "xarray", "maps")
+    def _named(self) -> dict[str, tuple]:
         axes = (f"{self.names[1]}_mm", f"{self.names[0]}_mm")
-        content: dict[str, Any] = {
-            "strain_distance": (axes, self.total, {"units": "1"}),
-            "graft_peak_N": (axes, self.peak_N, {"units": "N"}),
-            "graft_length_change_mm": (axes, self.isometry_mm, {"units": "mm"}),
-            "limits_missed_by": (axes, self.excess, {"units": "1"}),
-            "distance_from_bone_mm": (axes, self.off_bone_mm, {"units": "mm"}),
+        return {
+            axes[0]: (axes[:1], self.second), axes[1]: (axes[1:], self.first),
+            "strain_distance": (axes, self.total, "1"),
+            "graft_peak_N": (axes, self.peak_N),
+            "graft_length_change_mm": (axes, self.isometry_mm),
+            "limits_missed_by": (axes, self.excess, "1"),
+            "distance_from_bone_mm": (axes, self.off_bone_mm),
             "status": (axes, self.status.astype(np.int8)),
-        }
-        for angle, moved in zip(self.lachman_deg, self.laxity_mm, strict=True):
-            content[f"laxity_{angle:g}_deg_mm"] = (axes, moved, {"units": "mm"})
-        places = {
-            axes[0]: (axes[0], self.second, {"units": "mm"}),
-            axes[1]: (axes[1], self.first, {"units": "mm"}),
-        }
-        own = {"bone": self.bone, "bundle": self.bundle}
-        return xarray.Dataset(content, places, {**own, **(attributes or {})})
+            **{f"laxity_{angle:g}_deg_mm": (axes, moved)
+               for angle, moved in zip(self.lachman_deg, self.laxity_mm, strict=True)},
+        }  # fmt: skip
+
+    def _about(self) -> dict[str, Any]:
+        return {"bone": self.bone, "bundle": self.bundle}
 
 
 def tunnel_map(

@@ -11,6 +11,7 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
 from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
 from kneejax.planning._front import GENERATIONS, Front, pareto_front
@@ -163,7 +164,7 @@ _TENSIONS = 9
 
 
 @dataclasses.dataclass(frozen=True)
-class PlanResult:
+class PlanResult(Named):
     """What a plan found.
 
     Attributes:
@@ -189,6 +190,27 @@ class PlanResult:
     intervals: Intervals | None
     tolerances: tuple[Tolerance, ...]
     seconds: dict[str, float]
+
+    def _named(self) -> dict[str, tuple]:
+        parts = {"plan": self.planned, "octagon": self.octagon, "tension": self.tension}
+        if self.optimum is not None:
+            parts["optimum"] = self.optimum.outcome
+        each = [part._named() for part in parts.values()]
+        whole = {
+            name: (over, np.concatenate([np.asarray(one[name][1]) for one in each]), unit)
+            for name, (over, _, unit) in each[0].items()
+        }
+        count = [len(part.choices) for part in parts.values()]
+        surgery = self.plan.surgery
+        return whole | {
+            "variant": ("variant", np.repeat([*parts], count)),
+            "ligament": ("ligament", surgery.ligaments),
+            "bundle": ("bundle", surgery.plan.bundles),
+            "choice": ("choice", [f"{x} {y}" for x in surgery.plan.bundles for y in CHOICES]),
+            "test": ("test", surgery.protocol.lachman_deg, "deg"),
+            "load_case_flexion_deg": ("load_case", surgery.protocol.flexion_deg),
+            "load_case_anterior_N": ("load_case", surgery.protocol.force),
+        }
 
     @property
     def best(self) -> Outcome:

@@ -9,11 +9,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
+from kneejax.numerics import Named
 from kneejax.planning._followed import Followed, Protocol, follow
 from kneejax.planning._footprints import Footprint, warped, warped_distances
 from kneejax.planning._pretension import Fixed, fix
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
-from kneejax.statics import Progress, Slopes, converged
+from kneejax.statics import Progress, Slopes, Status, converged
 
 #: Choices of a bundle, in this order; lengths in mm from the middle of the footprint, tension in N.
 CHOICES = ("tibia_first", "tibia_second", "femur_first", "femur_second", "tension")
@@ -50,7 +51,7 @@ class Near:
 
 
 @dataclasses.dataclass(frozen=True)
-class Outcome:
+class Outcome(Named):
     """What choices do; arrays begin with the variant.
 
     Attributes:
@@ -78,6 +79,12 @@ class Outcome:
     followed: Followed
     slopes: dict[str, np.ndarray] | None = None
     near: Near | None = None
+
+    OVER = {
+        "variant choice": {"choices": ""}, "variant bundle": {"slack_mm": "", "isometry_mm": ""},
+        "variant ligament": {"distance": "1"}, "variant test": {"laxity_mm": ""},
+        "variant load_case bundle": {"graft_N": ""}, "variant": {"peak_N": "", "status": Status},
+    }  # fmt: skip
 
     @property
     def total(self) -> np.ndarray:

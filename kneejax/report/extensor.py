@@ -8,6 +8,7 @@ import numpy as np
 
 from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
+from kneejax.report import pose_tables
 from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
 from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, prose
@@ -21,14 +22,6 @@ from kneejax.report.panels import (
     mark_status,
     panel_grid,
     part_legend,
-)
-from kneejax.report.pose_tables import (
-    along,
-    bundles,
-    force_table,
-    peak_table,
-    verdict_of,
-    words_of,
 )
 from kneejax.statics import Status
 
@@ -131,7 +124,7 @@ def _grouped(found: Extensor) -> dict[str, np.ndarray]:
     pressed = [forces.pop(name) for name in knee.contact_names if name in forces]
     contact = {"contact": sum(pressed)} if pressed else {}
     fibres = _tibiofemoral(found)
-    members = bundles(knee, fibres)
+    members = pose_tables.bundles(knee, fibres)
     pulled = {name: sum(forces.pop(x) for x in own) for name, own in members.items()}
     return {**tendon, **contact, **forces, **pulled}
 
@@ -181,18 +174,18 @@ def extensor_answer(
     parts = found.forces_on_tibia
     on_tibia = {**{name: np.tile(x, len(parts)) for name, x in keys.items()},
                 "part": np.repeat([*parts], len(flexion)),
-                along("{}_N"): np.concatenate([*parts.values()])}  # fmt: skip
+                pose_tables.along("{}_N"): np.concatenate([*parts.values()])}  # fmt: skip
     tables = {"extensor": extensor_table(found, status, driven),
-              "forces": force_table(knee, found.mechanics, keys),
+              "forces": pose_tables.force_table(knee, found.mechanics, keys),
               "tibia_forces": Table.of(on_tibia)}
-    peaks = peak_table(knee, found.mechanics, flexion, "at flexion, deg")
+    peaks = pose_tables.peak_table(knee, found.mechanics, flexion, "at flexion, deg")
     drawings = {"extensor": Drawing(extensor_figure, found, status, title)}
     sections = [Section("Largest forces", tables=[peaks])]
     if experiment != "extension":
         drawings["shear"] = Drawing(shear_figure, found)
         sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
     return Answer(
-        title=title, asked=prose(experiment), verdict=verdict_of(status),
+        title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
         sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
         drawings=drawings, doubts=doubts,
         sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)],
@@ -217,7 +210,7 @@ def extensor_table(
         "patellofemoral_max_pressure_MPa": np.asarray(mechanics.max_pressure)[:, here].max(axis=1),
         COLUMNS[1:]: tibia[:, 1:], tuple(x.column for x in BODIES[PATELLA].values()): patella,
         "converged": motion.equilibrium.converged, "stable": motion.stable,
-        "status": words_of(status),
+        "status": pose_tables.words_of(status),
     }  # fmt: skip
     if driven is not None:
         columns |= {"longer_mm": driven.longer_mm, "slack": driven.slack}

@@ -12,20 +12,13 @@ import numpy as np
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
+from kneejax.report import pose_tables
 from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION, shades
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
-from kneejax.report.pose_tables import (
-    contact_numbers,
-    force_table,
-    in_convention,
-    part_table,
-    pose_table,
-    verdict_of,
-)
 from kneejax.statics import Status, converged
 
 #: Flexions with a curve each; of more, evenly chosen ones are named.
@@ -158,7 +151,7 @@ def laboratory_answer(
     return Answer(
         title=f"{', '.join(one.test.name for one in curves)} of {name}",
         asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
-        verdict=verdict_of([x.status for x in found]),
+        verdict=pose_tables.verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
         tables={"curves": _curves_table(curves, status, wrong, convention),
                 "laxity": Table([*map(Column, LAXITY_COLUMNS)], [x.row for x in found]),
@@ -255,7 +248,7 @@ def _curves_table(curves, status, wrong, convention: str) -> Table:
               "converged", "stable", "status", "doubt"]  # fmt: skip
     rows, extra = [], {}
     for one, own, said in zip(curves, status, wrong, strict=True):
-        poses, extra = in_convention(_femoral_poses(one), convention)
+        poses, extra = pose_tables.in_convention(_femoral_poses(one), convention)
         poses = poses.reshape(*one.nodes.shape, -1)
         loads = np.stack([np.asarray(one.load(name)) for name in columns], axis=-1)
         turning = [np.asarray(one.motion.reaction(x))[one.nodes] / 1000.0 for x in held.values()]
@@ -286,7 +279,7 @@ def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) ->
     *keys, rows = zip(*steps, strict=True)
     of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
     names = ("test", "flexion_deg", "step")
-    return force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
+    return pose_tables.force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
 
 
 def _compresses(one: Curves) -> bool:
@@ -308,8 +301,8 @@ def _contact_tables(
             *keys, rows = zip(*steps, strict=True)
             own = jax.tree.map(lambda x, rows=rows: np.asarray(x)[list(rows)], mechanics)
             named = dict(zip(("knee", "flexion_deg", "compression_N"), keys, strict=True))
-            numbers = contact_numbers(knee, own)
-            tables.append(part_table(named, "contact", knee.contact_names, numbers))
+            numbers = pose_tables.contact_numbers(knee, own)
+            tables.append(pose_tables.part_table(named, "contact", knee.contact_names, numbers))
     if not tables:
         return []
     every = Table(tables[0].columns, [row for table in tables for row in table.rows])
@@ -325,7 +318,8 @@ def _poses_table(curves, status, wrong, convention: str) -> Table:
     more = {"converged": motion.equilibrium.converged[rows], "stable": motion.stable[rows],
             "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
     poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
-    return pose_table(poses, np.concatenate([x.ravel() for x in status]), convention, more=more)
+    every = np.concatenate([x.ravel() for x in status])
+    return pose_tables.pose_table(poses, every, convention, more=more)
 
 
 def _femoral_poses(one: Curves) -> np.ndarray:

@@ -25,7 +25,7 @@ from kneejax.inference.sensitivity import (
     step_widths,
     sweep_values,
 )
-from kneejax.numerics import adding_up, check_installed, lap, stopwatch
+from kneejax.numerics import Named, adding_up, check_installed, lap, stopwatch
 from kneejax.parameters import UnknownParameter, UnsuitableData, stated
 from kneejax.studies._fields import UNITS
 from kneejax.studies._maps import check_map
@@ -35,7 +35,7 @@ from kneejax.studies._study import Study
 
 
 @dataclasses.dataclass(frozen=True)
-class Identified:
+class Identified(Named):
     """What the data of a study determine.
 
     Attributes:
@@ -54,9 +54,12 @@ class Identified:
     design: Design
     seconds: float
 
+    def _named(self) -> dict[str, tuple]:
+        return self.found._named() | self.design._named()
+
 
 @dataclasses.dataclass(frozen=True)
-class Sensitivities:
+class Sensitivities(Named):
     """What each parameter of a study does to the motion.
 
     Attributes:
@@ -76,6 +79,9 @@ class Sensitivities:
     sweeps: inference.Sweeps
     indices: MotionIndices | None
     seconds: dict[str, float]
+
+    def _named(self) -> dict[str, tuple]:
+        return self.local._named() | ({} if self.indices is None else self.indices._named())
 
 
 def calibrate(study: Study, *, progress: Asked = None) -> Calibration:

@@ -26,14 +26,9 @@ _OF_MISFIT = (
 )  # fmt: skip
 
 
-def sensitivity_map(
-    study: Study,
-    options: Map | None = None,
-    *,
-    progress: Asked = None,
-    store: BlockStore | None = None,
-    **fields: Any,
-) -> tuple[ParameterMap, ...]:
+def sensitivity_map(study: Study, options: Map | None = None, *, progress: Asked = None,
+                    store: BlockStore | None = None,
+                    **fields: Any) -> tuple[ParameterMap, ...]:  # fmt: skip
     """Compute the objective of a study over pairs of parameters, the others kept at the start.
 
     Args:

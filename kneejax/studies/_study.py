@@ -65,13 +65,8 @@ class Study(StudyFields):
         """Check everything; what is given is kept in one form."""
         self._fill(fields, Mistakes("study"))
 
-    def _fill(
-        self,
-        fields: dict[str, Any],
-        mistakes: Mistakes,
-        folder: Path = Path(),
-        origin: Mapping[str, Any] | None = None,
-    ) -> None:
+    def _fill(self, fields: dict[str, Any], mistakes: Mistakes, folder: Path = Path(),
+              origin: Mapping[str, Any] | None = None) -> None:  # fmt: skip
         """Check fields by themselves, then read what they name, then check them with the knee."""
         fields, context = plain(fields), {"folder": folder}
         self._fill_alone(fields, mistakes, folder)

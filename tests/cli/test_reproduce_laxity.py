@@ -93,6 +93,6 @@ def test_claims_tables_and_figures_are_written(paper, status, code, tmp_path, mo
     table = {"2": "lachman.csv", "3": "drawer.csv"}[paper]
     with (tmp_path / table).open() as file:
         assert {"anterior_mm", "anterior_N"} <= set(csv.DictReader(file).fieldnames or ())
-    assert ("! " in capsys.readouterr().out) == bool(code)
+    assert ("warning: " in capsys.readouterr().out) == bool(code)
     # The conditions are those of the bundled table.
     assert asked == ([(5.0, 3.0)] if paper == "3" else [])

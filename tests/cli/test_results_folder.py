@@ -210,7 +210,7 @@ def test_a_command_that_is_interrupted_leaves_no_folder(tmp_path, monkeypatch):
     def ended(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("kneejax.cli._exchange.format_import_report", ended)
+    monkeypatch.setattr("kneejax.files.format_import_report", ended)
     model, out = tmp_path / "smallest.osim", tmp_path / "out"
     model.write_text(SMALLEST_MODEL)
     words = ["import", "osim", str(model), "--side", "r", "--out", str(out)]

@@ -29,7 +29,7 @@ def two_balances(monkeypatch):
         other = Branch(0, np.array([20.0, 9, 8, 7, 6, 5]), Status.OUTSIDE_REGION, False, 8.5, 24)
         return tested, other
 
-    monkeypatch.setattr("kneejax.cli._simulate.branches", found)
+    monkeypatch.setattr("kneejax.experiments.branches", found)
 
 
 def test_other_balances_are_printed_written_and_recorded(two_balances, tmp_path, capsys):

@@ -4,11 +4,12 @@ import json
 
 import numpy as np
 import pytest
+from markupsafe import escape
 
 from kneejax.papers import knee_comparison_report as report
-from kneejax.papers.claims import CANNOT_BE_JUDGED, Reproduction, summary, write
+from kneejax.papers.claims import CANNOT_BE_JUDGED, answered
 from kneejax.papers.paper4 import claims
-from kneejax.report.look import picture_svg
+from kneejax.report.look import picture_svg, write_page
 from tests.papers.compared_knees import comparison, study
 
 
@@ -53,7 +54,10 @@ def test_the_document_is_json_and_says_how_it_was_made():
 def test_words_on_a_terminal_fit_it_and_are_ascii():
     found = comparison()
     printed = report.comparison_answer(found).terminal()
-    for words in (printed, summary(claims(found))):
+    about = dict.fromkeys(("axial_N", "full_Nm", "reference_modulus_MPa"), 1.0)
+    about |= dict.fromkeys(("knees", "drawn", "drawn_around"), "4")
+    answer = answered(4, claims(found), {}, {}, {}, found.doubts, about)
+    for words in (printed, answer.terminal()):
         assert words.isascii()
         assert max(map(len, words.splitlines())) <= 100
     assert "warning: a_third: unchanged, it holds" in printed
@@ -65,13 +69,15 @@ def test_a_page_shows_every_claim_with_its_verdict_and_needs_nothing_else(tmp_pa
     drawn = {"scores": (report.score_figure(found), "Scores & more")}
     words = dict.fromkeys(("axial_N", "full_Nm", "reference_modulus_MPa"), 1.0)
     words |= dict.fromkeys(("knees", "drawn", "drawn_around"), "<4>")
-    files = write(Reproduction(4, judged, drawn, {}, {"a": 1}, found.doubts, words), tmp_path)
-    assert files == ["reproduction.csv", "report.html"]
+    answer = answered(4, judged, drawn, {}, {"a": 1}, found.doubts, words)
+    assert [*answer.tables] == ["reproduction"] and answer.exit_status == bool(found.doubts)
+    write_page(answer, tmp_path)
     assert [path.name for path in (tmp_path / "figures").iterdir()] == ["scores.png"]
     page = (tmp_path / "report.html").read_text()
-    assert page.count("<article>") == len(judged)
+    for claim in judged:
+        assert f"<summary><h2>{escape(f'{claim.number} {claim.statement}')}</h2>" in page
     unknown = sum(claim.verdict == CANNOT_BE_JUDGED for claim in judged)
-    assert page.count(f'<strong class="badge none">{CANNOT_BE_JUDGED}') == unknown
+    assert page.count(f"<p>Verdict: {CANNOT_BE_JUDGED}</p>") == unknown
     assert "&lt;4&gt;" in page and "They are &lt;kin&gt;." in page and "<kin>" not in page
     assert "Scores &amp; more" in page and "<4>" not in page
     assert "http" not in page.replace("http://www.w3.org", "")

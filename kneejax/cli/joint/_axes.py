@@ -9,29 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kneejax import files, joints
 from kneejax.cli.options import JointFit
-from kneejax.files import (
-    InputProblem,
-    read_axis_points,
-    read_femur_landmarks,
-    read_mesh_points,
-    read_tibia_landmarks,
-)
 from kneejax.geometry import COORDINATES, Pose
-from kneejax.joints import (
-    EXTENSION_DEG,
-    FLEXION_DEG,
-    CondyleAxes,
-    JointProblem,
-    UnsuitableLandmarks,
-    UnsuitableMesh,
-    condyle_axes,
-    femur_frame,
-    in_frame,
-    joint_center,
-    tibia_frame,
-    touching_rows,
-)
 from kneejax.mechanics import condyle_points
 
 if TYPE_CHECKING:
@@ -57,7 +37,7 @@ class FemurAxes:
     epicondyles: np.ndarray | None
     # Points of the mesh or of the knee's condyles, shape `(n, 3)`, mm, if there are any.
     surface: np.ndarray | None = None
-    facets: CondyleAxes | None = None  # the cylinders that were fitted to them
+    facets: joints.CondyleAxes | None = None  # the cylinders that were fitted to them
     regions: str = ""  # how the facets were chosen, in words
     doubts: tuple[str, ...] = ()  # sentences on facets that are none of a condyle
 
@@ -68,7 +48,7 @@ FindAxes = Callable[[Pose], FemurAxes]
 
 def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
     """Axis points by coordinates (`--axes`)."""
-    found = read_axis_points(arguments.axes, side)
+    found = files.read_axis_points(arguments.axes, side)
     given = _given_epicondyles(arguments, side)
     known = found.epicondyles if given is None else given
     if known is None:
@@ -80,18 +60,18 @@ def axes_from_file(arguments: JointFit, side: str) -> FindAxes:
 def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     """Axis points of a mesh (`--femur`), placed by `--landmarks`, touched by that of `--tibia`,
     where that is found only when the axes are sought."""
-    femur = read_mesh_points(arguments.femur, arguments.unit or "auto")
+    femur = files.read_mesh_points(arguments.femur, arguments.unit or "auto")
     points, normals = femur.points_mm * _mirror(side), femur.normals * _mirror(side)
     epicondyles = _given_epicondyles(arguments, side)
     if arguments.landmarks is not None:
-        known = read_femur_landmarks(arguments.landmarks, side)
+        known = files.read_femur_landmarks(arguments.landmarks, side)
         epicondyles = known.epicondyles if epicondyles is None else epicondyles
         try:
             (hip,) = _centers(points, known.hip_center[None], (known.head_within,))
-            frame = femur_frame(hip, *epicondyles, anterior=None)
-        except UnsuitableLandmarks as error:
+            frame = joints.femur_frame(hip, *epicondyles, anterior=None)
+        except joints.UnsuitableLandmarks as error:
             raise problem(arguments.landmarks, error) from None
-        points, epicondyles = in_frame(frame, points), in_frame(frame, epicondyles)
+        points, epicondyles = joints.in_frame(frame, points), joints.in_frame(frame, epicondyles)
         normals = np.stack([np.asarray(c) for c in frame.turn_back(tuple(normals.T))], axis=1)
     if arguments.tibia is None:
         axes = _fitted(arguments, arguments.femur, points, normals, epicondyles)
@@ -101,10 +81,10 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     def touched(poses: Pose) -> FemurAxes:
         ends = [Pose.from_table(row) for row in np.asarray(poses.to_table())[[0, -1]]]
         try:
-            met = tuple(touching_rows(points, tibia, pose, within) for pose in ends)
-        except UnsuitableMesh as error:
+            met = tuple(joints.touching_rows(points, tibia, pose, within) for pose in ends)
+        except joints.UnsuitableMesh as error:
             expected = f"{error.expected} Bones without cartilage want a larger --touching-within"
-            raise InputProblem(arguments.tibia, error.field, error.found, expected) from None
+            raise files.InputProblem(arguments.tibia, error.field, error.found, expected) from None
         first, last = np.rad2deg(np.asarray(poses.flexion)[[0, -1]])
         axes = _fitted(arguments, arguments.femur, points, normals, epicondyles, met)
         regions = f"within {within:g} mm of the tibia at {first:.1f} and {last:.1f} degrees"
@@ -119,17 +99,13 @@ def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
         points, normals = condyle_points(read.knee)
     except ValueError as error:
         expected = "condyles; or axis points, by --femur or --axes"
-        raise InputProblem(arguments.knee, "contacts", str(error), expected) from None
+        raise files.InputProblem(arguments.knee, "contacts", str(error), expected) from None
     shift = np.array([read.frame_offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
     epicondyles = _given_epicondyles(arguments, read.knee.side)
     own = _fitted(arguments, arguments.knee, points, normals, None)
-    axes = dataclasses.replace(
-        own,
-        points=own.points + shift,
-        hinge=own.hinge + shift,
-        surface=points + shift,
-        facets=_shifted(own.facets, shift),
-    )
+    axes = dataclasses.replace(own, points=own.points + shift, hinge=own.hinge + shift,
+                               surface=points + shift,
+                               facets=_shifted(own.facets, shift))  # fmt: skip
     if epicondyles is not None:
         axes = dataclasses.replace(
             axes, hinge=epicondyles, hinge_source="the epicondyles", epicondyles=epicondyles
@@ -137,7 +113,7 @@ def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
     return lambda _: axes
 
 
-def _shifted(axes: CondyleAxes, shift: np.ndarray) -> CondyleAxes:
+def _shifted(axes: joints.CondyleAxes, shift: np.ndarray) -> joints.CondyleAxes:
     facets = []
     for facet in axes.facets:
         cylinder = dataclasses.replace(facet.cylinder, center=facet.center + shift)
@@ -145,26 +121,21 @@ def _shifted(axes: CondyleAxes, shift: np.ndarray) -> CondyleAxes:
     return dataclasses.replace(axes, facets=tuple(facets), points=axes.points + shift)
 
 
-def problem(file: str | Path, error: JointProblem) -> InputProblem:
+def problem(file: str | Path, error: joints.JointProblem) -> files.InputProblem:
     """The error of a command for what no joint can be made of."""
-    return InputProblem(file, error.field, error.found, error.expected)
+    return files.InputProblem(file, error.field, error.found, error.expected)
 
 
-def _fitted(
-    arguments: JointFit,
-    file: str | Path,
-    points: np.ndarray,
-    normals: np.ndarray,
-    epicondyles: np.ndarray | None,
-    touching: tuple[np.ndarray, ...] | None = None,
-) -> FemurAxes:
-    extension = tuple(arguments.extension_facet or EXTENSION_DEG)
-    flexion = tuple(arguments.flexion_facet or FLEXION_DEG)
+def _fitted(arguments: JointFit, file: str | Path, points: np.ndarray, normals: np.ndarray,
+            epicondyles: np.ndarray | None,
+            touching: tuple[np.ndarray, ...] | None = None) -> FemurAxes:  # fmt: skip
+    extension = tuple(arguments.extension_facet or joints.EXTENSION_DEG)
+    flexion = tuple(arguments.flexion_facet or joints.FLEXION_DEG)
     regions = " and ".join(f"{low:g} to {high:g}" for low, high in (extension, flexion))
     regions += " degrees, from anterior through distal"
     try:
-        found = condyle_axes(points, normals, extension, flexion, touching=touching)
-    except UnsuitableMesh as error:
+        found = joints.condyle_axes(points, normals, extension, flexion, touching=touching)
+    except joints.UnsuitableMesh as error:
         raise problem(file, error) from None
     hinge, words = epicondyles, "the epicondyles"
     if hinge is None:
@@ -184,24 +155,24 @@ def _fitted(
 
 def _tibia(arguments: JointFit, side: str) -> np.ndarray:
     """Points of the tibia's mesh, in its anatomical frame if there are landmarks."""
-    mesh = read_mesh_points(arguments.tibia, arguments.unit or "auto")
+    mesh = files.read_mesh_points(arguments.tibia, arguments.unit or "auto")
     points = mesh.points_mm * _mirror(side)
     if arguments.landmarks is None:
         return points
-    known = read_tibia_landmarks(arguments.landmarks, side)
+    known = files.read_tibia_landmarks(arguments.landmarks, side)
     try:
         ankle = _centers(points, known.ankle, known.ankle_within).mean(axis=0)
-        frame = tibia_frame(ankle, *known.plateau, anterior=None)
-    except UnsuitableLandmarks as error:
+        frame = joints.tibia_frame(ankle, *known.plateau, anterior=None)
+    except joints.UnsuitableLandmarks as error:
         raise problem(arguments.landmarks, error) from None
-    return in_frame(frame, points)
+    return joints.in_frame(frame, points)
 
 
 def _centers(mesh: np.ndarray, places: np.ndarray, within: Sequence[float | None]) -> np.ndarray:
     """The places, or the centres of the balls of bone about them."""
     return np.array(
         [
-            place if near is None else joint_center(mesh, place, near).surface.frame.origin
+            place if near is None else joints.joint_center(mesh, place, near).surface.frame.origin
             for place, near in zip(places, within, strict=True)
         ]
     )

@@ -8,29 +8,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax import files, joints
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import problem
 from kneejax.cli.joint._fit import ContactKnee, passive_motion, read_contact_knee
 from kneejax.cli.options import JointCompare
-from kneejax.files import (
-    InputProblem,
-    counted,
-    read_axis_points,
-    read_joint,
-    read_poses,
-)
-from kneejax.joints import (
-    MEASURED,
-    Joint,
-    JointProblem,
-    UnsuitableAxis,
-    UnsuitableMotions,
-    clinical_measures,
-    compare_motions,
-    fit_joints,
-    is_tested,
-)
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
 
@@ -62,26 +45,26 @@ def _joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Mo
     models: dict[str, Modelled] = {}
     for words in asked:
         given, _, listed = words.rpartition("=")
-        files = _each_subject("--joint", listed.split(","), len(flexion_deg))
-        read = {file: read_joint(file) for file in dict.fromkeys(files)}
-        name = given or read[files[0]].name
-        if name in (*models, MEASURED):
+        named = _each_subject("--joint", listed.split(","), len(flexion_deg))
+        read = {file: files.read_joint(file) for file in dict.fromkeys(named)}
+        name = given or read[named[0]].name
+        if name in (*models, joints.MEASURED):
             expected = "a name of its own for every model and none for the measured one: NAME=FILE"
-            raise InputProblem("--joint", "name", name, expected)
-        joints = [read[file].joint for file in files]
-        models[name] = _of_joints(joints, flexion_deg, tuple(read))
+            raise files.InputProblem("--joint", "name", name, expected)
+        each = [read[file].joint for file in named]
+        models[name] = _of_joints(each, flexion_deg, tuple(read))
     return models
 
 
-def _each_subject(option: str, files: Sequence[str], subjects: int) -> list[str]:
+def _each_subject(option: str, named: Sequence[str], subjects: int) -> list[str]:
     """Files of the subjects, of which one may stand for all."""
-    if len(files) not in (1, subjects):
-        expected = f"one for all, or one for each of {counted(subjects, 'subject')}"
-        raise InputProblem(option, "files", counted(len(files), "file"), expected)
-    for number, file in enumerate(files, 1):
+    if len(named) not in (1, subjects):
+        expected = f"one for all, or one for each of {files.counted(subjects, 'subject')}"
+        raise files.InputProblem(option, "files", files.counted(len(named), "file"), expected)
+    for number, file in enumerate(named, 1):
         if not file.strip():
-            raise InputProblem(option, f"file {number}", file, "the name of a file")
-    return [*files] * (subjects // len(files))
+            raise files.InputProblem(option, f"file {number}", file, "the name of a file")
+    return [*named] * (subjects // len(named))
 
 
 def _fitted_models(
@@ -94,43 +77,44 @@ def _fitted_models(
     """
     listed = [file for words in arguments.axes for file in words.split(",")]
     axes = _each_subject("--axes", listed, len(tables))
-    read = {file: read_axis_points(file, arguments.side) for file in dict.fromkeys(axes)}
+    read = {file: files.read_axis_points(file, arguments.side) for file in dict.fromkeys(axes)}
     without = [file for file, one in read.items() if one.epicondyles is None]
     if 0 < len(without) < len(read):
         expected = "epicondyles in every file of --axes, or in none"
-        raise InputProblem(without[0], "epicondyles", "missing", expected)
-    made: dict[str, list[Joint]] = {}
+        raise files.InputProblem(without[0], "epicondyles", "missing", expected)
+    made: dict[str, list[joints.Joint]] = {}
     for k, (file, table) in enumerate(zip(axes, arguments.measured, strict=True)):
         points, epicondyles = read[file].points, read[file].epicondyles
         fixed = points[0] if epicondyles is None else epicondyles
         poses = np.stack([tables[k, near].mean(axis=0) for near in used])
         try:
-            ends = fit_joints(poses[[0, -1]], points, fixed)
+            ends = joints.fit_joints(poses[[0, -1]], points, fixed)
             made.setdefault("moving axis", []).append(ends.moving)
             if len(poses) > 2:
-                through = fit_joints(poses, points, fixed, poses[:, 0]).moving
+                through = joints.fit_joints(poses, points, fixed, poses[:, 0]).moving
                 made.setdefault("generalised axis", []).append(through)
-        except JointProblem as error:
-            raise problem(file if isinstance(error, UnsuitableAxis) else table, error) from None
+        except joints.JointProblem as error:
+            of_axis = isinstance(error, joints.UnsuitableAxis)
+            raise problem(file if of_axis else table, error) from None
         if epicondyles is not None:
             made.setdefault("hinge", []).append(ends.hinge)
     return {name: _of_joints(own, tables[..., 0], tuple(read)) for name, own in made.items()}
 
 
 def _of_joints(
-    joints: Sequence[Joint], flexion_deg: np.ndarray, source: tuple[str, ...]
+    each: Sequence[joints.Joint], flexion_deg: np.ndarray, source: tuple[str, ...]
 ) -> Modelled:
-    def measures(joint: Joint, angles: np.ndarray) -> np.ndarray:
-        return clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
+    def measures(joint: joints.Joint, angles: np.ndarray) -> np.ndarray:
+        return joints.clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
 
-    over, subjects = _over(flexion_deg), list(zip(joints, flexion_deg, strict=True))
+    over, subjects = _over(flexion_deg), list(zip(each, flexion_deg, strict=True))
     exact = [
         np.abs(angles[:, None] - np.rad2deg(joint.flexion)).min(axis=1) < _SAME_FLEXION_DEG
         for joint, angles in subjects
     ]
     return Modelled(
         np.array([measures(*one) for one in subjects]),
-        np.array([measures(joint, over) for joint in joints]), source, np.any(exact, axis=0),
+        np.array([measures(joint, over) for joint in each]), source, np.any(exact, axis=0),
     )  # fmt: skip
 
 
@@ -139,7 +123,7 @@ def _knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Mode
     over = _over(flexion_deg)
     angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
     motion = passive_motion(read, angles, source)
-    seen = clinical_measures(motion.table)[back]
+    seen = joints.clinical_measures(motion.table)[back]
     measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
     nowhere = np.zeros(flexion_deg.shape[1], bool)
     return Modelled(measures, seen[None, flexion_deg.size :], (source,), nowhere, motion.doubts)
@@ -148,8 +132,8 @@ def _knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Mode
 def run(arguments: JointCompare) -> int:
     """Compare models with what was measured."""
     try:  # whether there are subjects enough for the tests that are asked for
-        is_tested(len(arguments.measured), arguments.anova)
-    except UnsuitableMotions as error:
+        joints.is_tested(len(arguments.measured), arguments.anova)
+    except joints.UnsuitableMotions as error:
         raise UnsuitableData(f"--anova: {error}") from error
     tables = _measured(arguments)
     flexion = tables[..., 0]
@@ -159,17 +143,17 @@ def run(arguments: JointCompare) -> int:
     for name, one in (_fitted_models(arguments, tables, used) if len(used) else {}).items():
         if name in models:
             expected = "another NAME=FILE; --calibrate-at makes a model of this name"
-            raise InputProblem("--joint", "name", name, expected)
+            raise files.InputProblem("--joint", "name", name, expected)
         models[name] = one
     knees: dict[str, tuple[ContactKnee, str]] = {}
     for name in arguments.knee:
         read = read_contact_knee(name)
         if (title := read.knee.name) in (*models, *knees):
-            raise InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
+            raise files.InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
         knees[title] = read, name
     if not models and not knees:
         expected = "a model: --joint, --knee, or --calibrate-at with --axes"
-        raise InputProblem("joint compare", "models", "none", expected)
+        raise files.InputProblem("joint compare", "models", "none", expected)
     models |= {title: _knee_model(*one, flexion) for title, one in knees.items()}
     settings = arguments.options()
     settings["measured"] = [str(file) for file in arguments.measured]
@@ -178,13 +162,14 @@ def run(arguments: JointCompare) -> int:
     known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
     at = flexion.mean(axis=0)
     try:
-        compared = compare_motions(
-            at, clinical_measures(tables), {name: one.measures for name, one in models.items()},
-            calibrated_at_deg=tuple(at[known]), anova=arguments.anova, alpha=arguments.alpha,
+        found = {name: one.measures for name, one in models.items()}
+        compared = joints.compare_motions(
+            at, joints.clinical_measures(tables), found, calibrated_at_deg=tuple(at[known]),
+            anova=arguments.anova, alpha=arguments.alpha,
         )  # fmt: skip
-    except UnsuitableMotions as error:
-        files = ", ".join(str(file) for file in arguments.measured)
-        raise UnsuitableData(f"{files}: {error}") from error
+    except joints.UnsuitableMotions as error:
+        named = ", ".join(str(file) for file in arguments.measured)
+        raise UnsuitableData(f"{named}: {error}") from error
     answer = comparison_answer(
         compared, {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
         doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
@@ -197,13 +182,13 @@ def _measured(arguments: JointCompare) -> np.ndarray:
     tables, columns = [], arguments.column
     check_columns(columns)
     for file in arguments.measured:
-        table = read_poses(file, arguments.convention, columns)
+        table = files.read_poses(file, arguments.convention, columns)
         tables.append(table[np.argsort(table[:, 0], kind="stable")])
     first = tables[0]
     for file, table in zip(arguments.measured, tables, strict=True):
         if len(table) != len(first):
-            expected = f"{counted(len(first), 'flexion')}, as {arguments.measured[0]}"
-            raise InputProblem(file, "rows", counted(len(table), "pose"), expected)
+            expected = f"{files.counted(len(first), 'flexion')}, as {arguments.measured[0]}"
+            raise files.InputProblem(file, "rows", files.counted(len(table), "pose"), expected)
         apart = np.abs(table[:, 0] - first[:, 0])
         if apart.max() > arguments.spread:
             i = int(apart.argmax())
@@ -211,7 +196,7 @@ def _measured(arguments: JointCompare) -> np.ndarray:
                 f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
                 f"{arguments.measured[0]}"
             )
-            raise InputProblem(file, "flexion_deg", f"{table[i, 0]:g}", expected)
+            raise files.InputProblem(file, "flexion_deg", f"{table[i, 0]:g}", expected)
     return np.array(tables)
 
 
@@ -229,9 +214,9 @@ def _calibration_rows(arguments: JointCompare, flexion: np.ndarray) -> np.ndarra
         elif (rows & near).any():
             expected = f"flexions farther apart than twice {arguments.average_within:g} degrees"
         if expected:
-            raise InputProblem("--calibrate-at", "degrees", f"{angle:g}", expected)
+            raise files.InputProblem("--calibrate-at", "degrees", f"{angle:g}", expected)
         rows = np.concatenate([rows, near[None]])
     if len(rows) == 1:
         only = f"{arguments.calibrate_at[0]:g} alone"
-        raise InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
+        raise files.InputProblem("--calibrate-at", "degrees", only, "two flexions or more")
     return rows

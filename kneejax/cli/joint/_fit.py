@@ -9,6 +9,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from kneejax import files
 from kneejax.cli import options
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
@@ -21,22 +22,6 @@ from kneejax.cli.joint._axes import (
 )
 from kneejax.cli.options import JointExport
 from kneejax.experiments import passive_flexion
-from kneejax.files import (
-    AxisPoints,
-    InputProblem,
-    JointFile,
-    counted,
-    export_joint,
-    load_knee,
-    parse_flexion,
-    read_calibrated,
-    read_joint,
-    read_poses,
-    write_axis_points,
-    write_joint,
-    write_poses,
-    write_text,
-)
 from kneejax.geometry import COORDINATES, Pose
 from kneejax.joints import JointFit, JointProblem, UnsuitablePoses, calibration_rows, fit_joints
 from kneejax.mechanics import Knee
@@ -79,8 +64,8 @@ class Motion(NamedTuple):
 
 def read_contact_knee(name: str) -> ContactKnee:
     """Read a bundled knee, a knee file, or the result.json of a calibration with its offsets."""
-    calibrated = Path(name).suffix.lower() == ".json"
-    return ContactKnee(load_knee(name), read_calibrated(name).frame_offset if calibrated else {})
+    knee, calibrated = files.load_knee(name), Path(name).suffix.lower() == ".json"
+    return ContactKnee(knee, files.read_calibrated(name).frame_offset if calibrated else {})
 
 
 def passive_motion(read: ContactKnee, flexion_deg: np.ndarray, source: str) -> Motion:
@@ -94,7 +79,7 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray, source: str) -> M
     table[[not one.converged for one in status]] = np.nan
 
     def where(rows: np.ndarray) -> str:
-        return f"{name}: {counted(len(rows), 'pose')} {status[rows[0]].word}"
+        return f"{name}: {files.counted(len(rows), 'pose')} {status[rows[0]].word}"
 
     doubts = status_doubts([int(x) for x in status], [""] * len(status), where, str)
     return Motion(table, name, source, status=status, doubts=tuple(doubts))
@@ -102,12 +87,12 @@ def passive_motion(read: ContactKnee, flexion_deg: np.ndarray, source: str) -> M
 
 def run(arguments: options.JointFit) -> int:
     """Calibrate the joints, and say what they keep of the motion."""
-    flexion = parse_flexion(arguments.flexion)
+    flexion = files.parse_flexion(arguments.flexion)
     # All that can be at fault is read before a knee is bent, which takes long.
     read = None if arguments.knee is None else read_contact_knee(arguments.knee)
     side = arguments.side or "right"
     if read is not None and (side := read.knee.side) != (arguments.side or side):
-        raise InputProblem("--side", "side", arguments.side, f"{side}, as {read.knee.name}")
+        raise files.InputProblem("--side", "side", arguments.side, f"{side}, as {read.knee.name}")
     if arguments.axes is not None:
         find_axes = axes_from_file(arguments, side)
     elif arguments.femur is None and read is not None:
@@ -118,7 +103,8 @@ def run(arguments: options.JointFit) -> int:
         motion = _bent(arguments, read, flexion)
     else:
         check_columns(arguments.column)
-        table = read_poses(arguments.poses, arguments.convention or "femoral", arguments.column)
+        convention = arguments.convention or "femoral"
+        table = files.read_poses(arguments.poses, convention, arguments.column)
         motion = Motion(table, "measured", str(arguments.poses), tuple(arguments.at))
     try:
         rows = calibration_rows(motion.table, motion.at_deg)
@@ -150,7 +136,7 @@ def run(arguments: options.JointFit) -> int:
 def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -> Motion:
     """Passive flexion of a contact knee, balanced where joints are calibrated on it."""
     at = tuple(arguments.at or (flexion.min(), flexion.max()))
-    parse_flexion(",".join(map(str, at)), "--at", "degrees")
+    files.parse_flexion(",".join(map(str, at)), "--at", "degrees")
     angles = np.unique(np.concatenate([flexion, at]))
     try:  # whether these are flexions for a joint is known before any pose
         calibration_rows(np.pad(angles[:, None], ((0, 0), (0, 5))), at)
@@ -164,7 +150,8 @@ def _bent(arguments: options.JointFit, read: ContactKnee, flexion: np.ndarray) -
             expected = "a flexion with a converged equilibrium; choose by --at"
             if usable.any():
                 expected += f", from {angles[usable].min():g} to {angles[usable].max():g} degrees"
-            raise InputProblem(arguments.knee, f"pose at {angle:g} degrees", status.word, expected)
+            place = f"pose at {angle:g} degrees"
+            raise files.InputProblem(arguments.knee, place, status.word, expected)
     found.table[:, 0] = angles
     return found._replace(at_deg=at)
 
@@ -181,23 +168,23 @@ def _write(
         (fit.moving, "joint.yaml", name, f"{whose} at {angles} degrees; axes from {whence}"),
         (fit.hinge, "hinge.yaml", f"{name} hinge", f"{whose}; axis through {axes.hinge_source}"),
     ):
-        write_joint(JointFile(joint, title, side, source), out / file)
+        files.write_joint(files.JointFile(joint, title, side, source), out / file)
     if axes.facets is None:
         return ["joint.yaml", "hinge.yaml"]
-    write_axis_points(AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
+    files.write_axis_points(files.AxisPoints(axes.points, axes.epicondyles), out / "axes.csv")
     return ["joint.yaml", "hinge.yaml", "axes.csv"]
 
 
 def export(arguments: JointExport) -> int:
     """Write the joint for OpenSim and as a table of coupled coordinates; say how well."""
-    file = read_joint(arguments.joint)
-    found = export_joint(file)
+    file = files.read_joint(arguments.joint)
+    found = files.export_joint(file)
     low, high = np.ceil(found.flexion_deg[0]), np.floor(found.flexion_deg[-1])
     table = file.joint.pose(np.deg2rad(np.arange(low, high + 1.0))).to_table()
     out = arguments.out
-    write_text(out / "custom_joint.xml", found.snippet)
-    write_text(out / "joint.osim", found.model)
-    write_poses(out / "coupled_coordinates.csv", np.asarray(table))
+    files.write_text(out / "custom_joint.xml", found.snippet)
+    files.write_text(out / "joint.osim", found.model)
+    files.write_poses(out / "coupled_coordinates.csv", np.asarray(table))
     turn, shift = found.error[:2].max(), found.error[2:].max()
     print(
         f"{file.name}: flexion {found.flexion_deg[0]:g} to {found.flexion_deg[-1]:g} degrees, "

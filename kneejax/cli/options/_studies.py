@@ -144,18 +144,15 @@ def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
 class Map(
     asking(
         studies.Map,
-        pair=(
-            list[tuple[str, str]],
-            Form("X Y"),
-            "two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated",
-        ),
+        pair=(list[tuple[str, str]], Form("X Y"),
+              "two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated"),
         grid=(
             Split("x", "points a side, as in 41 or 41x61", "NxM", single=True),
             "points a side, or as in 41x61",
         ),
         range=(Form("NAME=LOW:HIGH"), "of a parameter; the study's bounds otherwise"),
     )
-):
+):  # fmt: skip
     """Compute the objective over pairs of parameters."""
 
     asks: ClassVar = studies.Map
@@ -171,21 +168,15 @@ class Map(
 class Sensitivity(
     asking(
         studies.Sensitivity,
-        sweep=(
-            Form("NAME[=LOW:HIGH[:COUNT]]"),
-            STUDIED,
-            "a parameter, or as *.stiffness, one at a time; all of the study's otherwise",
-        ),
-        prior=(
-            Form("NAME=SD"),
-            STUDIED,
-            "standard deviation of a parameter, or as *.stiffness; usual ones otherwise",
-        ),
+        sweep=(Form("NAME[=LOW:HIGH[:COUNT]]"), STUDIED,
+               "a parameter, or as *.stiffness, one at a time; all of the study's otherwise"),
+        prior=(Form("NAME=SD"), STUDIED,
+               "standard deviation of a parameter, or as *.stiffness; usual ones otherwise"),
         indices=(STUDIED,),
         samples=(STUDIED,),
         range=(Form("NAME=LOW:HIGH"), STUDIED),
     )
-):
+):  # fmt: skip
     """Compute how the motion depends on each parameter."""
 
     asks: ClassVar = studies.Sensitivity

@@ -33,7 +33,7 @@ from kneejax.mechanics import (
     add_lane_axis,
     pull_of,
 )
-from kneejax.numerics import compiled
+from kneejax.numerics import Named, compiled
 from kneejax.parameters import cut
 from kneejax.statics import LoadCases, converged
 
@@ -65,7 +65,7 @@ TENDON = "patellar tendon"
 
 
 @dataclasses.dataclass(frozen=True)
-class Activity:
+class Activity(Named):
     """Balances of a knee over a recorded movement.
 
     Attributes:
@@ -83,6 +83,14 @@ class Activity:
     mechanics: Mechanics
     acting: dict[str, np.ndarray]
     other: np.ndarray
+
+    def _named(self) -> dict[str, tuple]:
+        knee, record = self.motion.knee, self.record
+        return self.motion._named() | self.mechanics._named() | {
+            "time_s": ("pose", record.time_s), "quadriceps_N": ("pose", record.quadriceps_N),
+            "ligament": ("ligament", knee.ligaments.names),
+            "contact": ("contact", knee.contact_names),
+        }  # fmt: skip
 
     @property
     def holds(self) -> np.ndarray:

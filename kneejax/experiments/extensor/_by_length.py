@@ -29,7 +29,7 @@ from kneejax.experiments.extensor._extensor import (
 from kneejax.experiments.extensor._mechanism import Shank, weight_of
 from kneejax.geometry import scales
 from kneejax.mechanics import Cable, Knee, Load, add_lane_axis
-from kneejax.numerics import WrongValue, compiled, lanes_for, traced
+from kneejax.numerics import Named, WrongValue, compiled, lanes_for, traced
 from kneejax.statics import (
     Equilibrium,
     Guess,
@@ -150,7 +150,7 @@ _HELD_DEG = np.arange(0.0, 91.0, 5.0)
 
 
 @dataclasses.dataclass(frozen=True)
-class DrivenExtensor:
+class DrivenExtensor(Named):
     """A knee of three bones whose quadriceps has a given length.
 
     Attributes:
@@ -163,6 +163,11 @@ class DrivenExtensor:
     longer_mm: np.ndarray
     found: Extensor
     slack: np.ndarray
+
+    OVER = {"pose": {"longer_mm": "", "slack": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        return self.found._named() | super()._named()
 
 
 def extension_by_length(

@@ -28,9 +28,9 @@ from kneejax.experiments.extensor._mechanism import (
     tendon_of,
     weight_of,
 )
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, State, scales
+from kneejax.geometry import FEMUR, OTHER_COLUMNS, PATELLA, TIBIA, State, scales
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
-from kneejax.numerics import compiled, numpy_for, traced
+from kneejax.numerics import Named, compiled, numpy_for, traced
 from kneejax.statics import LoadCases, converged
 
 #: No quadriceps pulls more, N.
@@ -169,7 +169,7 @@ def _differentiable(knee: Knee, flexion: Array, weight: Load, found: Held) -> He
 
 
 @dataclasses.dataclass(frozen=True)
-class Extensor:
+class Extensor(Named):
     """A knee of three bones under the pull of its quadriceps.
 
     Attributes:
@@ -193,6 +193,18 @@ class Extensor:
     extension_Nm: Array
     weight_Nm: Array
     walked: np.ndarray
+
+    OVER = {"pose": dict.fromkeys(
+        ("quadriceps_N", "tendon_N", "contact_N", "extension_Nm", "weight_Nm"), "")}  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        labels = self.motion.knee.ligaments.names, self.motion.knee.contact_names
+        columns = [one.column for one in OTHER_COLUMNS.values() if one.body == PATELLA]
+        poses = np.moveaxis(np.asarray(self.patella), -1, 0)
+        patella = {name: ("pose", x) for name, x in zip(columns, poses, strict=True)}
+        return self.motion._named() | self.mechanics._named() | patella | super()._named() | {
+            name: (name, own) for name, own in zip(("ligament", "contact"), labels, strict=True)
+        }  # fmt: skip
 
     @functools.cached_property
     def arm_mm(self) -> Array:

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from kneejax.dynamics import MovingKnee, move_within
 from kneejax.experiments.extensor import Extensor, Shank, at_rest, leg_raise
 from kneejax.experiments.in_time._transient import MOST_ERROR_MM, Transient, described, smooth_way
-from kneejax.geometry import TIBIA, coordinates_of, table_units
+from kneejax.geometry import TIBIA, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Mass
-from kneejax.numerics import WrongValue
+from kneejax.numerics import Named, WrongValue
 from kneejax.statics import converged
 
 #: Radius of gyration of shank and foot about their centre, across, by the shank's length (Winter,
@@ -62,7 +62,7 @@ _HELD_NM = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
-class RaisedLeg:
+class RaisedLeg(Named):
     """A leg that is raised in some time, and the same leg held where it comes by.
 
     Attributes:
@@ -78,6 +78,14 @@ class RaisedLeg:
     rows: np.ndarray
     held: Extensor
     from_held: np.ndarray
+
+    def _named(self) -> dict[str, tuple]:
+        motion, over = self.transient.trajectory, "pose"
+        away = {f"{x}_from_held": (over, y, coordinate(x).unit)
+                for x, y in zip(motion.names, self.from_held.T, strict=True)}  # fmt: skip
+        pull = np.asarray(self.held.quadriceps_N)
+        held = {"held_time_s": (over, motion.time_s[self.rows]), "held_quadriceps_N": (over, pull)}
+        return self.transient._named() | held | away
 
     @property
     def farthest(self) -> float:

@@ -14,20 +14,20 @@ from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_wi
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.extensor import at_rest
-from kneejax.geometry import COORDINATES, State, coordinate, coordinates_of, prescribed_of, scales
+from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, Load, load_of
-from kneejax.numerics import WrongValue, check_installed
+from kneejax.numerics import Named, WrongValue
 from kneejax.statics import Status
 
 if TYPE_CHECKING:
-    from xarray import Dataset
+    pass
 
 #: mm, at any time: what is left of the error of a motion's steps.
 MOST_ERROR_MM = 0.01
 
 
 @dataclasses.dataclass(frozen=True)
-class Transient:
+class Transient(Named):
     """A motion through time with what holds it.
 
     Attributes:
@@ -72,47 +72,26 @@ class Transient:
         sense = np.sign(last - table[0])
         return dict(zip(COORDINATES, np.fmax.reduce((table - last) * sense), strict=True))
 
-    def to_dataset(self, attributes: Mapping[str, Any] | None = None) -> Dataset:
-        """Poses, rates, forces, loads and energies over time, each with its unit.
-
-        Args:
-            attributes: of the whole, e.g. the versions.
-
-        Raises:
-            MissingPackage: xarray is not installed.
-        """
-        check_installed("xarray", "maps")
-        import xarray
-
-        motion, knee, over = self.trajectory, self.trajectory.moving.knee, "time_s"
-        content: dict[str, Any] = {}
-        for i, name in enumerate(motion.names):
-            one = coordinate(name)
-            content[name] = over, motion.to_table()[:, i], {"units": one.unit}
-            rate = motion.rates_to_table()[:, i]
-            content[f"{name}_rate"] = over, rate, {"units": f"{one.unit} s-1"}
-        newtons, per = {"units": "N"}, (over, "ligament")
-        content["tension"] = per, np.asarray(self.mechanics.tension), newtons
-        content["damping"] = per, self.damping_N, newtons
+    def _named(self) -> dict[str, tuple]:
+        motion, knee, per = self.trajectory, self.trajectory.moving.knee, "time_s ligament"
         pressed = np.linalg.norm(np.asarray(self.mechanics.contact_force), axis=-1)
-        content["contact_force"] = (over, "contact"), pressed, newtons
-        for name, size in self.sizes.items():
-            content[f"load_{name}"] = over, size, {"units": name.rsplit("_", 1)[1]}
+        loads = {f"load_{name}": ("time_s", size) for name, size in self.sizes.items()}
+        told = {"N": "force", "mm": "length"}
         for column, size in self.quadriceps.items():
             name, unit = column.rsplit("_", 1)
-            told = {"N": "force", "mm": "length"}[unit]
-            content[f"{name}_{told}"] = over, size, {"units": unit}
+            loads[f"{name}_{told[unit]}"] = "time_s", size, unit
         for name in ("work", "kinetic", "potential", "dissipated", "missing"):
             energy = np.asarray(getattr(self.account, name))[motion.rows]
-            content[f"energy_{name}"] = over, energy, {"units": "N mm"}
-        words = [Status(int(x)).word for x in np.asarray(motion.status)]
-        content["status"] = over, words
-        places = {
-            over: (over, self.time_s, {"units": "s"}),
-            "ligament": list(knee.ligaments.names),
-            "contact": list(knee.contact_names),
-        }
-        return xarray.Dataset(content, places, {"knee": knee.name, **(attributes or {})})
+            loads[f"energy_{name}"] = "time_s", energy, "N mm"
+        return motion._named() | loads | {
+            "tension": (per, self.mechanics.tension, "N"), "damping": (per, self.damping_N, "N"),
+            "contact_force": ("time_s contact", pressed, "N"),
+            "ligament": ("ligament", knee.ligaments.names),
+            "contact": ("contact", knee.contact_names),
+        }  # fmt: skip
+
+    def _about(self) -> dict[str, Any]:
+        return {"knee": self.trajectory.moving.knee.name}
 
 
 def transient(

@@ -14,14 +14,14 @@ from jax import Array
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed, passive_flexion, with_flips
 from kneejax.experiments.laboratory._lab_test import LabTest
-from kneejax.geometry import CLINICAL, COORDINATES, table_units
+from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, table_units
 from kneejax.mechanics import Knee, Load
-from kneejax.numerics import numpy_for
-from kneejax.statics import LoadCases, converged
+from kneejax.numerics import Named, numpy_for
+from kneejax.statics import LoadCases, Status, converged
 
 
 @dataclasses.dataclass(frozen=True)
-class Curves:
+class Curves(Named):
     """A test's load path at each flexion, followed from the balance without its load.
 
     Every load is balanced once, however often the path comes by it: nothing in the knee
@@ -53,6 +53,18 @@ class Curves:
     steps: np.ndarray
     intact: Motion | None = None
     intact_rows: np.ndarray = dataclasses.field(default_factory=lambda: np.empty(0, int))
+
+    def _named(self) -> dict[str, tuple]:
+        over, test = ("flexion_deg", "step"), self.test
+        poses = np.moveaxis(np.asarray(self.to_table()), -1, 0)[1:]
+        loads = dict.fromkeys([test.driven_by, *test.full, *test.constant])
+        return {
+            "flexion_deg": ("flexion_deg", test.flexion_deg), "path": ("step", test.path, "1"),
+            **{name: (over, x) for name, x in zip(COLUMNS[1:], poses, strict=True)},
+            **{name: (over, self.load(name)) for name in loads},
+            "displacement": (over, self.displacement, COORDINATES[test.observed].unit),
+            "status": (over, self.searched[:, self.steps], Status),
+        }  # fmt: skip
 
     @property
     def counted_from(self) -> str:

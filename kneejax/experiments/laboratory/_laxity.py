@@ -11,12 +11,12 @@ from kneejax.experiments._branches import GUESSED, changed_in_steps, follow_seco
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units
 from kneejax.mechanics import Knee, load_called
-from kneejax.numerics import needs_numbers
+from kneejax.numerics import Named, needs_numbers
 from kneejax.statics import Status, balance_near, balance_one, converged, itself
 
 
 @dataclasses.dataclass(frozen=True)
-class Laxity:
+class Laxity(Named):
     """How far a knee gives in one test at one flexion.
 
     Attributes:
@@ -61,6 +61,10 @@ class Laxity:
     held_negative: float
     counted_from: str
     status: Status
+
+    def _named(self) -> dict[str, tuple]:
+        units = {name: self.unit for name in ("range", "positive", "negative", "neutral")}
+        return {x: ("", y, units.get(x, "")) for x, y in zip(LAXITY_COLUMNS, self.row, strict=True)}
 
     @property
     def row(self) -> list:

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import BY_COORDINATE, FREE_COORDINATES
 from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
 from kneejax.inference.bayesian._priors import (
     MotionDensity,
@@ -23,7 +23,7 @@ from kneejax.inference.bayesian._priors import (
 from kneejax.inference.calibration import versions
 from kneejax.inference.fit import Problem, offset_units, table_of
 from kneejax.inference.identification import noise_of
-from kneejax.numerics import adding_up, imported
+from kneejax.numerics import Named, adding_up, imported
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
 
@@ -32,7 +32,7 @@ LEVELS = (0.025, 0.25, 0.5, 0.75, 0.975)
 
 
 @dataclasses.dataclass(frozen=True)
-class Posterior:
+class Posterior(Named):
     """Draws of the parameters that a motion and the priors leave possible.
 
     Attributes:
@@ -89,6 +89,19 @@ class Posterior:
     seconds: dict[str, float]
     versions: dict[str, str]
     settings: dict[str, float]
+
+    OVER = {
+        "chain draw parameter": {"draws": ""}, "chain draw": {"log_density": "1", "divergent": ""},
+        "parameter": dict.fromkeys(
+            ("r_hat", "effective_sample_size", "tail_effective_sample_size"), "1"),
+        "coordinate pose level": {"motion_quantiles": "", "predictive_quantiles": ""},
+    }  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        own = {"parameter": self.names, "parameter_unit": self.units}
+        flexion = {"flexion_deg": ("pose", self.measured[:, 0]), "level": ("level", self.levels)}
+        labels = {name: ("parameter", values) for name, values in own.items()}
+        return super()._named() | labels | flexion | BY_COORDINATE
 
     @property
     def seed(self) -> int:

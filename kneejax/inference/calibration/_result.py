@@ -12,10 +12,15 @@ from typing import Any
 import numpy as np
 
 from kneejax.experiments import Mechanics
+from kneejax.geometry import BY_COORDINATE, COLUMNS, FREE_COORDINATES
 from kneejax.inference.calibration._quality import FittedTest, Misfit
 from kneejax.inference.intervals import IntervalKind
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
+from kneejax.statics import Status
 
+_NUMBERS = ("value", "start", "lower", "upper", "standard_error", "low", "high", "at_bound",
+            "slack")  # fmt: skip
 _PACKAGES = ("kneejax", "jax", "jaxlib", "optimistix", "equinox", "lineax", "numpy", "jaxopt")
 
 
@@ -173,7 +178,7 @@ class Fit:
 
 
 @dataclasses.dataclass(frozen=True)
-class Calibration:
+class Calibration(Named):
     """A calibration: measurement, start, and the fits of one or more procedures.
 
     Attributes:
@@ -228,6 +233,30 @@ class Calibration:
     versions: dict[str, str]
     settings: dict[str, Any]
     start_tests: tuple[FittedTest, ...] = ()
+
+    def _named(self) -> dict[str, tuple]:
+        fits, own = self.fits, self.fits[0].estimates
+        motions = [one.motion for one in fits]
+        each = [{x: [getattr(one, x) for one in fit.estimates] for x in _NUMBERS} for fit in fits]
+        numbers = {x: ("procedure parameter", [one[x] for one in each]) for x in _NUMBERS}
+        return numbers | BY_COORDINATE | {
+            "procedure": ("procedure", [fit.procedure for fit in fits]),
+            "parameter": ("parameter", [one.name for one in own]),
+            "parameter_unit": ("parameter", [one.unit for one in own]),
+            "other_parameter": ("other_parameter", [one.name for one in own]),
+            "ligament": ("ligament", self.ligaments), "contact": ("contact", self.contacts),
+            "objective": ("procedure", [fit.objective for fit in fits]),
+            "success": ("procedure", [fit.success for fit in fits]),
+            "correlation": ("procedure parameter other_parameter", [x.correlation for x in fits]),
+            "rmse": ("procedure coordinate",
+                     [[fit.rmse.get(x, np.nan) for x in FREE_COORDINATES] for fit in fits]),
+            "noise": ("coordinate", [self.noise.get(x, np.nan) for x in FREE_COORDINATES]),
+            "column": ("column", COLUMNS), "measured": ("measurement column", self.measured),
+            "fitted": ("procedure pose column", [one.table for one in motions]),
+            "status": ("procedure pose", [one.status for one in motions], Status),
+            "ligament_force_N": ("procedure pose ligament", [x.ligament_forces for x in motions]),
+            "contact_force_N": ("procedure pose contact", [x.contact_forces for x in motions]),
+        }  # fmt: skip
 
     @property
     def fit(self) -> Fit:

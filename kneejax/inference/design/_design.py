@@ -17,6 +17,7 @@ from kneejax.inference.design._candidates import (
 )
 from kneejax.inference.identification import Information
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
 from kneejax.parameters import Selection, UnsuitableData
 from kneejax.statics import Status
 
@@ -28,7 +29,7 @@ _GAIN = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
-class Design:
+class Design(Named):
     """The tests to make next, and what each is expected to tell.
 
     Attributes:
@@ -73,6 +74,18 @@ class Design:
     prior: np.ndarray | None
     prior_assumed: bool
     freed: tuple[str, ...]
+
+    OVER = {
+        "candidate": {"status": Status, "gains": "1"},
+        "candidate parameter": {"standard_errors_next": ""},
+        "tests_made": {"criterion_values": "1"}, "tests_made parameter": {"standard_errors": ""},
+    }  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        made = ["none", *(str(self.candidates[row]) for row in self.chosen)]
+        each = [str(one) for one in self.candidates]
+        labels = {"candidate": each, "tests_made": made, "parameter": self.names}
+        return super()._named() | {name: (name, values) for name, values in labels.items()}
 
     @property
     def tests(self) -> tuple[Candidate, ...]:

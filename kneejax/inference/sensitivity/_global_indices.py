@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kneejax.numerics import Named
 from kneejax.parameters import UnsuitableData
 
 #: Method -> measures in the order of tables; the first ranks the parameters.
@@ -33,7 +34,7 @@ _CONSTANT = 1e-12
 
 
 @dataclasses.dataclass(frozen=True)
-class GlobalIndices:
+class GlobalIndices(Named):
     """How much of each output each parameter explains over its range.
 
     Sobol: `first_order` is the part of an output's variance that a parameter explains by itself,
@@ -69,6 +70,15 @@ class GlobalIndices:
     failed: int
     blocks: int
     left_out: int
+
+    OVER = {"parameter": {"lower": "", "upper": ""}}
+
+    def _named(self) -> dict[str, tuple]:
+        over = "output parameter"
+        halves = {f"{name}_half_width": (over, x) for name, x in self.half_widths.items()}
+        labels = {"output": ("output", self.outputs), "parameter": ("parameter", self.names)}
+        measures = {name: (over, x) for name, x in self.measures.items()}
+        return super()._named() | labels | measures | halves
 
     @property
     def doubtful(self) -> bool:

@@ -16,6 +16,7 @@ from kneejax.inference.sensitivity._global_indices import (
     global_indices,
 )
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
 from kneejax.parameters import (
     Selection,
     UnsuitableData,
@@ -53,7 +54,7 @@ class Output:
 
 
 @dataclasses.dataclass(frozen=True)
-class MotionIndices:
+class MotionIndices(Named):
     """Global indices of a knee's motion.
 
     Attributes:
@@ -66,6 +67,10 @@ class MotionIndices:
     indices: GlobalIndices
     outputs: tuple[Output, ...]
     left_out_deg: tuple[float, ...]
+
+    def _named(self) -> dict[str, tuple]:
+        units = {"output_unit": ("output", [one.unit for one in self.outputs])}
+        return self.indices._named() | units
 
     @property
     def flexion_deg(self) -> tuple[float, ...]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.numerics import imported
+from kneejax.numerics import Named
 from kneejax.statics import FAILURES, Status, converged, fails
 
 
@@ -84,7 +84,7 @@ class BlockStore(Protocol):
 
 
 @dataclasses.dataclass(frozen=True)
-class ParameterMap:
+class ParameterMap(Named):
     """Objective and partial objectives over two parameters.
 
     Attributes:
@@ -131,38 +131,26 @@ class ParameterMap:
         row, column = np.unravel_index(np.argmin(best), best.shape)
         return float(self.x[column]), float(self.y[row]), float(best[row, column])
 
-    def to_dataset(self, attributes: Mapping[str, Any] | None = None):
-        """The map as an `xarray.Dataset` with coordinates, units and flags.
-
-        Args:
-            attributes: of the whole, e.g. the study and the versions.
-
-        Raises:
-            UnsuitableData: the package xarray is not installed.
-        """
-        xarray = imported("xarray", "xarray", "maps")
+    def _named(self) -> dict[str, tuple]:
         column, row = self.names
-        axes = (row, column)
-        squares = ["degree2", "degree2", "mm2", "mm2", "mm2"]
-        words = " ".join(c.word for c in Condition)
-        content: dict[str, Any] = {
-            "objective": (axes, self.objective, {"units": "1", "long_name": "weighted squares"})
-        }
-        for name, values, unit in zip(
-            FREE_COORDINATES, self.partial_objectives, squares, strict=True
-        ):
-            note = f"sum of squared errors of {name.replace('_', ' ')}"
-            content[name] = (axes, values, {"units": unit, "long_name": note})
-        flags = {"flag_values": np.arange(len(Condition), dtype=np.int8), "flag_meanings": words}
-        content["condition"] = (axes, self.condition.astype(np.int8), flags)
-        content["poses_without_balance"] = (axes, self.lost.astype(np.int32), {"units": "1"})
-        coordinates = {
-            name: (name, values, {"units": unit or "1", "start": own})
-            for name, values, unit, own in zip(
-                (column, row), (self.x, self.y), self.units, self.start, strict=True
-            )
-        }
+        axes, squares = (row, column), ["degree2", "degree2", "mm2", "mm2", "mm2"]
+        flags = {"flag_values": np.arange(len(Condition), dtype=np.int8),
+                 "flag_meanings": " ".join(one.word for one in Condition)}  # fmt: skip
+        places = zip((column, row), (self.x, self.y), self.units, self.start, strict=True)
+        partial = zip(FREE_COORDINATES, self.partial_objectives, squares, strict=True)
+        return {
+            "objective": (axes, self.objective, {"units": "1", "long_name": "weighted squares"}),
+            **{name: (axes, values, {
+                "units": unit, "long_name": f"sum of squared errors of {name.replace('_', ' ')}"})
+               for name, values, unit in partial},
+            "condition": (axes, self.condition.astype(np.int8), flags),
+            "poses_without_balance": (axes, self.lost.astype(np.int32), "1"),
+            **{name: ((name,), values, {"units": unit or "1", "start": own})
+               for name, values, unit, own in places},
+        }  # fmt: skip
+
+    def _about(self) -> dict[str, Any]:
         named = zip(FREE_COORDINATES, self.weights, strict=True)
         weights = {f"weight_{name}": float(weight) for name, weight in named}
         own = {"start_objective": self.start_objective, "poses_left_out": self.left_out}
-        return xarray.Dataset(content, coordinates, {**own, **weights, **(attributes or {})})
+        return {**own, **weights}

@@ -8,8 +8,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kneejax.geometry import BY_COORDINATE
 from kneejax.inference.fit import table_of
 from kneejax.mechanics import Knee
+from kneejax.numerics import Named
 from kneejax.parameters import (
     Selection,
     UnsuitableData,
@@ -36,7 +38,7 @@ SCALES = {"prior": "standard deviation of the prior", "percent": "per cent of th
 
 
 @dataclasses.dataclass(frozen=True)
-class LocalSensitivity:
+class LocalSensitivity(Named):
     """Derivatives of a motion with respect to parameters; rows that failed are NaN.
 
     Attributes:
@@ -61,6 +63,16 @@ class LocalSensitivity:
     derivative: np.ndarray
     scale: str
     widths: np.ndarray
+
+    OVER = {
+        "flexion_deg": {"flexion_deg": "", "status": Status},
+        "flexion_deg coordinate": {"table": ""}, "parameter": {"values": "", "widths": ""},
+        "flexion_deg coordinate parameter": {"derivative": "", "scaled": ""},
+    }  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        own = {"parameter": ("parameter", self.names), "parameter_unit": ("parameter", self.units)}
+        return super()._named() | BY_COORDINATE | own
 
     @property
     def scaled(self) -> np.ndarray:
@@ -159,7 +171,7 @@ _SLACK = 0.2
 
 
 @dataclasses.dataclass(frozen=True)
-class Sweep:
+class Sweep(Named):
     """One parameter over its values, everything else kept.
 
     Attributes:
@@ -182,6 +194,13 @@ class Sweep:
     status: np.ndarray
     unphysiological: np.ndarray
     failures: tuple[Status, ...] = FAILURES
+
+    OVER = {"value load_case": {"status": Status, "unphysiological": ""},
+            "value load_case coordinate": {"table": ""}}  # fmt: skip
+
+    def _named(self) -> dict[str, tuple]:
+        own = {"value": ("value", self.values, {"units": self.unit or "1", "parameter": self.name})}
+        return super()._named() | BY_COORDINATE | own
 
     @property
     def sound(self) -> np.ndarray:

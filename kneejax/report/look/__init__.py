@@ -10,13 +10,11 @@ from kneejax.report.look.colours import PURPLE as PURPLE
 from kneejax.report.look.colours import VERMILLION as VERMILLION
 from kneejax.report.look.page import Answer as Answer
 from kneejax.report.look.page import as_setting as as_setting
-from kneejax.report.look.page import rendered as rendered
 from kneejax.report.look.page import write_page as write_page
 from kneejax.report.look.style import SHOWN as SHOWN
 from kneejax.report.look.style import WIDTH as WIDTH
 from kneejax.report.look.style import picture_png as picture_png
 from kneejax.report.look.style import picture_svg as picture_svg
-from kneejax.report.look.style import save_and_inline as save_and_inline
 from kneejax.report.look.style import styled as styled
 from kneejax.report.look.style import verbatim as verbatim
 from kneejax.report.look.style import without_frame as without_frame

@@ -16,7 +16,7 @@ from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from kneejax.report.look.style import picture_svg, save_and_inline, write_whole
+from kneejax.report.look.style import picture_svg, save_figure, write_whole
 from kneejax.report.look.tables import Table, json_safe, number, wrapped
 
 if TYPE_CHECKING:
@@ -159,9 +159,10 @@ class Answer:
         asked_again = [(name, as_setting(value))
                        for name, value in json_safe(dict(settings or {})).items()]  # fmt: skip
         lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
-        return rendered("answer.html.j2", answer=self, pictures=pictures, table=self._table,
-                        settings=asked_again, versions=list((versions or {}).items()),
-                        seconds=lasted)  # fmt: skip
+        return _environment().get_template("answer.html.j2").render(
+            answer=self, pictures=pictures, table=self._table, settings=asked_again,
+            versions=list((versions or {}).items()), seconds=lasted,
+        )  # fmt: skip
 
     def terminal(self) -> str:
         """What a terminal shows: the answer with its main tables, and what to doubt."""
@@ -211,12 +212,11 @@ def write_page(
     gc.disable()
     try:
         for name, drawing in answer.drawings.items():
+            figure = drawing.draw()
+            pictures[name] = picture_svg(figure, name)
             if figures:
-                drawn = save_and_inline(drawing.draw(), folder / "figures", name, svg=svg)
-                paths += drawn[0]
-                pictures[name] = drawn[1]
-            else:
-                pictures[name] = picture_svg(drawing.draw(), name)
+                drawn = pictures[name] if svg else False
+                paths += save_figure(figure, folder / "figures", name, svg=drawn)
     finally:
         if running:
             gc.enable()
@@ -272,16 +272,6 @@ def _width(svg: str) -> str:
         return ""
     points = head.split(' width="', 1)[1].split("pt", 1)[0]
     return f"max-width:{float(points) / 9.33:.1f}rem"
-
-
-def rendered(template: str, **values: Any) -> str:
-    """A page made of one of the templates of this folder.
-
-    Args:
-        template: name of the file.
-        values: what its names stand for; plain text is escaped.
-    """
-    return _environment().get_template(template).render(**values)
 
 
 @functools.cache

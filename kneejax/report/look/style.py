@@ -137,7 +137,7 @@ def picture_png(figure: Figure) -> bytes:
 
 
 def save_figure(
-    figure: Figure, folder: str | os.PathLike[str], name: str, *, svg: bool = False
+    figure: Figure, folder: str | os.PathLike[str], name: str, *, svg: bool | str = False
 ) -> list[Path]:
     """Save a figure as `NAME.png` (200 dpi).
 
@@ -145,30 +145,14 @@ def save_figure(
         figure: what to save.
         folder: where; made if needed.
         name: of the files, without ending.
-        svg: whether `NAME.svg` is saved as well.
+        svg: whether `NAME.svg` is saved as well; or its element, where it was rendered before.
 
     Returns:
         The paths.
     """
-    drawn = picture_svg(figure, name) if svg else None
-    return _saved(figure, Path(folder), name, drawn)
-
-
-def save_and_inline(
-    figure: Figure, folder: Path, name: str, *, svg: bool = False
-) -> tuple[list[Path], str]:
-    """As `save_figure`, and hand back its SVG for a page, rendered once.
-
-    Returns:
-        The paths, and the `<svg>` element.
-    """
-    drawn = picture_svg(figure, name)
-    return _saved(figure, folder, name, drawn if svg else None), drawn
-
-
-def _saved(figure: Figure, folder: Path, name: str, svg: str | None) -> list[Path]:
-    paths = [write_whole(folder / f"{name}.png", picture_png(figure))]
-    if svg is not None:
-        preamble = '<?xml version="1.0" encoding="utf-8"?>\n'
-        paths.append(write_whole(folder / f"{name}.svg", (preamble + svg).encode()))
+    paths = [write_whole(Path(folder) / f"{name}.png", picture_png(figure))]
+    if svg:
+        drawn = svg if isinstance(svg, str) else picture_svg(figure, name)
+        whole = f'<?xml version="1.0" encoding="utf-8"?>\n{drawn}'
+        paths.append(write_whole(Path(folder) / f"{name}.svg", whole.encode()))
     return paths

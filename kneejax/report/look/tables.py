@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.quantities import quantity_of
+from kneejax.quantities import quantity_of, unit_of_column
 
 NONE = "-"
 LINE_WIDTH = 98
@@ -182,10 +182,9 @@ class Column:
     @property
     def heading(self) -> str:
         """What stands above the column: of `max_pressure_MPa` it is `max pressure, MPa`."""
-        stem, _, unit = self.name.rpartition("_")
-        if stem and unit in ("N", "mm", "mm2", "MPa", "deg", "Nm", "Nmm", "s", "kg", "m"):
-            return self.label or f"{stem.replace('_', ' ')}, {unit.replace('2', '²')}"
-        return self.label or self.name.replace("_", " ")
+        unit = unit_of_column(self.name)
+        stem = self.name.removesuffix(f"_{unit}").replace("_", " ")
+        return self.label or ", ".join(filter(None, (stem, unit.replace("2", "²"))))
 
     def text(self, value: Any) -> str:
         """A cell for people."""

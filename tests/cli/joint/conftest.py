@@ -35,6 +35,5 @@ def drawn_only_where_wanted(request, monkeypatch):
         for name in ("axes", "motion"):
             figure = f"kneejax.report.joint_fit.joint_{name}_figure"
             monkeypatch.setattr(figure, lambda *_: None)
-        monkeypatch.setattr(
-            "kneejax.report.look.page.save_and_inline", lambda *_, **__: ([], "<svg></svg>")
-        )
+        for name, made in (("picture_svg", "<svg></svg>"), ("save_figure", [])):
+            monkeypatch.setattr(f"kneejax.report.look.page.{name}", lambda *_, x=made, **__: x)
