@@ -9,9 +9,9 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli.options import ExportOsim, ImportOsim, ImportStl
+from kneejax.cli.options import ExportOsim, ImportLigament, ImportOsim, ImportStl
 from kneejax.files.opensim import import_sections
-from kneejax.report import mesh_import_answer, osim_import_answer
+from kneejax.report import band_import_answer, mesh_import_answer, osim_import_answer
 from kneejax.report.look import Table
 from kneejax.studies import stages_on_terminal
 
@@ -55,6 +55,8 @@ def import_model(arguments: ImportOsim) -> int:
 
 
 _SIDES = {"r": "right", "l": "left"}
+#: Of a band: strain at which the toe region of Blankevoort's law ends, and the rounding at slack.
+_TRANSITION_STRAIN, _TRANSITION_WIDTH = 0.06, 0.001
 
 def import_surfaces(arguments: ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
@@ -121,6 +123,36 @@ def _report(findings: Sequence[str], fits: Table) -> str:
         words = [f"{x:.4f}" if isinstance(x, float) else str(x) for x in row]
         lines.append(f"| {' | '.join(words)} |")
     return "\n".join([*lines, "", fits.note, ""])
+
+
+def import_ligament(arguments: ImportLigament) -> int:
+    """Write a knee with a band where it had fibres, or nothing."""
+    read, name = files.load_knee_file(arguments.knee), arguments.name or arguments.file.stem
+    document = copy.deepcopy(read.document)
+    band = files.band_of_meshes(
+        arguments.file, arguments.femur_bone, arguments.tibia_bone, read.knee.reference_pose,
+        arguments.within, document.get("side", "right"),
+    )  # fmt: skip
+    strain = arguments.transition_strain
+    if arguments.law == "blankevoort" and strain is None:
+        strain = _TRANSITION_STRAIN
+    toe = {} if strain is None else {"transition_strain": strain}
+    entry = band.entry() | toe | {
+        "youngs_modulus_MPa": arguments.modulus, "prestretch": arguments.prestretch,
+        "law": arguments.law, "transition_width": _TRANSITION_WIDTH, "fibres": arguments.fibres,
+        "source": f"areas and cross-section of {arguments.file.name}; its material as stated",
+    }  # fmt: skip
+    groups = document.pop("groups", {})
+    replaced = {*groups.pop(name, [name])} & {*document["ligaments"]}
+    for fibre in replaced:
+        del document["ligaments"][fibre]
+    groups = {group: [x for x in some if x not in replaced] for group, some in groups.items()}
+    if groups := {group: some for group, some in groups.items() if some}:
+        document["groups"] = groups
+    document["bands"] = document.get("bands", {}) | {name: entry}
+    files.write_knee(document, arguments.out / "knee.yaml")
+    answer = band_import_answer(name, band, arguments.modulus, arguments.fibres, sorted(replaced))
+    return deliver(answer, arguments, ["knee.yaml"])
 
 
 def export_model(arguments: ExportOsim) -> int:

@@ -15,6 +15,7 @@ from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
+    from kneejax.files import MeshBand
     from kneejax.geometry import SurfaceFit
 
 
@@ -142,6 +143,45 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
         doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
         text=findings,
     )
+
+
+def band_import_answer(
+    name: str, band: MeshBand, modulus_MPa: float, fibres: int, replaced: Sequence[str]
+) -> Answer:
+    """A ligament's mesh as a band.
+
+    Args:
+        name: of the ligament.
+        band: what its mesh tells.
+        modulus_MPa: Young's modulus.
+        fibres: as which it is drawn.
+        replaced: fibres of the knee whose place it takes.
+
+    Returns:
+        The answer; its tables are areas and cross_sections.
+    """
+    rows = []
+    for bone, area in (("femur", band.femoral), ("tibia", band.tibial)):
+        half = np.linalg.svd(np.asarray(area.half_axes), compute_uv=False)
+        rows.append([bone, *np.asarray(area.centre), *half[:2], np.pi * half[0] * half[1]])
+    heads = ("bone", "anterior_mm", "superior_mm", "lateral_mm", "half_length_mm", "half_width_mm",
+             "area_mm2")  # fmt: skip
+    show = {"bone": ()} | {x: (x.rpartition("_")[0].replace("_", " ") + ", mm", ".1f")
+                           for x in heads[1:6]} | {"area_mm2": ("area, mm²", ".0f")}  # fmt: skip
+    areas = Table.of(dict(zip(heads, zip(*rows, strict=True), strict=True)),
+                     "Where it is attached, in each bone's frame", show=show)  # fmt: skip
+    sections = Table.of({"along_mm": band.along_mm, "area_mm2": band.areas_mm2},
+                        "Cross-sections, from the femur")  # fmt: skip
+    stiffness, place = modulus_MPa * band.area_mm2, f"in place of {', '.join(replaced)}"
+    return Answer(
+        title=f"{name}, from its mesh",
+        asked="Where a ligament's mesh touches femur and tibia, and how thick it is.",
+        sentence=f"Cross-section {band.area_mm2:.1f} mm² ({band.areas_mm2.min():.1f} to "
+        f"{band.areas_mm2.max():.1f} along it), stiffness {stiffness:.0f} N per unit strain, drawn "
+        f"as {fibres} fibres{f', {place}' if replaced else ''}.",
+        tables={"areas": areas, "cross_sections": sections}, main=["areas"],
+        sections=[Section("Cross-sections", [], ["cross_sections"])],
+    )  # fmt: skip
 
 
 def osim_import_answer(

@@ -217,6 +217,39 @@ class ImportStl(Drawn):
     )
 
 
+class ImportLigament(Drawn):
+    """Make a band of a ligament's mesh between the bones of a knee."""
+
+    command: ClassVar = "import ligament"
+    example: ClassVar = (
+        "kneejax import ligament ACL.stl --knee knee.yaml --femur-bone FEMUR.stl "
+        "--tibia-bone TIBIA.stl --modulus 120"
+    )
+    body: ClassVar = "kneejax.cli._exchange:import_ligament"
+    folder: ClassVar = "kneejax-import"
+
+    file: Annotated[Mesh, Place("MESH")] = meaning(
+        "closed, in the femur's frame, at the knee's reference pose"
+    )
+    knee: Knee = meaning(f"that gets the ligament: {KNEE}")
+    femur_bone: Mesh = meaning("mesh, in the femur's frame")
+    tibia_bone: Mesh = meaning("mesh, in the tibia's frame")
+    modulus: Annotated[float, Form("MPA")] = meaning("Young's modulus along the fibres, MPa")
+    name: str | None = meaning(
+        "of the ligament, the mesh's if not given; what has it in the knee is replaced", None
+    )
+    prestretch: float = meaning("length over slack length at the reference pose", 1.0)
+    law: Literal["neo_hookean", "blankevoort"] = meaning("of each fibre", "neo_hookean")
+    transition_strain: Annotated[
+        float | None,
+        Only(lambda asked: asked.law == "blankevoort", "--law blankevoort with it", "law"),
+    ] = meaning("where the toe region ends, of --law blankevoort; 0.06 if not given", None)
+    fibres: int = meaning("that the band is drawn as", 24)
+    within: Annotated[float, Form("MM")] = meaning(
+        "how far from a bone the ligament is attached to it", 1.0
+    )
+
+
 class ExportOsim(Command):
     """Write a knee's numbers into the OpenSim model that it came from."""
 

@@ -111,14 +111,17 @@ def drawn(
     diameters that are given belong to each other, first to first; those of an outline are chosen so
     that the band is twisted least at the reference pose, where the tibia is at `tibia`."""
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
+    # A left knee's points are its own, and its pose is that of a right one.
+    mirror = np.array([1.0, 1.0, -1.0 if document.get("side") == "left" else 1.0])
     for name, band in bands.items():
         areas = band.femoral_area, band.tibial_area
         femoral, tibial = (area.ellipse(document.get("side", "right")) for area in areas)
         if any(area.outline_mm is not None for area in areas):
-            axes = [np.array([*map(float, tibia.turn(Vector(*x)))]) for x in tibial.half_axes]
-            turned = mechanics.untwisted(femoral, AttachmentArea(tibial.centre, np.array(axes)))
-            back = [np.array([*map(float, tibia.turn_back(Vector(*x)))]) for x in turned.half_axes]
-            tibial = AttachmentArea(tibial.centre, np.array(back))
+            own = tibial.half_axes * mirror
+            axes = np.array([[*map(float, tibia.turn(Vector(*x)))] for x in own]) * mirror
+            turned = mechanics.untwisted(femoral, AttachmentArea(tibial.centre, axes)).half_axes
+            back = [[*map(float, tibia.turn_back(Vector(*x)))] for x in turned * mirror]
+            tibial = AttachmentArea(tibial.centre, np.array(back) * mirror)
         field = mechanics.fibre_field(
             femoral, tibial, band.youngs_modulus_MPa, band.area_mm2, band.prestretch, band.fibres
         )

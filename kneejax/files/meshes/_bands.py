@@ -54,6 +54,7 @@ def band_of_meshes(
     second_bone: str | os.PathLike[str],
     pose: Pose,
     within_mm: float = 1.0,
+    side: str = "right",
 ) -> MeshBand:
     """The band that a ligament's mesh is.
 
@@ -64,6 +65,7 @@ def band_of_meshes(
         second_bone: likewise.
         pose: of the second bone in the first, when the ligament was scanned.
         within_mm: how far from a bone the ligament's surface may be where it is attached.
+        side: of the knee; a pose is that of a right one, which a left one mirrors.
 
     Returns:
         Areas, direction and cross-sections. Young's modulus, prestretch and law are no matter of
@@ -73,13 +75,14 @@ def band_of_meshes(
         InputProblem: a file is no mesh, the ligament does not touch a bone, or is not closed
             between its areas.
     """
-    mesh, there = read_mesh_points(ligament), pose.placement
+    mesh, back = read_mesh_points(ligament), pose.placement.inverse()
+    mirror = np.array([1.0, 1.0, 1.0 if side == "right" else -1.0])
     corners = mesh.points_mm[mesh.faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     middles, sizes = corners.mean(axis=1), 0.5 * np.linalg.norm(normals, axis=1)
     found = []
-    for bone, to_bone in ((first_bone, None), (second_bone, there.inverse())):
-        own = mesh.points_mm if to_bone is None else moved(to_bone, mesh.points_mm)
+    in_second = moved(back, mesh.points_mm * mirror) * mirror
+    for bone, own in ((first_bone, mesh.points_mm), (second_bone, in_second)):
         near = bone_surface(bone)(own)[2] <= within_mm
         touching = near[mesh.faces].all(axis=1)
         if touching.sum() < _FEWEST:
@@ -97,9 +100,9 @@ def band_of_meshes(
     if not np.all(areas > 0.0):
         expected = "a closed mesh, with the ligament's inside between its areas"
         raise InputProblem(ligament, "cross-section", f"{areas.min():.3g} mm^2", expected)
-    back = there.inverse()
-    turned = np.array([[*map(float, back.turn(Vector(*x)))] for x in second.half_axes])
-    tibial = AttachmentArea(moved(back, second.centre[None])[0], turned)
+    axes = [[*map(float, back.turn(Vector(*x)))] for x in second.half_axes * mirror]
+    centre = moved(back, second.centre[None] * mirror)[0] * mirror
+    tibial = AttachmentArea(centre, np.array(axes) * mirror)
     return MeshBand(first, tibial, span / length, along, areas)
 
 

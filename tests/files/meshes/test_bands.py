@@ -66,6 +66,23 @@ def test_a_tapered_bar_has_the_sections_of_a_cone_and_their_harmonic_mean(files)
     assert band.area_mm2 == pytest.approx(1.0 / np.mean(1.0 / band.areas_mm2))
 
 
+def test_a_left_knee_has_the_mirrored_band(files, tmp_path):
+    paths, *_ = files(elliptic_bar((6.0, 3.0), taper=0.4))
+    left = [tmp_path / f"left_{path.name}" for path in paths]
+    for path, mirrored in zip(paths, left, strict=True):
+        mesh = trimesh.load(path)
+        mesh.vertices = mesh.vertices * [1.0, 1.0, -1.0]
+        mesh.invert()
+        mesh.export(mirrored)
+    band = band_of_meshes(*paths, POSE, within_mm=0.05)
+    other = band_of_meshes(*left, POSE, within_mm=0.05, side="left")
+    mirror = [1.0, 1.0, -1.0]
+    np.testing.assert_allclose(other.tibial.centre * mirror, band.tibial.centre, atol=1e-4)
+    squares = [x.T @ x for x in (other.tibial.half_axes * mirror, band.tibial.half_axes)]
+    np.testing.assert_allclose(*squares, atol=1e-3)
+    assert other.area_mm2 == pytest.approx(band.area_mm2, rel=1e-6)
+
+
 def test_a_ligament_elsewhere_is_refused_with_what_to_look_for(files):
     bar = elliptic_bar((6.0, 3.0)).apply_translation([0.0, -5.0, 0.0])
     paths, *_ = files(bar)
