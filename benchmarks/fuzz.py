@@ -88,9 +88,9 @@ def kinds() -> dict[str, Kind]:
     from kneejax.cli._settings import command_again, read_settings
     from kneejax.cohorts import read_cohort
     from kneejax.files import tables
-    from kneejax.files.meshes._points import read_mesh_points
-    from kneejax.files.opensim._acting import read_external_loads
-    from kneejax.files.opensim._model import read_model
+    from kneejax.files.meshes.points import read_mesh_points
+    from kneejax.files.opensim.acting import read_external_loads
+    from kneejax.files.opensim.model import read_model
     from kneejax.studies import read_study
     from kneejax.studies._acl_plan import read_plan
 

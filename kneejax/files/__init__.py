@@ -38,61 +38,61 @@ if TYPE_CHECKING:
     from kneejax.files._landmarks import read_femur_landmarks as read_femur_landmarks
     from kneejax.files._landmarks import read_tibia_landmarks as read_tibia_landmarks
     from kneejax.files._landmarks import write_axis_points as write_axis_points
-    from kneejax.files.knee._document import format_knee as format_knee
-    from kneejax.files.knee._document import mirror_document as mirror_document
-    from kneejax.files.knee._file import KneeFile as KneeFile
-    from kneejax.files.knee._file import read_knee as read_knee
-    from kneejax.files.knee._file import write_knee as write_knee
-    from kneejax.files.knee._restated import reconstructed as reconstructed
-    from kneejax.files.knee._restated import restated as restated
-    from kneejax.files.meshes._bands import MeshBand as MeshBand
-    from kneejax.files.meshes._bands import band_of_meshes as band_of_meshes
-    from kneejax.files.meshes._import import MeshImport as MeshImport
-    from kneejax.files.meshes._import import MeshOptions as MeshOptions
-    from kneejax.files.meshes._import import import_meshes as import_meshes
-    from kneejax.files.meshes._points import MeshPoints as MeshPoints
-    from kneejax.files.meshes._points import bone_surface as bone_surface
-    from kneejax.files.meshes._points import read_mesh_points as read_mesh_points
-    from kneejax.files.meshes._surfaces import SheetFit as SheetFit
-    from kneejax.files.opensim._contact import OsimGeometry as OsimGeometry
-    from kneejax.files.opensim._contact import add_osim_contacts as add_osim_contacts
-    from kneejax.files.opensim._coupled import CoupledMotion as CoupledMotion
-    from kneejax.files.opensim._coupled import couple_model as couple_model
-    from kneejax.files.opensim._coupled import coupled_motion as coupled_motion
-    from kneejax.files.opensim._export import OsimExport as OsimExport
-    from kneejax.files.opensim._export import export_osim as export_osim
-    from kneejax.files.opensim._frames import Registration as Registration
-    from kneejax.files.opensim._frames import registered as registered
-    from kneejax.files.opensim._import import OsimImport as OsimImport
-    from kneejax.files.opensim._import import import_osim as import_osim
-    from kneejax.files.opensim._model import SMALLEST_MODEL as SMALLEST_MODEL
-    from kneejax.files.opensim._record import read_activity as read_activity
-    from kneejax.files.opensim._report import format_import_report as format_import_report
-    from kneejax.files.opensim._whole_body import WholeBody as WholeBody
-    from kneejax.files.opensim._whole_body import WholeBodyForces as WholeBodyForces
-    from kneejax.files.opensim._whole_body import ask_opensim as ask_opensim
-    from kneejax.files.opensim._whole_body import whole_body as whole_body
+    from kneejax.files.knee.document import format_knee as format_knee
+    from kneejax.files.knee.document import mirror_document as mirror_document
+    from kneejax.files.knee.file import KneeFile as KneeFile
+    from kneejax.files.knee.file import read_knee as read_knee
+    from kneejax.files.knee.file import write_knee as write_knee
+    from kneejax.files.knee.restated import reconstructed as reconstructed
+    from kneejax.files.knee.restated import restated as restated
+    from kneejax.files.meshes.bands import MeshBand as MeshBand
+    from kneejax.files.meshes.bands import band_of_meshes as band_of_meshes
+    from kneejax.files.meshes.importing import MeshImport as MeshImport
+    from kneejax.files.meshes.importing import MeshOptions as MeshOptions
+    from kneejax.files.meshes.importing import import_meshes as import_meshes
+    from kneejax.files.meshes.points import MeshPoints as MeshPoints
+    from kneejax.files.meshes.points import bone_surface as bone_surface
+    from kneejax.files.meshes.points import read_mesh_points as read_mesh_points
+    from kneejax.files.meshes.surfaces import SheetFit as SheetFit
+    from kneejax.files.opensim.contact import OsimGeometry as OsimGeometry
+    from kneejax.files.opensim.contact import add_osim_contacts as add_osim_contacts
+    from kneejax.files.opensim.coupled import CoupledMotion as CoupledMotion
+    from kneejax.files.opensim.coupled import couple_model as couple_model
+    from kneejax.files.opensim.coupled import coupled_motion as coupled_motion
+    from kneejax.files.opensim.export import OsimExport as OsimExport
+    from kneejax.files.opensim.export import export_osim as export_osim
+    from kneejax.files.opensim.frames import Registration as Registration
+    from kneejax.files.opensim.frames import registered as registered
+    from kneejax.files.opensim.importing import OsimImport as OsimImport
+    from kneejax.files.opensim.importing import import_osim as import_osim
+    from kneejax.files.opensim.model import SMALLEST_MODEL as SMALLEST_MODEL
+    from kneejax.files.opensim.record import read_activity as read_activity
+    from kneejax.files.opensim.report import format_import_report as format_import_report
+    from kneejax.files.opensim.whole_body import WholeBody as WholeBody
+    from kneejax.files.opensim.whole_body import WholeBodyForces as WholeBodyForces
+    from kneejax.files.opensim.whole_body import ask_opensim as ask_opensim
+    from kneejax.files.opensim.whole_body import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
     from kneejax.files.reading import InputProblems as InputProblems
     from kneejax.files.reading import counted as counted
+    from kneejax.files.reading import parse_flexion as parse_flexion
+    from kneejax.files.reading import parse_range as parse_range
     from kneejax.files.reading import write_bytes as write_bytes
     from kneejax.files.reading import write_text as write_text
-    from kneejax.files.reading._values import parse_flexion as parse_flexion
-    from kneejax.files.reading._values import parse_range as parse_range
     from kneejax.files.results import Calibrated as Calibrated
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated
     from kneejax.files.results import write_netcdf as write_netcdf
-    from kneejax.files.tables._loads import CandidateRow as CandidateRow
-    from kneejax.files.tables._loads import LabTable as LabTable
-    from kneejax.files.tables._loads import read_candidates as read_candidates
-    from kneejax.files.tables._loads import read_lab_table as read_lab_table
-    from kneejax.files.tables._loads import read_loads as read_loads
-    from kneejax.files.tables._loads import read_loads_over_time as read_loads_over_time
-    from kneejax.files.tables._storage import read_storage as read_storage
-    from kneejax.files.tables._tables import read_patella_poses as read_patella_poses
-    from kneejax.files.tables._tables import read_poses as read_poses
-    from kneejax.files.tables._tables import write_poses as write_poses
-    from kneejax.files.tables._tables import write_rows as write_rows
+    from kneejax.files.tables.loads import CandidateRow as CandidateRow
+    from kneejax.files.tables.loads import LabTable as LabTable
+    from kneejax.files.tables.loads import read_candidates as read_candidates
+    from kneejax.files.tables.loads import read_lab_table as read_lab_table
+    from kneejax.files.tables.loads import read_loads as read_loads
+    from kneejax.files.tables.loads import read_loads_over_time as read_loads_over_time
+    from kneejax.files.tables.storage import read_storage as read_storage
+    from kneejax.files.tables.tables import read_patella_poses as read_patella_poses
+    from kneejax.files.tables.tables import read_poses as read_poses
+    from kneejax.files.tables.tables import write_poses as write_poses
+    from kneejax.files.tables.tables import write_rows as write_rows
 else:
     lazy_imports(globals())

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 
 from kneejax.files._bundled import named_path
 from kneejax.files.knee import build_knee
-from kneejax.files.knee._file import KneeFile, read_knee, write_knee
-from kneejax.files.knee._restated import restated
+from kneejax.files.knee.file import KneeFile, read_knee, write_knee
+from kneejax.files.knee.restated import restated
 from kneejax.files.meshes import MESH_ENDINGS
 from kneejax.files.reading import InputProblem
 from kneejax.files.results import Calibrated, read_calibrated

@@ -13,7 +13,7 @@ from pydantic import model_validator
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
 from kneejax.files.tables import Table
-from kneejax.files.tables._tables import write_rows
+from kneejax.files.tables.tables import write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")

@@ -15,7 +15,6 @@ from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import grid
 
 if TYPE_CHECKING:
-    from kneejax.files import MeshBand
     from kneejax.geometry import SurfaceFit
 
 
@@ -146,13 +145,13 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
 
 
 def band_import_answer(
-    name: str, band: MeshBand, modulus_MPa: float, fibres: int, replaced: Sequence[str]
+    name: str, band: Any, modulus_MPa: float, fibres: int, replaced: Sequence[str]
 ) -> Answer:
     """A ligament's mesh as a band.
 
     Args:
         name: of the ligament.
-        band: what its mesh tells.
+        band: what its mesh tells, a `kneejax.files.MeshBand`.
         modulus_MPa: Young's modulus.
         fibres: as which it is drawn.
         replaced: fibres of the knee whose place it takes.

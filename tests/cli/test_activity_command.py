@@ -110,7 +110,7 @@ def test_a_movement_for_opensim_is_checked_before_it_is_asked(
     words, said, ground, capsys, monkeypatch
 ):
     monkeypatch.chdir(ground)
-    monkeypatch.setattr("kneejax.files.opensim._whole_body.check_installed", lambda *_: None)
+    monkeypatch.setattr("kneejax.files.opensim.whole_body.check_installed", lambda *_: None)
     command = ["activity", *words.split(), "--model", "m.osim", "--knee", "four_ligament"]
     assert main([*command, "--out", "out"]) == 2
     error = capsys.readouterr().err
@@ -134,7 +134,7 @@ def test_of_a_plan_the_motion_of_its_intact_knee_goes_back(
         raise _AskedError
 
     monkeypatch.chdir(ground)
-    monkeypatch.setattr("kneejax.files.opensim._whole_body.check_installed", lambda *_: None)
+    monkeypatch.setattr("kneejax.files.opensim.whole_body.check_installed", lambda *_: None)
     monkeypatch.setattr("kneejax.cli._activity.asked_of_opensim", ask)
     words = ["--motion", "angles.sto", "--model", "m.osim", "--plan", "ten_bundle", "--rounds", "2"]
     with pytest.raises(_AskedError):

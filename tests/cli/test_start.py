@@ -16,7 +16,7 @@ from kneejax.cli import main
 from kneejax.cli._command import Place, Written, is_given, marks
 from kneejax.cli._main import line
 from kneejax.cli._settings import asked_for, command_again
-from kneejax.cli._words import choices_of
+from kneejax.cli._words import choices_of, plain_type
 from kneejax.cli.options import ABOVE, EXAMPLE, Evaluate
 from kneejax.files import bundled_path
 
@@ -238,7 +238,8 @@ def needed(words):
     """Words for everything that a command cannot do without."""
     given = list(words)
     for field in COMMANDS[words].model_fields.values():
-        word = next(iter(choices_of(field.annotation)), "x")
+        number = plain_type(field.annotation) in (int, float)
+        word = next(iter(choices_of(field.annotation)), "1" if number else "x")
         if marks(field, Place) and field.is_required():
             given.append(word)
         elif field.is_required() and field.alias != "out":

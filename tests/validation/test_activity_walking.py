@@ -14,12 +14,12 @@ import pytest
 from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
-from kneejax.files.opensim._acting import crossing
-from kneejax.files.opensim._exact import Rigid
-from kneejax.files.opensim._joints import moved
-from kneejax.files.opensim._knee import find_knee
-from kneejax.files.opensim._model import read_model
-from kneejax.files.opensim._record import (
+from kneejax.files.opensim.acting import crossing
+from kneejax.files.opensim.exact import Rigid
+from kneejax.files.opensim.joints import moved
+from kneejax.files.opensim.knee import find_knee
+from kneejax.files.opensim.model import read_model
+from kneejax.files.opensim.record import (
     acting_on,
     bodies_below,
     moved_around,

@@ -19,8 +19,8 @@ import pytest
 import kneejax as kj
 import kneejax.geometry as geo
 from kneejax.files import load_knee_file
-from kneejax.files.opensim._knee import find_knee, with_pelvis_and_foot
-from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim.knee import find_knee, with_pelvis_and_foot
+from kneejax.files.opensim.model import read_model
 from kneejax.mechanics import Load, Support, add_lane_axis
 from kneejax.statics import Guess, solve_equilibrium
 

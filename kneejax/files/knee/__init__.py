@@ -5,11 +5,11 @@ from typing import TYPE_CHECKING
 from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
-    from kneejax.files.knee._document import check_knee as check_knee
-    from kneejax.files.knee._document import mirror_part as mirror_part
-    from kneejax.files.knee._file import build_knee as build_knee
-    from kneejax.files.knee._parts import ENDS as ENDS
-    from kneejax.files.knee._surfaces import build_obstacle as build_obstacle
-    from kneejax.files.knee._surfaces import build_surface as build_surface
+    from kneejax.files.knee.document import check_knee as check_knee
+    from kneejax.files.knee.document import mirror_part as mirror_part
+    from kneejax.files.knee.file import build_knee as build_knee
+    from kneejax.files.knee.parts import ENDS as ENDS
+    from kneejax.files.knee.surfaces import build_obstacle as build_obstacle
+    from kneejax.files.knee.surfaces import build_surface as build_surface
 else:
     lazy_imports(globals())

@@ -5,6 +5,6 @@ from typing import TYPE_CHECKING
 from kneejax._lazy import lazy_imports
 
 if TYPE_CHECKING:
-    from kneejax.files.meshes._points import MESH_ENDINGS as MESH_ENDINGS
+    from kneejax.files.meshes.points import MESH_ENDINGS as MESH_ENDINGS
 else:
     lazy_imports(globals())

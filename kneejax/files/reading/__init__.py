@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from kneejax.files.reading._values import numbers_within as numbers_within
     from kneejax.files.reading._values import one_of as one_of
     from kneejax.files.reading._values import parameter_name as parameter_name
+    from kneejax.files.reading._values import parse_flexion as parse_flexion
+    from kneejax.files.reading._values import parse_range as parse_range
     from kneejax.files.reading._values import plain as plain
     from kneejax.files.reading._values import reads as reads
     from kneejax.files.reading._values import rows as rows

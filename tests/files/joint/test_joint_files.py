@@ -17,9 +17,9 @@ from kneejax.files import (
     read_joint,
     write_joint,
 )
-from kneejax.files.opensim._exact import turn_about
-from kneejax.files.opensim._joints import read_joints
-from kneejax.files.opensim._model import evaluate, read_model
+from kneejax.files.opensim.exact import turn_about
+from kneejax.files.opensim.joints import read_joints
+from kneejax.files.opensim.model import evaluate, read_model
 from kneejax.geometry import Pose
 from kneejax.joints import Joint, axis_between, generalised_axis, hinge, moving_axis
 

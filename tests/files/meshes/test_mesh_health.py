@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem
-from kneejax.files.meshes._health import borders, check_holes, take_apart
-from kneejax.files.meshes._points import MeshPoints
+from kneejax.files.meshes.health import borders, check_holes, take_apart
+from kneejax.files.meshes.points import MeshPoints
 
 
 def flat(count=21, size=20.0, shift=0.0):

@@ -8,9 +8,9 @@ import pytest
 
 from kneejax.files import InputProblem, MeshOptions, import_meshes
 from kneejax.files.knee import build_surface, mirror_part
-from kneejax.files.meshes._health import read_sheets
-from kneejax.files.meshes._import import find_bones, right_sheets
-from kneejax.files.meshes._surfaces import fit_patella
+from kneejax.files.meshes.health import read_sheets
+from kneejax.files.meshes.importing import find_bones, right_sheets
+from kneejax.files.meshes.surfaces import fit_patella
 from kneejax.geometry import Frame
 from kneejax.report import surface_fit_figure
 from tests.files.meshes import meshed_knee as made

@@ -3,8 +3,8 @@
 import numpy as np
 
 import kneejax.geometry as geo
-from kneejax.files.meshes._anatomy import Cloud, Femur
-from kneejax.files.meshes._surfaces import FLEXIONS_DEG, NEAR_MM, SLIDES_MM, contact_regions
+from kneejax.files.meshes.anatomy import Cloud, Femur
+from kneejax.files.meshes.surfaces import FLEXIONS_DEG, NEAR_MM, SLIDES_MM, contact_regions
 
 RADIUS_MM = 20.0
 #: From the place where drum and plate touch, the plate leaves the drum by `NEAR_MM` here.

@@ -7,8 +7,8 @@ import pytest
 
 from kneejax.cli import main
 from kneejax.files import SMALLEST_MODEL, InputProblem, export_osim, import_osim, write_knee
-from kneejax.files.opensim._joints import moved
-from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim.joints import moved
+from kneejax.files.opensim.model import read_model
 from tests.files.opensim.test_nothing_is_dropped import (
     CONSTRAINTS,
     FORCES,

@@ -7,12 +7,12 @@ import pytest
 
 from kneejax.cli import main
 from kneejax.files import SMALLEST_MODEL, InputProblem, coupled_motion, read_poses, write_poses
-from kneejax.files.opensim._coupled import couple_knee
-from kneejax.files.opensim._exact import Rigid, poses_of
-from kneejax.files.opensim._frames import SAME, Registration
-from kneejax.files.opensim._joints import moved
-from kneejax.files.opensim._knee import find_knee
-from kneejax.files.opensim._model import read_model
+from kneejax.files.opensim.coupled import couple_knee
+from kneejax.files.opensim.exact import Rigid, poses_of
+from kneejax.files.opensim.frames import SAME, Registration
+from kneejax.files.opensim.joints import moved
+from kneejax.files.opensim.knee import find_knee
+from kneejax.files.opensim.model import read_model
 from kneejax.geometry import FEMUR, TIBIA
 from tests.files.opensim.test_opensim_reference import FOREIGN
 

@@ -4,11 +4,11 @@ from decimal import Decimal
 
 import numpy as np
 
-from kneejax.files.opensim import _exact as exact
-from kneejax.files.opensim._engine import named_once
-from kneejax.files.opensim._model import simm_spline
-from kneejax.files.opensim._report import listed, numbers_of_kinds
-from kneejax.files.tables._headers import header_meaning
+from kneejax.files.opensim import exact
+from kneejax.files.opensim.engine import named_once
+from kneejax.files.opensim.model import simm_spline
+from kneejax.files.opensim.report import listed, numbers_of_kinds
+from kneejax.files.tables.headers import header_meaning
 
 
 def test_a_double_that_was_printed_is_its_shortest_decimal_and_zeros_stay():

@@ -12,7 +12,7 @@ from kneejax.files import (
     import_osim,
     write_knee,
 )
-from kneejax.files.opensim._contact import _mesh
+from kneejax.files.opensim.contact import _mesh
 
 FORCES, CONSTRAINTS, JOINTS, BODIES, MODEL = (
     "    </objects></ForceSet>", "  </Model>", "    </objects></JointSet>",

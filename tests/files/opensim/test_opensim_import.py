@@ -15,8 +15,8 @@ from kneejax.files import (
     read_knee,
     write_knee,
 )
-from kneejax.files.opensim._contact import OsimMesh
-from kneejax.files.opensim._exact import (
+from kneejax.files.opensim.contact import OsimMesh
+from kneejax.files.opensim.exact import (
     METRES_TO_MM,
     Rigid,
     decimals,
@@ -236,7 +236,7 @@ def test_a_lumped_contact_takes_the_means(changed):
 
 def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_path, monkeypatch):
     trimesh = pytest.importorskip("trimesh")
-    from kneejax.files.meshes import _import as _mesh_import
+    from kneejax.files.meshes import importing as _mesh_import
 
     called = {}
 
@@ -246,7 +246,7 @@ def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_pa
         entry = {"source": {"youngs_modulus_MPa": "given"}}
         return _mesh_import.MeshImport({"medial": entry}, ("fitted",), {}, False)
 
-    monkeypatch.setattr("kneejax.files.meshes._import.import_meshes", record)
+    monkeypatch.setattr("kneejax.files.meshes.importing.import_meshes", record)
     for name in ("Thigh.STL", "shank.stl"):
         trimesh.creation.box((0.06, 0.02, 0.08)).export(tmp_path / name, file_type="stl")
     place = "<location>0.01 0.02 -0.03</location><scale_factors>1 1 1.5</scale_factors><mesh_file>G"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, add_osim_contacts, import_osim
-from kneejax.files.opensim._exact import degrees
+from kneejax.files.opensim.exact import degrees
 
 DATA = Path(__file__).parents[3] / "../shared/data/lenhart2015"
 needs_data = pytest.mark.skipif(not DATA.exists(), reason="the shared data are not here")

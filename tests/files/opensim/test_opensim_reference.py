@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import import_osim
-from kneejax.files.opensim._model import simm_spline
+from kneejax.files.opensim.model import simm_spline
 from kneejax.geometry import Pose
 
 pytestmark = pytest.mark.opensim

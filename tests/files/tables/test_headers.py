@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, read_lab_table, read_poses
-from kneejax.files.tables._headers import header_meaning
+from kneejax.files.tables.headers import header_meaning
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.parameters import Assumption
 

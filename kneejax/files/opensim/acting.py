@@ -11,17 +11,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files.knee import build_obstacle
-from kneejax.files.opensim import _ligaments as fibres
-from kneejax.files.opensim._exact import MIRROR, Rigid, angles_xyz, turn_xyz
-from kneejax.files.opensim._frames import Registration
-from kneejax.files.opensim._joints import Movement
-from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import GROUND, Model, evaluate, function_of
-from kneejax.files.opensim._paths import OsimPoint, path_points, read_wraps
-from kneejax.files.opensim._xml import Element, parse_xml
+from kneejax.files.opensim import ligaments as fibres
+from kneejax.files.opensim.exact import MIRROR, Rigid, angles_xyz, turn_xyz
+from kneejax.files.opensim.frames import Registration
+from kneejax.files.opensim.joints import Movement
+from kneejax.files.opensim.knee import OsimKneeJoint
+from kneejax.files.opensim.model import GROUND, Model, evaluate, function_of
+from kneejax.files.opensim.paths import OsimPoint, path_points, read_wraps
+from kneejax.files.opensim.xml import Element, parse_xml
 from kneejax.files.reading import InputProblem, counted
 from kneejax.files.tables import Storage, last_word
-from kneejax.files.tables._storage import read_storage
+from kneejax.files.tables.storage import read_storage
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import RANGES, Course, Muscles, add_lane_axis, ligament_law
 

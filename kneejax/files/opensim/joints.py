@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import Rigid, decimals, turn_about
-from kneejax.files.opensim._model import GROUND, Model, describe, evaluate, function_of
-from kneejax.files.opensim._xml import Element
+from kneejax.files.opensim.exact import Rigid, decimals, turn_about
+from kneejax.files.opensim.model import GROUND, Model, describe, evaluate, function_of
+from kneejax.files.opensim.xml import Element
 from kneejax.files.tables import Storage, last_word
 
 #: Kinds of joint -> axes along or about which their coordinates go, in order: R rotation, T

@@ -14,16 +14,16 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from kneejax.files.opensim._acting import read_external_loads
-from kneejax.files.opensim._engine import FORCES, MOMENTS, REACTIONS
-from kneejax.files.opensim._frames import flexion_coordinate
-from kneejax.files.opensim._joints import coordinate_columns, read_joints
-from kneejax.files.opensim._knee import find_knee
-from kneejax.files.opensim._model import GROUND, Model, read_model
-from kneejax.files.opensim._xml import parse_xml
+from kneejax.files.opensim.acting import read_external_loads
+from kneejax.files.opensim.engine import FORCES, MOMENTS, REACTIONS
+from kneejax.files.opensim.frames import flexion_coordinate
+from kneejax.files.opensim.joints import coordinate_columns, read_joints
+from kneejax.files.opensim.knee import find_knee
+from kneejax.files.opensim.model import GROUND, Model, read_model
+from kneejax.files.opensim.xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
 from kneejax.files.tables import Storage, angles_rad, common_times
-from kneejax.files.tables._storage import read_storage
+from kneejax.files.tables.storage import read_storage
 from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 
@@ -191,7 +191,7 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "settings.json"
         file.write_text(json.dumps(settings), encoding="utf-8")
-        words = [sys.executable, "-m", "kneejax.files.opensim._engine", str(file)]
+        words = [sys.executable, "-m", "kneejax.files.opensim.engine", str(file)]
         done = subprocess.run(words, capture_output=True, text=True, cwd=place, check=False)
     found = WholeBodyForces(*(folder / name for name in (MOMENTS, FORCES, REACTIONS)))
     if done.returncode or not found.reactions.is_file():

@@ -11,10 +11,9 @@ from typing import Any
 import numpy as np
 
 from kneejax import mechanics
-from kneejax.files.knee import _parts as parts
-from kneejax.files.knee import _surfaces as surfaces
-from kneejax.files.knee._document import mirror_document, with_own_patella
-from kneejax.files.knee._file import detour_counts, slack_length
+from kneejax.files.knee import parts, surfaces
+from kneejax.files.knee.document import mirror_document, with_own_patella
+from kneejax.files.knee.file import detour_counts, slack_length
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
 

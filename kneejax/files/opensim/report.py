@@ -8,17 +8,17 @@ import re
 from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING
 
-from kneejax.files.opensim._contact import FORCE
-from kneejax.files.opensim._joints import read_joints
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, beyond, is_between
-from kneejax.files.opensim._ligaments import KIND, TRANSITION_WIDTH
-from kneejax.files.opensim._model import GROUND, Model
-from kneejax.files.opensim._xml import Element
+from kneejax.files.opensim.contact import FORCE
+from kneejax.files.opensim.joints import read_joints
+from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, beyond, is_between
+from kneejax.files.opensim.ligaments import KIND, TRANSITION_WIDTH
+from kneejax.files.opensim.model import GROUND, Model
+from kneejax.files.opensim.xml import Element
 from kneejax.geometry import COLUMNS, PATELLA
 from kneejax.mechanics import ligament_law
 
 if TYPE_CHECKING:
-    from kneejax.files.opensim._import import OsimImport
+    from kneejax.files.opensim.importing import OsimImport
 
 ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
     "acts on the knee", "acts on the knee in motion only", "acts on the knee when it is driven",

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim import _acting as forces
-from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim._frames import Registration, flexion_coordinate, registration
-from kneejax.files.opensim._joints import (
+from kneejax.files.opensim import acting as forces
+from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim.frames import Registration, flexion_coordinate, registration
+from kneejax.files.opensim.joints import (
     Joint,
     Movement,
     coordinate_columns,
@@ -23,11 +23,11 @@ from kneejax.files.opensim._joints import (
     read_joints,
     turning,
 )
-from kneejax.files.opensim._knee import OsimKneeJoint, chain, connected, find_knee
-from kneejax.files.opensim._model import GROUND, Model, evaluate, read_model
+from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
+from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
 from kneejax.files.reading import InputProblem
 from kneejax.files.tables import Storage, angles_rad, common_times, last_word
-from kneejax.files.tables._storage import read_storage
+from kneejax.files.tables.storage import read_storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number, read_text
-from kneejax.files.tables._tables import Table
+from kneejax.files.tables.tables import Table
 
 _KIND = "an OpenSim table (.sto or .mot)"
 #: Words of a header that count rows and columns, as OpenSim and as SIMM call them.

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 from kneejax.files._knees import load_knee_file
-from kneejax.files.knee._file import KneeFile
-from kneejax.files.opensim import _exact as exact
-from kneejax.files.opensim._coupled import CoupledMotion, couple_knee
-from kneejax.files.opensim._frames import SAME
-from kneejax.files.opensim._import import OsimImport, import_osim
-from kneejax.files.opensim._knee import SIDES
-from kneejax.files.opensim._ligaments import KIND, NUMBERS
-from kneejax.files.opensim._paths import WRAP_KINDS
-from kneejax.files.opensim._xml import Element, etree
+from kneejax.files.knee.file import KneeFile
+from kneejax.files.opensim import exact
+from kneejax.files.opensim.coupled import CoupledMotion, couple_knee
+from kneejax.files.opensim.frames import SAME
+from kneejax.files.opensim.importing import OsimImport, import_osim
+from kneejax.files.opensim.knee import SIDES
+from kneejax.files.opensim.ligaments import KIND, NUMBERS
+from kneejax.files.opensim.paths import WRAP_KINDS
+from kneejax.files.opensim.xml import Element, etree
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import BLANKEVOORT

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.files.meshes._anatomy import moved
-from kneejax.files.meshes._points import bone_surface, read_mesh_points
+from kneejax.files.meshes.anatomy import moved
+from kneejax.files.meshes.points import bone_surface, read_mesh_points
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Pose, Vector
 from kneejax.mechanics import AttachmentArea, untwisted

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from kneejax.files.reading import InputProblem, plain_number
-from kneejax.files.tables._headers import MOST_MOMENT_NM, by_headers, header_meaning
-from kneejax.files.tables._tables import Table, assumed, pose_range
+from kneejax.files.tables.headers import MOST_MOMENT_NM, by_headers, header_meaning
+from kneejax.files.tables.tables import Table, assumed, pose_range
 from kneejax.geometry import CLINICAL, COLUMNS, OTHER_COLUMNS, convert_table
 from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number
-from kneejax.files.tables._headers import METRES_BELOW, by_headers
+from kneejax.files.tables.headers import METRES_BELOW, by_headers
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
 from kneejax.mechanics import RANGES, Range
 from kneejax.parameters import Assumption

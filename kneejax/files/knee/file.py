@@ -12,10 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax import geometry, mechanics
-from kneejax.files.knee import _parts as parts
-from kneejax.files.knee import _surfaces as surfaces
-from kneejax.files.knee._bands import drawn
-from kneejax.files.knee._document import (
+from kneejax.files.knee import parts, surfaces
+from kneejax.files.knee.bands import drawn
+from kneejax.files.knee.document import (
     KneeDocument,
     Patella,
     check_knee,
@@ -24,7 +23,7 @@ from kneejax.files.knee._document import (
     plain_document,
     with_own_patella,
 )
-from kneejax.files.knee._surfaces import build_surface
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Surface
 from kneejax.mechanics import RANGES, Implausible, Knee

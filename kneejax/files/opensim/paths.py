@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.opensim import _exact as exact
-from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._xml import Element
+from kneejax.files.opensim import exact
+from kneejax.files.opensim.knee import OsimKneeJoint
+from kneejax.files.opensim.model import Model
+from kneejax.files.opensim.xml import Element
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
 #: Kind of element -> (kind of obstacle, its sizes: field, tag, how many numbers).

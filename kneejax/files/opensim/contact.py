@@ -12,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kneejax.files.opensim._exact import METRES_TO_MM, PASCAL_TO_MPA, Rigid, shifted
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint
-from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._xml import Element
+from kneejax.files.opensim.exact import METRES_TO_MM, PASCAL_TO_MPA, Rigid, shifted
+from kneejax.files.opensim.knee import SIDES, OsimKneeJoint
+from kneejax.files.opensim.model import Model
+from kneejax.files.opensim.xml import Element
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose
 
 if TYPE_CHECKING:
-    from kneejax.files.opensim._import import OsimImport
+    from kneejax.files.opensim.importing import OsimImport
 
 FORCE = "Smith2018ArticularContactForce"
 MESH = "Smith2018ContactMesh"
@@ -221,7 +221,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         sheets = [_mesh(folder, mesh, Path(scratch)) for mesh in pair]
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
-        from kneejax.files.meshes._import import MeshOptions, import_meshes
+        from kneejax.files.meshes.importing import MeshOptions, import_meshes
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,

@@ -13,9 +13,9 @@ from pydantic import Field, create_model, model_validator
 
 from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
-from kneejax.files.knee import _parts as parts
-from kneejax.files.knee import _surfaces as faces
-from kneejax.files.knee._bands import Band, fibre_names
+from kneejax.files.knee import parts
+from kneejax.files.knee import surfaces as faces
+from kneejax.files.knee.bands import Band, fibre_names
 from kneejax.files.reading import Chosen, InputProblem, Mistakes, Name, Part, Text, reads, wrong
 from kneejax.geometry import BODIES, PATELLA, TIBIA
 from kneejax.mechanics import BONES, RANGES

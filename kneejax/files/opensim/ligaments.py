@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import ENDS
-from kneejax.files.opensim import _paths as paths
-from kneejax.files.opensim._exact import METRES_TO_MM, shifted
-from kneejax.files.opensim._knee import OsimKneeJoint
-from kneejax.files.opensim._model import Model
-from kneejax.files.opensim._xml import Element
+from kneejax.files.opensim import paths
+from kneejax.files.opensim.exact import METRES_TO_MM, shifted
+from kneejax.files.opensim.knee import OsimKneeJoint
+from kneejax.files.opensim.model import Model
+from kneejax.files.opensim.xml import Element
 from kneejax.files.reading import counted
 from kneejax.geometry import BODIES, FEMUR, PATELLA
 from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain

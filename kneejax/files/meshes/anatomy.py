@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.meshes._health import Sheet, borders, narrowest
+from kneejax.files.meshes.health import Sheet, borders, narrowest
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Frame, Placement
 

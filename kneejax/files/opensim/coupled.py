@@ -8,12 +8,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim._frames import Registration, flexion_coordinate, flexions
-from kneejax.files.opensim._joints import Joint
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim._model import Model, read_model, simm_splines
-from kneejax.files.opensim._xml import element_of
+from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim.frames import Registration, flexion_coordinate, flexions
+from kneejax.files.opensim.joints import Joint
+from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim.model import Model, read_model, simm_splines
+from kneejax.files.opensim.xml import element_of
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from kneejax import geometry
-from kneejax.files.meshes import _anatomy as anatomy
-from kneejax.files.meshes._anatomy import Femur
-from kneejax.files.meshes._health import Sheet
+from kneejax.files.meshes import anatomy
+from kneejax.files.meshes.anatomy import Femur
+from kneejax.files.meshes.health import Sheet
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Placement, Plateau, SplineFit, fit_condyle_spline
 

@@ -10,8 +10,8 @@ from pydantic import model_validator
 
 from kneejax import geometry
 from kneejax.files import reading
-from kneejax.files.knee import _parts as parts
-from kneejax.files.knee._parts import APART, WORD, Gives, Mirrored, Point, Sourced
+from kneejax.files.knee import parts
+from kneejax.files.knee.parts import APART, WORD, Gives, Mirrored, Point, Sourced
 from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, Ring, cartilage_law

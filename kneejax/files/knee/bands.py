@@ -10,7 +10,7 @@ from pydantic import model_validator
 
 from kneejax import mechanics
 from kneejax.files import reading
-from kneejax.files.knee._parts import POINTS, Point, Sourced
+from kneejax.files.knee.parts import POINTS, Point, Sourced
 from kneejax.files.reading import Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import Placement, Vector
 from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea

@@ -14,7 +14,7 @@ from pathlib import Path
 import lxml.etree as etree
 import numpy as np
 
-from kneejax.files.opensim._exact import Point, read_decimal
+from kneejax.files.opensim.exact import Point, read_decimal
 from kneejax.files.reading import InputProblem, read_bytes
 
 _DECLARED = re.compile(rb"<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")

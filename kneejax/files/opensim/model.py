@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from kneejax.files.opensim._exact import Rigid
-from kneejax.files.opensim._xml import Element, XmlFile, parse_xml
+from kneejax.files.opensim.exact import Rigid
+from kneejax.files.opensim.xml import Element, XmlFile, parse_xml
 from kneejax.files.reading import plain_number
 
 KIND = "an OpenSim model"

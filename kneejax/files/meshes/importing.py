@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.knee import mirror_part
-from kneejax.files.meshes import _anatomy as anatomy
-from kneejax.files.meshes import _surfaces as fitted
-from kneejax.files.meshes._health import Sheet, check_holes, read_sheets
-from kneejax.files.meshes._surfaces import SheetFit
+from kneejax.files.meshes import anatomy
+from kneejax.files.meshes import surfaces as fitted
+from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
+from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Pose
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law

@@ -1,6 +1,6 @@
 """OpenSim itself on a movement: inverse dynamics, static optimisation, joint reaction.
 
-A process of its own (`python -m kneejax.files.opensim._engine SETTINGS.json`): where OpenSim stops
+A process of its own (`python -m kneejax.files.opensim.engine SETTINGS.json`): where OpenSim stops
 without a word, only that process ends.
 """
 

@@ -12,13 +12,13 @@ from collections.abc import Mapping
 from typing import Any
 
 from kneejax.files.knee import check_knee
-from kneejax.files.opensim import _ligaments as fibres
-from kneejax.files.opensim import _report as report
-from kneejax.files.opensim._contact import OsimContact, find_contacts
-from kneejax.files.opensim._frames import anatomical, turned
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
-from kneejax.files.opensim._model import Model, read_model
-from kneejax.files.opensim._paths import OsimWrap, file_names
+from kneejax.files.opensim import ligaments as fibres
+from kneejax.files.opensim import report
+from kneejax.files.opensim.contact import OsimContact, find_contacts
+from kneejax.files.opensim.frames import anatomical, turned
+from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
+from kneejax.files.opensim.model import Model, read_model
+from kneejax.files.opensim.paths import OsimWrap, file_names
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kneejax.files.meshes._points import MeshPoints, read_mesh_points
+from kneejax.files.meshes.points import MeshPoints, read_mesh_points
 from kneejax.files.reading import InputProblem, counted
 
 #: Corners closer than this are one, mm.

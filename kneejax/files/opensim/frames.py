@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.opensim._exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim._joints import moved, read_joints, turning
-from kneejax.files.opensim._knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim._ligaments import OsimLigament
-from kneejax.files.opensim._model import GROUND, Model, read_model
+from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
+from kneejax.files.opensim.joints import moved, read_joints, turning
+from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
+from kneejax.files.opensim.ligaments import OsimLigament
+from kneejax.files.opensim.model import GROUND, Model, read_model
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.joints import condyle_axes

@@ -7,8 +7,8 @@ import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping
 
-from kneejax.files.opensim._exact import Rigid, poses_of
-from kneejax.files.opensim._joints import (
+from kneejax.files.opensim.exact import Rigid, poses_of
+from kneejax.files.opensim.joints import (
     Joint,
     Movement,
     moved,
@@ -17,7 +17,7 @@ from kneejax.files.opensim._joints import (
     read_joints,
     unit_of,
 )
-from kneejax.files.opensim._model import GROUND, Model
+from kneejax.files.opensim.model import GROUND, Model
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
