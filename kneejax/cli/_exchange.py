@@ -18,9 +18,11 @@ from kneejax.studies import stages_on_terminal
 
 def import_model(arguments: ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
-    read = files.import_osim(arguments.file, side=arguments.side, femur=arguments.femur,
-                       tibia=arguments.tibia, without=arguments.without, inside=arguments.inside,
-                       patella=not arguments.without_patella, at=arguments.at)  # fmt: skip
+    read = files.import_osim(
+        arguments.file, side=arguments.side, femur=arguments.femur, tibia=arguments.tibia,
+        without=arguments.without, inside=arguments.inside, patella=not arguments.without_patella,
+        at=arguments.at,
+    )  # fmt: skip
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
@@ -72,15 +74,16 @@ def import_surfaces(arguments: ImportStl) -> int:
             arguments.femur_cartilage,
             arguments.tibia_cartilage,
             side=arguments.side,
-            options=files.MeshOptions(patellar_cartilage=arguments.patella_cartilage,
-                                femur_bone=arguments.femur_bone, tibia_bone=arguments.tibia_bone,
-                                layer_thickness_mm=arguments.layer_thickness,
-                                thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
-                                poisson_ratio=arguments.poisson_ratio, law=arguments.law,
-                                unit=arguments.unit, axis_point_mm=arguments.axis_point,
-                                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
-                                notch_mm=arguments.notch, split_mm=arguments.split,
-                                angle_deg=arguments.angle, reference_pose=pose),
+            options=files.MeshOptions(
+                patellar_cartilage=arguments.patella_cartilage, femur_bone=arguments.femur_bone,
+                tibia_bone=arguments.tibia_bone, layer_thickness_mm=arguments.layer_thickness,
+                thickness=arguments.thickness, youngs_modulus_MPa=arguments.modulus,
+                poisson_ratio=arguments.poisson_ratio, law=arguments.law, unit=arguments.unit,
+                axis_point_mm=arguments.axis_point,
+                axis_rotation_deg=arguments.axis_rotation or (0.0, 0.0, 0.0),
+                notch_mm=arguments.notch, split_mm=arguments.split, angle_deg=arguments.angle,
+                reference_pose=pose,
+            ),
         )  # fmt: skip
     document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
