@@ -168,9 +168,13 @@ class Column:
         label: heading for people; the name in words where it is empty.
         show: how people read a cell: a format such as `.2f`, a count of significant digits such as
             `3`, or a function. Four digits by default; whole numbers stand as they are, None and
-            NaN are a dash.
+            NaN are a dash, and what rounds to zero has no sign.
         words: whether cells are words, to the left; numbers stand to the right.
         shown: whether people see it; what is not shown is in files only.
+
+    Example:
+        >>> [Column("anterior_mm", show=".1f").text(x) for x in (-0.02, -0.2, float("nan"))]
+        ['0.0', '-0.2', '-']
     """
 
     name: str
@@ -196,7 +200,10 @@ class Column:
             return NONE if value is None else str(value)
         if self.show.isdigit():
             return number(value, int(self.show))
-        return format(value, self.show) if math.isfinite(value) else NONE
+        if not math.isfinite(value):
+            return NONE
+        text = format(value, self.show)
+        return text if text.strip("-0.") else text.lstrip("-")  # no -0.0
 
 
 @dataclasses.dataclass(frozen=True)
