@@ -184,12 +184,12 @@ def file_formats() -> str:
     """Fields of every file that a person writes, from their models."""
     from kneejax.cohorts import _reading
     from kneejax.files import _joint
-    from kneejax.files.knee import _document
+    from kneejax.files.knee import document
     from kneejax.studies import _acl_plan, _lab_tests, _schema
 
     formats = {
         "Study": ("What is fitted to what; `kneejax init study`.", _schema.StudyFields),
-        "Knee": ("One knee; `kneejax init knee`.", _document.KneeDocument),
+        "Knee": ("One knee; `kneejax init knee`.", document.KneeDocument),
         "Cohort": ("Several knees, one template; `kneejax init cohort`.", _reading.CohortFile),
         "Plan of a reconstruction": ("`kneejax init plan`.", _acl_plan.PlanFields),
         "Joint": ("A simple joint, as `kneejax joint fit` writes it.", _joint.JointFields),
