@@ -58,6 +58,8 @@ def test_a_band_is_read_as_a_group_of_fibres(tmp_path, document):
 
 
 def test_a_left_band_is_the_mirror_image(tmp_path, document):
+    """Also where the reference pose, by which areas are paired, is turned."""
+    document["reference_pose"] |= {"adduction_deg": 10.0, "internal_rotation_deg": 25.0}
     right = read_knee(write(tmp_path / "right.yaml", document)).knee
     left = read_knee(write(tmp_path / "left.yaml", mirror_document(document))).knee
     for a, b in zip(jax.tree.leaves(right), jax.tree.leaves(left), strict=True):
