@@ -19,7 +19,7 @@ from kneejax.explorer.setting import Setting, Subject
 from kneejax.explorer.solving import Solver
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
-from kneejax.report.scene import Drawing, look_at
+from kneejax.report.scene import Drawing, Scene, look_at
 
 #: Points on each articular surface.
 _POINTS = (28, 28)
@@ -79,14 +79,13 @@ class Page:
         self._drawing = Drawing(server.scene, self._clicked)
         self._ends = Ends(server.scene, subject, self.set)
         self.answer = self._solver.unsolved()
-        self._scene = self._placed(self.answer)
+        self._scene: Scene | None = None
         self._own: Curves | None = None
         self.curves: Curves | None = None
         self._sliders: dict[str, Any] = {}
         self._charts: dict[Any, panels.Charts] = {}
         self._test = ""
         self._build()
-        look_at(server, self._scene)
         server.on_client_connect(self._make_room)
         server.on_client_disconnect(lambda client: self._charts.pop(client.client_id, None))
         self._again()
@@ -155,6 +154,7 @@ class Page:
         latest, solver = self._latest, self._solver
         if self._own is None:
             compiling = latest.aside.submit(solver.ready)
+            self._pose(self.answer)
             self._own = solver.curves(Setting())
             compiling.result()
             self._show_curves()
@@ -179,8 +179,12 @@ class Page:
         self._status.content = panels.sentence("This setting could not be computed.", True)
 
     def _pose(self, answer: Answer) -> None:
-        if answer.found is not None:
-            self._scene = self._placed(answer)
+        if answer.found is not None or self._scene is None:
+            first, self._scene = self._scene is None, self._placed(answer)
+            if first:
+                look_at(self._server, self._scene)
+                for client in self._server.get_clients().values():
+                    self._aim(client)
         self.answer = answer
         with self._server.atomic():
             self._draw()
@@ -191,6 +195,8 @@ class Page:
         return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
 
     def _draw(self) -> None:
+        if self._scene is None:
+            return
         setting, kept = self.answer.setting, None if self._kept is None else self._kept[2]
         gone = self.subject.cut_in(setting)
         self._drawing.show(
@@ -225,7 +231,6 @@ class Page:
         panel.dock_below(gui.main_panel)
         self._add_charts(None, gui, panel)
         self._show_numbers()
-        self._draw()
         self._show_answer()
 
     def _theme(self, dark: bool) -> None:
@@ -310,8 +315,8 @@ class Page:
         self._ends.show(name, self.setting, self.answer)
 
     def _show_answer(self) -> None:
-        own = self._drawing
-        picked = [x for x in self._scene.fibres if x.name == self._picked]
+        own, fibres = self._drawing, () if self._scene is None else self._scene.fibres
+        picked = [x for x in fibres if x.name == self._picked]
         self._status.content = panels.numbers(self.answer, own.strain, own.pressure, picked)
         query = self.answer.setting.link
         self._address.value = f"{self.link}&{query}" if query else self.link
@@ -328,24 +333,31 @@ class Page:
                 charts.draw(every)
 
     def _make_room(self, client: Any) -> None:
-        """On a narrow screen the panel lies upon the lower part: look from farther, and lower; and
-        what stands below the panel elsewhere is in it."""
+        """On a narrow screen what stands below the panel elsewhere is in it."""
         camera, own = client.camera, self._server.initial_camera
         if camera.aspect >= _NARROW:
             return
-        away = _FARTHER / camera.aspect * (np.array(own.position) - own.look_at)
-        low = np.array(own.look_at) - [0.0, _LOWER * np.linalg.norm(away), 0.0]
+        self._aim(client)
 
-        def put(_: Any = None) -> None:
+        @camera.on_update
+        def _(_: Any) -> None:
             if np.allclose(camera.position, own.position):  # as a page begins, or is told to
-                camera.position, camera.look_at = low + away, low
+                self._aim(client)
 
-        put()
-        camera.on_update(put)
         tabs = client.gui.add_tab_group(order=self._status.order + 0.5)
         self._add_charts(client.client_id, client.gui, tabs)
         self._show_curves()
         self._show_bars()
+
+    def _aim(self, client: Any) -> None:
+        """Look at the whole knee; where the panel lies upon the lower part, from farther, and
+        lower."""
+        camera, own = client.camera, self._server.initial_camera
+        away, middle = np.array(own.position) - own.look_at, np.array(own.look_at)
+        if camera.aspect < _NARROW:
+            away = _FARTHER / camera.aspect * away
+            middle = middle - [0.0, _LOWER * np.linalg.norm(away), 0.0]
+        camera.position, camera.look_at, camera.fov = middle + away, middle, own.fov
 
     def _add_charts(self, key: Any, gui: Any, tabs: Any) -> None:
         self._charts[key] = panels.Charts(gui, tabs, self._solver, self.measured, self._ask)
