@@ -154,7 +154,10 @@ class Page:
         latest, solver = self._latest, self._solver
         if self._own is None:
             compiling = latest.aside.submit(solver.ready)
+            # Forces at the reference pose are those of no equilibrium.
+            words, self._drawing.words = self._drawing.words, False
             self._pose(self.answer)
+            self._drawing.words = words
             self._own = solver.curves(Setting())
             compiling.result()
             self._show_curves()

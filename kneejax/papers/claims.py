@@ -169,11 +169,11 @@ def answered(
 
 def _reasons(claim: Claim) -> list[str]:
     """What stands below a claim: the verdict with everything that led to it."""
-    told = {"Criterion": claim.criterion, "Printed": claim.printed, "Ours": claim.ours}
+    lines = {"Criterion": claim.criterion, "Printed": claim.printed, "Ours": claim.ours}
     if claim.verdict == CANNOT_BE_JUDGED and claim.ours == "-":
-        told = {"Printed": claim.printed}
-    told = {"Verdict": claim.verdict, **told, "Reason": claim.reason}
-    return [f"{name}: {text}" for name, text in told.items() if text]
+        lines = {"Printed": claim.printed}
+    lines = {"Verdict": claim.verdict, **lines, "Reason": claim.reason}
+    return [f"{name}: {text}" for name, text in lines.items() if text]
 
 
 def _printed(claim: Claim) -> list[str]:

@@ -175,6 +175,8 @@ def test_a_page_opens_while_its_programs_are_compiled(browser, monkeypatch):
     enter(opened, None, "Flexion", 30)
     until(lambda: served.setting.given == {"flexion_deg": 30.0})
     assert served.answer.status is None and not served.solved.is_set()
+    until(lambda: served._drawing._made)
+    assert not [name for name in served._drawing._made if name.startswith("/words/")]
     done.set()
     opened.get_by_text("Peak pressure, medial").wait_for(timeout=WAIT_MS)
     settled(served)

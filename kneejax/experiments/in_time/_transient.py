@@ -76,10 +76,10 @@ class Transient(Named):
         motion, knee, per = self.trajectory, self.trajectory.moving.knee, "time_s ligament"
         pressed = np.linalg.norm(np.asarray(self.mechanics.contact_force), axis=-1)
         loads = {f"load_{name}": ("time_s", size) for name, size in self.sizes.items()}
-        told = {"N": "force", "mm": "length"}
+        kinds = {"N": "force", "mm": "length"}
         for column, size in self.quadriceps.items():
             name, unit = column.rsplit("_", 1)
-            loads[f"{name}_{told[unit]}"] = "time_s", size, unit
+            loads[f"{name}_{kinds[unit]}"] = "time_s", size, unit
         for name in ("work", "kinetic", "potential", "dissipated", "missing"):
             energy = np.asarray(getattr(self.account, name))[motion.rows]
             loads[f"energy_{name}"] = "time_s", energy, "N mm"
