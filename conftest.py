@@ -8,13 +8,13 @@ import time
 from pathlib import Path
 
 # Tests wait for the compiler. With shared fusion, as the command sets it, and without optimising
-# machine code a motion compiles in two thirds of the time. XLA reads its flags once, hence here.
-# Its other emitters (xla_cpu_use_fusion_emitters=false) are no way: a search compiles in half the
-# time, but its derivatives take 17 s instead of 2, a joint's tables 100 s, and a process died.
+# machine code a motion compiles in a third of the time. XLA reads its flags once, hence here.
+# Its older emitters, with which a command's programs compile, are for no others: a derivative's
+# took 17 s instead of 2, a joint's tables 100 s, and a process died.
 # The level is that of files which ask for `optimised_code`: JAX keeps all others from it.
 os.environ.setdefault(
     "XLA_FLAGS",
-    "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
+    "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion,xla_cpu_disable_loop_unrolling"
     " --xla_backend_optimization_level=1 --xla_llvm_disable_expensive_passes=true",
 )
 # Processes side by side leave the threads of each other's linear algebra only to wait. NumPy reads

@@ -143,11 +143,9 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
         (1, 4)
     """
     state = poses if isinstance(poses, State) else State({TIBIA: poses})
-    over_points = any(not contact.has_patch for contact in knee.contacts)
     count = len(jnp.atleast_1d(state.tibia.flexion))
-    mechanics = _over_points_too if over_points else _of_patches
     if traced(knee, state, contact_points) or not count:
-        return mechanics(knee, state, contact_points)
+        return _evaluate(knee, state, contact_points)
     knee = knee.for_many_poses()
     # The last chunk is filled up with the last pose.
     rows = np.minimum(np.arange(-(-count // _CHUNK) * _CHUNK), count - 1).reshape(-1, _CHUNK)
@@ -156,12 +154,13 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
 
     def chunk(own: np.ndarray) -> Mechanics:
         here, there = jax.tree.map(lambda x: x[..., own], given)
-        return jax.tree.map(np.asarray, mechanics(knee, here, there))
+        return jax.tree.map(np.asarray, _evaluate(knee, here, there))
 
     parts = on_all_cores(chunk, rows)
     return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
 
 
+@compiled(effort="least")
 def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechanics:
     lanes = add_lane_axis(knee)
     ligaments, found = lanes.ligaments, {}
@@ -214,10 +213,6 @@ def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechani
         most,
         even,
     )
-
-
-_of_patches = compiled(optimised=False)(_evaluate)
-_over_points_too = compiled()(_evaluate)
 
 
 def _over_patch(contact: Contact, tibia: Placement, near: Array):

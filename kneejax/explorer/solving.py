@@ -68,7 +68,7 @@ class _Varied:
         return dataclasses.replace(knee, ligaments=own)
 
 
-@compiled(static_argnums=(0,), optimised=False)
+@compiled(static_argnums=(0,), effort="least")
 def _varied(vary: _Varied, knee: Knee, numbers) -> Knee:
     return vary(knee, numbers)
 
@@ -85,12 +85,12 @@ def _sought(knee: Knee, cases: LoadCases, q, contact_points):
     return found, held.tension[0], held.strain[0], held.max_pressure[0]
 
 
-@compiled(optimised=False)
+@compiled(effort="least")
 def _tension(knee: Knee, state: State):
     return add_lane_axis(knee.ligaments).tension(state)
 
 
-@compiled(static_argnums=(0, 1), optimised=False)
+@compiled(static_argnums=(0, 1), effort="least")
 def _slopes(vary: _Varied, free: tuple[str, ...], knee: Knee, numbers, prescribed, q, tangent):
     """Derivatives of the free coordinates and of each ligament's force by the numbers, at poses.
 

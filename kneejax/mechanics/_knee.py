@@ -345,7 +345,7 @@ class Knee(eqx.Module):
         return self.reference_length() / self.ligaments.slack_length - 1.0
 
 
-@compiled(optimised=False)
+@compiled(effort="least")
 def _placed(contacts: tuple[Contact, ...]) -> tuple[Foundation, ...]:
     return foundations_of(contacts)
 

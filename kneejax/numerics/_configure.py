@@ -19,7 +19,7 @@ import threading
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import jax
 import numpy as np
@@ -195,7 +195,9 @@ def configure() -> None:
 
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
-_SHARED_FUSION = "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion"
+_SHARED_FUSION = (
+    "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion,xla_cpu_disable_loop_unrolling"
+)
 
 
 #: Names of what is being compiled, by threads.
@@ -250,12 +252,16 @@ def compiler_options() -> Mapping[str, Any]:
     return {} if shared else {"xla_disable_hlo_passes": "fusion"}
 
 
-#: Machine code as it comes: for what is computed once or twice (docs/performance.md).
+#: How much is made of a program.
+Effort: TypeAlias = Literal["least", "usual", "most"]
+#: Under shared fusion XLA's older emitters compile in half the time (docs/performance.md).
+_OLDER = {"xla_cpu_use_fusion_emitters": False, "xla_llvm_disable_expensive_passes": True}
+#: Machine code as it comes.
 _AS_IT_COMES = {"xla_backend_optimization_level": 0}
 
 
 def compiled(
-    static_argnums: tuple[int, ...] = (), *, optimised: bool = True
+    static_argnums: tuple[int, ...] = (), *, effort: Effort = "usual"
 ) -> Callable[[Callable], Callable]:
     """Compile a function with `compiler_options`; inside another `jax.jit`, without.
 
@@ -265,7 +271,9 @@ def compiled(
 
     Args:
         static_argnums: as in `jax.jit`.
-        optimised: false for what is computed once or twice after it was compiled.
+        effort: least for what is computed once or twice, most for what computes for minutes, or
+            runs derivatives backwards: sums of padded arrays, which XLA's older emitters write out
+            again for each array, 17 s instead of 1.
 
     Returns:
         A decorator.
@@ -283,7 +291,11 @@ def compiled(
         @functools.cache
         def quick(within: bool) -> Callable:
             # Made at the first call: until then the process may still choose shared fusion.
-            options = dict(compiler_options()) | ({} if optimised else _AS_IT_COMES)
+            options = dict(compiler_options())
+            if not (within or options or effort == "most"):
+                options |= _OLDER
+            if effort == "least":
+                options |= _AS_IT_COMES
             own = said(function if within else kept(function, static_argnums))
             return jax.jit(own, static_argnums=static_argnums, compiler_options=options)
 

@@ -31,6 +31,10 @@ from kneejax.statics._status import Status, gives_way
 #: Paths side by side. Few are soon filled, many share what an operation costs by itself
 #: (docs/performance.md). Over points one path by itself fills the processor.
 LANES, LANES_OVER_POINTS = 64, 8
+#: Load cases of all paths from which on a program pays that runs a quarter faster and takes twice
+#: the seconds to compile (docs/performance.md).
+_MANY, _MANY_OVER_POINTS = 500_000, 10_000
+_follow, _follow_many = compiled()(follow), compiled(effort="most")(follow)
 #: Load cases ahead of each path in one call.
 _AHEAD = 32
 #: Paths for each one that a call leaves on its way, where others wait; likewise of one load case.
@@ -71,17 +75,21 @@ def follow_in_chunks(knee: Knee, paths: Paths, give_up: int, note: Note) -> None
         note: called, by several threads, with what became of some load cases.
     """
     count = len(paths.length)
-    lanes = LANES_OVER_POINTS if knee.patch_count < len(knee.contacts) else LANES
+    over_points = knee.patch_count < len(knee.contacts)
+    lanes = LANES_OVER_POINTS if over_points else LANES
+    many = paths.length.sum() >= (_MANY_OVER_POINTS if over_points else _MANY)
+    program = _follow_many if many else _follow
     size = np.clip(-(-count // 2), _LOT[0] * lanes, _LOT[1] * lanes)
     # Neighbours are alike, and the hard ones would all be in the last lot.
     lots = -(-count // size)
     every = [np.arange(first, count, lots) for first in range(lots)]
-    on_all_cores(lambda lot: _follow_lot(knee, paths, lot, lanes, give_up, note), every)
+    on_all_cores(lambda lot: _follow_lot(program, knee, paths, lot, lanes, give_up, note), every)
 
 
 def _follow_lot(
-    knee: Knee, paths: Paths, lot: np.ndarray, lanes: int, give_up: int, note: Note
-) -> None:
+    program: Callable[..., tuple[Array, Behind]], knee: Knee, paths: Paths, lot: np.ndarray,
+    lanes: int, give_up: int, note: Note,
+) -> None:  # fmt: skip
     """Chunk after chunk of some paths, the longest first, so that lanes stay full to the end."""
     place, left = np.zeros(len(lot), int), paths.length[lot]
     behind: Behind = jax.tree.map(lambda x: x[..., lot], paths.behind)
@@ -101,7 +109,7 @@ def _follow_lot(
         # Where others wait, lanes that are through make room for them.
         fewest = room if waiting > len(rows) else 0
         here = jax.tree.map(lambda x, lane=lane: x[..., lane], behind)
-        log, after = follow(knee, paths.like, cases, length, here, give_up, fewest)
+        log, after = program(knee, paths.like, cases, length, here, give_up, fewest)
         log = np.asarray(log)
         when, by = np.nonzero(log[:, 0, : len(rows)] >= 0)
         record = of_record(log[when, :, by].T, shapes)

@@ -22,7 +22,6 @@ from jax import Array, lax
 
 from kneejax.geometry import TIBIA, Prescribed, coordinate, scales
 from kneejax.mechanics import Knee
-from kneejax.numerics import compiled
 from kneejax.statics._equilibria import shapes_of_record
 from kneejax.statics._equilibrium import fault_of, holding
 from kneejax.statics._load_cases import Case
@@ -82,7 +81,6 @@ class Behind(eqx.Module):
         return cls(cases, q, points, known, nothing.astype(int), nothing, nothing + numpy.inf)
 
 
-@compiled()
 def follow(
     knee: Knee, like: Case, cases: Array, length: Array, behind: Behind, give_up: Array,
     fewest: Array,

@@ -103,7 +103,7 @@ class _OfOwnKnee:
         return self.vary(jax.tree.unflatten(structure, here), rest)
 
 
-@compiled(static_argnums=(0,))
+@compiled(static_argnums=(0,), effort="most")
 def _slopes(vary: Vary, knee: Knee, values, own, load_cases: LoadCases, known: dict[str, Any]):
     """Derivatives of the free coordinates by each lane's values, `(lanes, free, p)`."""
     equilibrium = equilibrium_of(load_cases, known)

@@ -26,9 +26,12 @@ def options(monkeypatch):
     return asked
 
 
-@pytest.mark.parametrize("optimised", [True, False])
-def test_it_answers_alone_in_another_program_and_to_derivatives(optimised, options):
-    quick = compiled(static_argnums=(1,), optimised=optimised)(length)
+@pytest.mark.parametrize(
+    ("effort", "level", "older"),
+    [("least", {0}, True), ("usual", {None}, True), ("most", {None}, False)],
+)
+def test_it_answers_alone_in_another_program_and_to_derivatives(effort, level, older, options):
+    quick = compiled(static_argnums=(1,), effort=effort)(length)
     x = np.array([0.3, 1.1])
     expected = float(np.sqrt(np.sum(np.sin(x) ** 2)))
     assert float(quick(x, 2)) == pytest.approx(expected, rel=1e-15)
@@ -36,5 +39,8 @@ def test_it_answers_alone_in_another_program_and_to_derivatives(optimised, optio
     assert float(within) == pytest.approx(2.0 * expected, rel=1e-15)
     slope = jax.grad(quick)(jnp.asarray(x), 2)
     assert slope == pytest.approx(np.sin(x) * np.cos(x) / expected, rel=1e-14)
-    levels = [own.get("xla_backend_optimization_level") for own in options["length"] if own]
-    assert (0 in levels) is not optimised
+    asked = [own for own in options["length"] if own is not None]
+    assert {own.get("xla_backend_optimization_level") for own in asked} == level
+    # What is differentiated keeps XLA's newer emitters, whatever the effort.
+    emitters = [own.get("xla_cpu_use_fusion_emitters") for own in asked]
+    assert sorted(emitters, key=str) == ([False, None] if older else [None, None])

@@ -84,6 +84,17 @@ def test_one_compiled_search_serves_motions_and_lines_of_any_length(
     assert not any("jit(follow)" in message for message in compiled)
 
 
+def test_the_program_for_many_balances_finds_what_the_one_for_few_does(
+    knee, chosen, values, found, monkeypatch, caplog
+):
+    monkeypatch.setattr("kneejax.statics._chunks._MANY", found.status.size)
+    with jax.log_compiles():
+        many = balance_many(knee, chosen.apply, values, LoadCases.at(FLEXION))
+    assert any("jit(follow)" in record.getMessage() for record in caplog.records)
+    np.testing.assert_array_equal(many.status, found.status)
+    np.testing.assert_allclose(many.q / UNITS, found.q / UNITS, rtol=0, atol=1e-8)
+
+
 def test_no_variants_have_no_balances(knee, chosen, base):
     nothing = balance_many(knee, chosen.apply, np.zeros((0, 8)), LoadCases.at(FLEXION))
     assert nothing.q.shape == (0, 4, 5) and nothing.status.shape == (0, 4)

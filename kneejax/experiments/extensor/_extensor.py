@@ -363,7 +363,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
     )
 
 
-@compiled(optimised=False)
+@compiled(effort="least")
 def _moment(weight: Load, state: State) -> Array:
     """How much a weight bends the knee about the flexion axis, N mm."""
     return weight.work(state, ("flexion",))[0]
