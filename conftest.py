@@ -104,9 +104,6 @@ with open(Path(__file__).parent / "tests" / "programs.csv", encoding="utf-8", ne
 #: Files with slow tests, where these are asked for: what they compile is optimised.
 COMPUTING = set()
 
-#: Time after which no test begins any more, in seconds since 1970: CI's machines differ threefold.
-UNTIL = float(os.environ.get("KNEEJAX_TESTS_UNTIL", "inf"))
-
 
 def pytest_configure(config):
     """Begin anew once there are many programs that nobody asks for any more."""
@@ -123,20 +120,11 @@ def pytest_collection_finish():
 
 
 def pytest_collection_modifyitems(items):
-    """The longest files first, all others as they come; and which files compute for long.
-
-    Where time may run out the longest are the last.
-    """
+    """The longest files first, all others as they come; and which files compute for long."""
     if os.environ.get("KNEEJAX_TESTS_OPTIMISED"):
         COMPUTING.update(item.path for item in items if item.get_closest_marker("slow"))
     place = {Path(__file__).parent / "tests" / name: i for i, name in enumerate(LONGEST)}
-    items.sort(key=lambda item: place.get(item.path, len(place)), reverse=UNTIL < float("inf"))
-
-
-def pytest_runtest_setup():
-    """What time does not allow is skipped, and said (`pytest -rs`)."""
-    if time.time() > UNTIL:
-        pytest.skip("not run: the time that KNEEJAX_TESTS_UNTIL allows is over")
+    items.sort(key=lambda item: place.get(item.path, len(place)))
 
 
 @pytest.fixture(scope="module")

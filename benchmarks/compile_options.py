@@ -3,9 +3,9 @@
     python benchmarks/compile_options.py [--repeats 20]
 
 `solve_equilibrium` (a march over 120 degrees, 25 lanes) and `balance` (force and tangent, 128
-lanes): processor seconds to trace and compile and milliseconds to run, with XLA's fusion as it is, without
-fusion, with shared fusion, and with that from XLA's older emitters, optimised and as it comes, each
-in a process of its own.
+lanes): processor seconds to trace and compile and milliseconds to run, with XLA's fusion as it is,
+without fusion, with shared fusion, and with that from XLA's older emitters, optimised and as it
+comes, each in a process of its own.
 """
 
 from __future__ import annotations
@@ -67,6 +67,8 @@ def main() -> None:
     rows: dict[str, object] = {}
     for mode in MODES:
         environment = os.environ | {"KNEEJAX_FUSION": mode, PLAIN: "" if "shared" in mode else "1"}
+        # What this process has chosen is no choice of that one, nor what others have compiled.
+        environment |= {"XLA_FLAGS": "", "JAX_ENABLE_COMPILATION_CACHE": "0"}
         answer = subprocess.run(
             [sys.executable, *sys.argv], env=environment, capture_output=True, check=True
         )

@@ -195,9 +195,8 @@ def configure() -> None:
 
 #: `M_ARENA_MAX` of GNU's malloc.h.
 _ARENA_MAX = -8
-_SHARED_FUSION = (
-    "--xla_backend_extra_options=xla_cpu_use_multi_output_fusion,xla_cpu_disable_loop_unrolling"
-)
+_SHARED_FUSION = "xla_cpu_use_multi_output_fusion"
+_ASKED = f"--xla_backend_extra_options={_SHARED_FUSION},xla_cpu_disable_loop_unrolling"
 
 
 #: Names of what is being compiled, by threads.
@@ -235,7 +234,7 @@ def use_shared_fusion() -> bool:
         return True
     if jax._src.xla_bridge.backends_are_initialized():  # pyright: ignore[reportAttributeAccessIssue]
         return False
-    os.environ["XLA_FLAGS"] = f"{flags} {_SHARED_FUSION}".strip()
+    os.environ["XLA_FLAGS"] = f"{flags} {_ASKED}".strip()
     return True
 
 
@@ -258,6 +257,16 @@ Effort: TypeAlias = Literal["least", "usual", "most"]
 _OLDER = {"xla_cpu_use_fusion_emitters": False, "xla_llvm_disable_expensive_passes": True}
 #: Machine code as it comes.
 _AS_IT_COMES = {"xla_backend_optimization_level": 0}
+
+
+@functools.cache
+def _older() -> Mapping[str, Any]:
+    """What asks XLA for its older emitters, as long as it has them."""
+    try:
+        jax.jit(lambda: 0.0, compiler_options=_OLDER).lower().compile()
+    except jax.errors.JaxRuntimeError:
+        return {}
+    return _OLDER
 
 
 def compiled(
@@ -293,7 +302,7 @@ def compiled(
             # Made at the first call: until then the process may still choose shared fusion.
             options = dict(compiler_options())
             if not (within or options or effort == "most"):
-                options |= _OLDER
+                options |= _older()
             if effort == "least":
                 options |= _AS_IT_COMES
             own = said(function if within else kept(function, static_argnums))

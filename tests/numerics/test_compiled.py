@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from kneejax.numerics import compiled
+from kneejax.numerics import _configure, compiled
 
 
 def length(x, power):
@@ -44,3 +44,10 @@ def test_it_answers_alone_in_another_program_and_to_derivatives(effort, level, o
     # What is differentiated keeps XLA's newer emitters, whatever the effort.
     emitters = [own.get("xla_cpu_use_fusion_emitters") for own in asked]
     assert sorted(emitters, key=str) == ([False, None] if older else [None, None])
+
+
+def test_an_xla_without_its_older_emitters_compiles_with_the_newer(monkeypatch):
+    monkeypatch.setattr(_configure, "_OLDER", {"xla_cpu_no_such_emitters": False})
+    _configure._older.cache_clear()
+    assert float(compiled()(lambda x: 2.0 * x)(3.0)) == 6.0
+    _configure._older.cache_clear()

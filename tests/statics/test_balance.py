@@ -9,7 +9,7 @@ from jax.custom_derivatives import SymbolicZero
 
 import kneejax.geometry as geo
 from kneejax.mechanics import add_lane_axis
-from kneejax.numerics import instantiate
+from kneejax.numerics import compiled, instantiate
 from kneejax.statics import balance, force, force_derivative
 from kneejax.statics._balance import force_derivative_without_contacts
 
@@ -29,7 +29,7 @@ def knee(small_knee):
 
 @pytest.fixture(scope="module")
 def compiled_balance():
-    return jax.jit(balance, compiler_options=OPTIONS)
+    return compiled()(balance)
 
 
 @pytest.fixture(scope="module")
@@ -39,12 +39,12 @@ def balanced(knee, compiled_balance):
 
 @pytest.fixture(scope="module")
 def compiled_force():
-    return jax.jit(force, compiler_options=OPTIONS)
+    return compiled()(force)
 
 
 @pytest.fixture(scope="module")
 def compiled_derivative():
-    return jax.jit(force_derivative, compiler_options=OPTIONS)
+    return compiled()(force_derivative)
 
 
 @pytest.fixture(scope="module")
