@@ -8,6 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from kneejax.geometry import AXES, Matrix, Placement, Vector
+from kneejax.mechanics import Wrench
+
 #: By hand: the compiler's own choice copies shared values and takes minutes.
 OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 _WEIGHTS = np.random.default_rng(0).uniform(0.5, 1.0, size=200)
@@ -67,3 +70,22 @@ def both_ways(function, step=1e-3):
         return Errors(forward.max(), (np.abs(reverse - expected) / unit).max())
 
     return errors
+
+
+def wrench_of(energy, there):
+    """Wrench on a body that an energy exerts, about the body's origin, in the other's axes.
+
+    Args:
+        energy: of where the body is against another, N mm, one number a pose.
+        there: where it is.
+    """
+    shape = jax.eval_shape(energy, there).shape
+    columns = (AXES if there.rotation is None else there.rotation).T
+
+    def displaced(twist):
+        shift, turn = Vector.of(twist[:3]), Vector.of(twist[3:])
+        turned = Matrix(*(column + turn.cross(column) for column in columns)).T
+        return jnp.sum(energy(Placement(turned, there.translation + shift)))
+
+    slope = -jax.grad(displaced)(jnp.zeros((6, *shape)))
+    return Wrench(Vector.of(slope[:3]), Vector.of(slope[3:]))

@@ -110,5 +110,5 @@ def test_what_the_command_leaves_out_all_checks_run(pytestconfig):
     assert [word for word in settings if word.startswith("-m")] == ["-m=not slow and not long"]
     stages = [line for line in ALL_CHECKS.read_text().splitlines() if line.startswith("stage ")]
     assert 'stage "Long and slow tests" second' in stages
-    # What a slow machine has no time for is said: -rs.
+    # What is skipped is said: -rs.
     assert 'python -m pytest -n auto -m "long or slow" tests -rs' in ALL_CHECKS.read_text()

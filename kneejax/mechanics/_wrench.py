@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import jax
@@ -15,7 +15,6 @@ from kneejax.geometry import (
     AXES,
     FEMUR,
     ZERO,
-    Matrix,
     Pair,
     Placement,
     Pose,
@@ -71,25 +70,6 @@ class Wrench(eqx.Module):
         """Sum of wrenches, and of the parts that each holds along an axis."""
         sums = [jax.tree.map(lambda x: jnp.sum(x, axis=axis), wrench) for wrench in wrenches]
         return functools.reduce(operator.add, sums)
-
-
-def wrench_of(energy: Callable[[Placement], Array], there: Placement) -> Wrench:
-    """Wrench on a body that an energy exerts, about the body's origin.
-
-    Args:
-        energy: of where the body is against another, N mm, one number a pose.
-        there: where it is; the wrench is in the other's axes.
-    """
-    shape = jax.eval_shape(energy, there).shape
-    columns = (AXES if there.rotation is None else there.rotation).T
-
-    def displaced(twist: Array) -> Array:
-        shift, turn = Vector.of(twist[:3]), Vector.of(twist[3:])
-        turned = Matrix(*(column + turn.cross(column) for column in columns)).T
-        return jnp.sum(energy(Placement(turned, there.translation + shift)))
-
-    slope = -jax.grad(displaced)(jnp.zeros((6, *shape)))
-    return Wrench(Vector.of(slope[:3]), Vector.of(slope[3:]))
 
 
 class Wrenches:

@@ -11,7 +11,7 @@ import pytest
 import kneejax as kj
 from kneejax.files import bundled_path, mirror_document, read_knee, read_poses, write_knee
 from kneejax.geometry import State
-from kneejax.mechanics._wrench import wrench_of
+from tests.derivatives import wrench_of
 
 RIMS = ("medial_meniscus", "lateral_meniscus")
 #: Where the femur passes while the knee flexes, degrees and mm.

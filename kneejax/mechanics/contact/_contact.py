@@ -21,7 +21,6 @@ from kneejax.geometry import (
     Placement,
     Surface,
     partials,
-    principal_curvatures,
 )
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
@@ -188,12 +187,6 @@ class Contact(eqx.Module):
         """Whether surfaces that overlap have no elliptical patch: the gap is nearly flat or not
         convex, as between two contact points. Its force is a guess; the form `quadrature` knows."""
         return (gap.depth > 0) & ~gap.has_ellipse
-
-    def outgrown(self, gap: Gap, contact_point: Array) -> Array:
-        """Whether the patch is larger than a radius of the femoral surface where it lies: the
-        closed form, exact for small patches, is then a guess."""
-        largest, _ = principal_curvatures(self.femoral, contact_point[0], contact_point[1])
-        return gap.semi_axes[0] * largest > 1.0
 
     def passed_through(self, tibia: Placement) -> Array:
         """Whether the middle of the femoral solid lies inside the tibial one: a pose that no

@@ -152,18 +152,6 @@ def test_semi_axes_are_those_of_the_overlap_of_a_paraboloid():
     np.testing.assert_allclose(np.array(there.semi_axes), expected, rtol=1e-9)
 
 
-@compiled
-def outgrown(contact, tibia):
-    contact_point = contact.contact_point(tibia)
-    return contact.outgrown(contact.gap(tibia, contact_point), contact_point)
-
-
-def test_a_patch_larger_than_a_radius_is_outgrown():
-    contact = Contact(geo.Sphere(10.0), geo.Plane())
-    for depth, expected in ((0.5, False), (6.0, True)):
-        assert bool(outgrown(contact, at(-(10.0 - depth)))) is expected
-
-
 @pytest.mark.parametrize("form", ["elliptical_patch", "quadrature"])
 def test_a_tibia_that_has_passed_through_the_femur_is_seen_at_any_depth(form):
     contact = condyle_on_plateau()

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, add_lane_axis
-from kneejax.mechanics._wrench import wrench_of
 from kneejax.numerics import compiler_options
+from tests.derivatives import wrench_of
 
 OPTIONS = dict(compiler_options())
 

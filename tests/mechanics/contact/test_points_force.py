@@ -10,9 +10,9 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact, PointFaults, Wrench, foundations_of
-from kneejax.mechanics._wrench import wrench_of
 from kneejax.mechanics.contact._points import asked_at, quick_depths
 from kneejax.numerics import compiled, compiler_options
+from tests.derivatives import wrench_of
 
 
 def condyle_on_plateau(basis, rng):

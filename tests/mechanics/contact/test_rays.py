@@ -7,9 +7,9 @@ import pytest
 
 import kneejax.geometry as geo
 from kneejax.mechanics import Contact
-from kneejax.mechanics._wrench import wrench_of
 from kneejax.mechanics.contact import _rays as rays
 from kneejax.numerics import compiled
+from tests.derivatives import wrench_of
 
 UP = geo.AXES.y
 

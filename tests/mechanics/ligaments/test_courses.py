@@ -10,9 +10,9 @@ import pytest
 import kneejax.geometry as geo
 from kneejax.experiments import Way, evaluate, status_of, ways_of, with_flips
 from kneejax.mechanics import Course, Knee, Ligaments, Wrench, add_lane_axis
-from kneejax.mechanics._wrench import wrench_of
 from kneejax.report.doubts import pose_words
 from kneejax.statics import Status
+from tests.derivatives import wrench_of
 
 FEMORAL = [[-2.0, 30.0, 1.0], [3.0, 28.0, -2.0], [0.0, 33.0, 0.0]]
 TIBIAL = [[4.0, -31.0, 2.0], [-3.0, -30.0, 1.0], [1.0, -29.0, -3.0]]
