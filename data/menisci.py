@@ -1,10 +1,11 @@
-"""Menisci as rims that stand on a plateau: further contacts of the same femoral condyles.
+"""Menisci: rings on a plateau, further contacts of the same femoral condyles.
 
-A rim is a ring along the border of the cartilage, open towards the middle of the knee. It rises
-from nothing at its inner edge to its height at the border, and nowhere higher than the femur leaves
-room while the knee flexes: at rest it only touches. So it does nothing to passive motion, and holds
-a condyle that leaves its path. It does not move, as a meniscus does in life (a few mm medially, a
-centimetre laterally): where the femur passes in deep flexion there is no rim in extension either.
+A ring lies along the border of the cartilage, open towards the middle of the knee. It rises from
+nothing at its inner edge to its height at the border, and nowhere higher than the femur leaves room
+while the knee flexes: at rest it only touches. So it does little to passive motion. A condyle that
+leaves its path pushes sections of the ring outwards, and others move inwards with them. In life a
+meniscus moves with an unloaded femur too (a few mm medially, a centimetre laterally): where the
+femur passes in deep flexion there is no ring in extension either.
 """
 
 from __future__ import annotations
@@ -38,6 +39,9 @@ class Rim:
         open_towards: sign of the lateral direction in which its horns end.
         height_mm: at the border, above the plane of the plateau.
         source: of its numbers.
+        hoop_modulus_MPa: along its fibres.
+        horn_stiffness_N_per_mm: of the attachment of each horn.
+        coronary_stiffness_N_per_mm: of all that holds its border.
     """
 
     compartment: str
@@ -48,6 +52,9 @@ class Rim:
     youngs_modulus_MPa: float = 20.0
     poisson_ratio: float = 0.2
     layer_thickness_mm: float = 10.0
+    hoop_modulus_MPa: float = 120.0
+    horn_stiffness_N_per_mm: float = 180.0
+    coronary_stiffness_N_per_mm: float = 30.0
 
 
 def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> dict:
@@ -75,9 +82,26 @@ def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> di
         "poisson_ratio": rim.poisson_ratio,
         "layer_thickness_mm": rim.layer_thickness_mm,
         "onset_width_mm": 0.05,
+        "ring": _held(_ring(contact.tibial, rim), rim),
         "femoral_surface": copy.deepcopy(own["femoral_surface"]),
         "tibial_surface": surface,
         "source": rim.source,
+    }
+
+
+def _held(outline: np.ndarray, rim: Rim) -> dict:
+    """What holds a rim, from the horn at one end of its border to that at the other."""
+    middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
+    forwards, right = (outline[:_CORNERS] - middle).T
+    turns = np.rad2deg(np.unwrap(np.arctan2(right, forwards)))
+    return {
+        "youngs_modulus_MPa": rim.hoop_modulus_MPa,
+        "cross_section_mm2": 0.5 * rim.width_mm * rim.height_mm,
+        "horn_stiffness_N_per_mm": rim.horn_stiffness_N_per_mm,
+        "coronary_stiffness_N_per_mm": rim.coronary_stiffness_N_per_mm,
+        "middle_mm": np.round(middle, 3).tolist(),
+        "horns_deg": sorted(np.round(turns[[0, -1]], 1).tolist()),
+        "sections": 12,
     }
 
 

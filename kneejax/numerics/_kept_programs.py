@@ -62,7 +62,7 @@ def keep_programs(folder: str | os.PathLike[str]) -> None:
 
 
 def kept(function: Callable, static_argnums: tuple[int, ...]) -> Callable:
-    """A function of arrays in tuples, lists, dicts and Equinox modules that JAX traces once for all
+    """A function of arrays in tuples, lists, dicts and dataclasses that JAX traces once for all
     processes, for `jax.jit`; it must not be differentiated."""
 
     @functools.wraps(function)
@@ -203,7 +203,7 @@ def _structure_of(x: Any) -> Any:
         return "array"
     if x is None:
         return "none"
-    if isinstance(x, eqx.Module):
+    if dataclasses.is_dataclass(x):
         fields = {}
         for field in dataclasses.fields(x):
             value, static = getattr(x, field.name), field.metadata.get("static", False)
@@ -244,7 +244,7 @@ def _rebuilt(x: Any) -> Any:
     if kind == "named" and issubclass(found, tuple) and len(fields) == len(contents):
         return tuple.__new__(found, [_rebuilt(one) for one in contents])
     names = [field.name for field in dataclasses.fields(found)]
-    if kind != "module" or not issubclass(found, eqx.Module) or names != list(contents):
+    if kind != "module" or names != list(contents):
         raise ValueError(f"{kind} {module}.{name}")
     made = object.__new__(found)
     for key, value in contents.items():

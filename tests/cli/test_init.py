@@ -32,7 +32,7 @@ def test_a_file_to_begin_with_can_be_used_as_it_is(kind, tmp_path, monkeypatch, 
         ("four_ligament", {"four_ligament.yaml"}),
         ("studies/average_knee",
          {"average_knee.yaml", *(f"average_knee_{table}.csv" for table in
-                                 ("compression", "coupled", "extension", "passive", "room"))}),
+                                 ("compression", "coupled", "passive", "room", "torsion", "unloaded"))}),
         ("paper1", {"paper1.yaml"}),
         ("plans/ten_bundle", {"ten_bundle.yaml"}),
         ("walker1988", {"walker1988.csv", "walker1988.yaml"}),

@@ -21,11 +21,21 @@ from kneejax.numerics import _configure, compiled
 from kneejax.numerics import _kept_programs as programs
 
 
+@jax.tree_util.register_dataclass
+@dataclasses.dataclass(frozen=True, slots=True)
+class Pair:
+    """Two arrays, as vectors have three."""
+
+    x: jax.Array
+    y: jax.Array
+
+
 class Answer(eqx.Module):
-    """Two arrays, one of them in a mapping, and a word."""
+    """Arrays, some of them in other containers, and a word."""
 
     whole: jax.Array
     parts: dict[str, jax.Array]
+    pair: Pair
     word: str = eqx.field(static=True)
 
 
@@ -59,7 +69,7 @@ def squares(x, power):
     if x.shape[0] > 9:
         raise ValueError("nine at most")
     y = jax.lax.fori_loop(0, power.exponent, lambda _, y: y * x, jnp.ones_like(x))
-    return Answer(y, {"sum": jnp.sum(y)}, "squares")
+    return Answer(y, {"sum": jnp.sum(y)}, Pair(y, 2.0 * y), "squares")
 
 
 @pytest.fixture
@@ -78,6 +88,7 @@ def test_another_process_traces_nothing_and_answers_the_same(folder, fresh):
     assert times == [(5,)] and len(list(folder.iterdir())) == 1
     assert jax.tree.structure(first) == jax.tree.structure(second) and second.word == "squares"
     np.testing.assert_array_equal(first.whole, second.whole)
+    np.testing.assert_array_equal(second.pair.y, 2.0 * second.whole)
     np.testing.assert_allclose(second.whole, X**2, rtol=1e-15)
 
 
@@ -237,7 +248,7 @@ def programs_compiled():
 
 @compiled()
 def doubled(x):
-    return Answer(2.0 * x, {"sum": jnp.sum(x)}, "doubled")
+    return Answer(2.0 * x, {"sum": jnp.sum(x)}, Pair(x, x), "doubled")
 
 
 def test_what_a_kept_program_returned_is_no_other_argument(folder, programs_compiled):

@@ -196,12 +196,18 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
 
 def _hoops_of(rings: Sequence[Ring], placed: Sequence[tuple[Array, Array]]) -> Hoops:
     """Rings side by side, each with the angle of its sections and its stiffness as a whole."""
-    angle = jnp.concatenate([angle for angle, _ in placed])
-    held = jnp.concatenate([
-        jnp.broadcast_to(ring.coronary_stiffness / ring.sections, own.shape)
-        for ring, (own, _) in zip(rings, placed, strict=True)
-    ])  # fmt: skip
-    stiffness = jnp.stack([whole for _, whole in placed])
+    angles, wholes = zip(*placed, strict=True)
+    coronary = [ring.coronary_stiffness / ring.sections for ring in rings]
+    # Rings of many knees share an axis, along which some numbers vary and others do not.
+    shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (angles[0][0], *coronary, *wholes)))
+    angle, held = (
+        jnp.concatenate([
+            jnp.broadcast_to(x, (ring.sections, *shape))
+            for ring, x in zip(rings, own, strict=True)
+        ])
+        for own in (angles, coronary)
+    )  # fmt: skip
+    stiffness = jnp.stack([jnp.broadcast_to(whole, shape) for whole in wholes])
     return Hoops(angle, held, stiffness, tuple(ring.sections for ring in rings))
 
 

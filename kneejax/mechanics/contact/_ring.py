@@ -234,8 +234,9 @@ class Hoops(eqx.Module):
         def far(state):
             return jnp.max(jnp.abs(state[3]), axis=0) > _ACCURACY
 
-        nothing = jnp.zeros((sum(self.counts), *depth.shape[1:]))
-        state = jnp.asarray(0), nothing, *newton(nothing), jnp.ones(depth.shape[1:])
+        shape = jnp.broadcast_shapes(self.held.shape[1:], depth.shape[1:])
+        nothing = jnp.zeros((sum(self.counts), *shape))
+        state = jnp.asarray(0), nothing, *newton(nothing), jnp.ones(shape)
         going_on = lambda s: (s[0] < _STEPS) & jnp.any(far(s))  # noqa: E731
         last = lax.while_loop(going_on, nearer, state)
         found = jnp.where(jnp.max(jnp.abs(last[3]), axis=0) > _NOT_FOUND, jnp.nan, last[1])
@@ -294,8 +295,10 @@ class Hoops(eqx.Module):
     def _members(self, points: Points) -> Array:
         """Which points are of which section, `(sections, points)`."""
         assert points.section is not None
-        place = points.section.reshape(len(points.section), -1)[:, 0]
-        return (place == jnp.arange(sum(self.counts))[:, None]).astype(float)
+        place = points.section.reshape(len(points.section), -1)
+        if place.shape[1] > 1:
+            raise ValueError("rings with other horns or middles side by side: use jax.vmap")
+        return (place[:, 0] == jnp.arange(sum(self.counts))[:, None]).astype(float)
 
     def _of_rings(self, x: Array) -> Array:
         ends = np.cumsum((0, *self.counts))

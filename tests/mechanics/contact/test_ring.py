@@ -99,6 +99,22 @@ def test_what_holds_endlessly_stands_still_and_what_holds_nothing_carries_less()
     assert float(energy(rim(soft), pose)) < gives < stands
 
 
+@pytest.mark.parametrize("number", ["coronary_stiffness", "youngs_modulus"])
+def test_rings_that_differ_in_one_number_side_by_side_move_as_each_alone(number):
+    """As in a calibration of that number: every other one is the same of all knees."""
+    value = getattr(RING, number)
+    both = [dataclasses.replace(RING, **{number: part * value}) for part in (1.0, 0.9)]
+    lanes = jax.tree.map(lambda x: x[..., None], rim())
+    values = jnp.stack([getattr(ring, number) for ring in both], axis=-1)
+    found = outward_and_tension(eqx.tree_at(lambda x: getattr(x.ring, number), lanes, values))
+    for lane, ring in enumerate(both):
+        for together, alone in zip(found, outward_and_tension(rim(ring)), strict=True):
+            np.testing.assert_allclose(together[..., lane], alone, rtol=1e-9)
+    horns = jnp.stack([RING.horns, 0.9 * RING.horns], axis=-1)
+    with pytest.raises(ValueError, match="jax.vmap"):
+        outward_and_tension(eqx.tree_at(lambda x: x.ring.horns, lanes, horns))
+
+
 @pytest.mark.parametrize("rise", [0.02, 0.001])
 def test_the_forces_on_every_section_balance_however_far_it_gives_way(rise):
     """Nearly flat, it hardly holds back what presses it: sections go farther than it is wide."""
