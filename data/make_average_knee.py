@@ -74,10 +74,11 @@ IN_SITU = [
            "ignore": ["PCL.tension_N", "PCLal.tension_N"]},
 ]  # fmt: skip
 #: Assumed, with what it may be wrong by: what posterior capsule, collateral ligaments and popliteus
-#: pull in unloaded extension, N; how far 1 kN of compression moves and turns the tibia, mm and
-#: degrees (on plateaus that slope by 5.5 degrees it pushes forwards with 96 N, and 90 N move 4 to 6
-#: mm); and how far an anterior load does, which turns it inwards (Fukubayashi 1982).
-EXTENSION_N, COMPRESSION_MM, COMPRESSION_DEG = (25.0, 12.0), (4.0, 2.0), (2.0, 4.0)
+#: pull in unloaded extension, and the PCL in unloaded flexion, N; how far 1 kN of compression moves
+#: and turns the tibia, mm and degrees (on plateaus that slope by 5.5 degrees it pushes forwards with
+#: 96 N, and 90 N alone move 4 to 6 mm); and how far an anterior load does, which turns it inwards
+#: (Fukubayashi 1982).
+UNLOADED_N, COMPRESSION_MM, COMPRESSION_DEG = (25.0, 12.0), (4.0, 1.0), (2.0, 4.0)
 #: Slack in unloaded flexion: the posterior part of the medial collateral ligament and its capsule
 #: restrain an extended knee alone (Ball 2020).
 SLACK, SLACK_AT = "MCLp", (60, 90, 120)
@@ -164,7 +165,7 @@ def study() -> dict:
         {"name": "anterior laxity", "file": "robot_anterior_90N", "sd_mm": LAXITY_MM},
         {"name": "collateral forces", "file": "kanamori2000", "sd_N": COLLATERAL_N},
         *IN_SITU,
-        {"name": "unloaded", "file": f"{NAME}_unloaded.csv", "sd_N": EXTENSION_N[1],
+        {"name": "unloaded", "file": f"{NAME}_unloaded.csv", "sd_N": UNLOADED_N[1],
          "counted_from": "unloaded"},
         {"name": "compression", "file": f"{NAME}_compression.csv", "sd_mm": COMPRESSION_MM[1],
          "sd_deg": COMPRESSION_DEG[1], "counted_from": "unloaded"},
@@ -204,10 +205,10 @@ def write_assumptions() -> None:
     """The tables of what is assumed, beside the study."""
     names = ("pCAP", "MCL", "LCL", "POP", "PFL")
     header = ",".join(f"{name}.tension_N" for name in names)
-    row = ",".join(f"{EXTENSION_N[0]:g}" for _ in names)
-    slack = "".join(f"{x},0{',' * len(names)},0\n" for x in SLACK_AT)
+    row = ",".join(f"{UNLOADED_N[0]:g}" for _ in names)
+    slack = "".join(f"{x},0{',' * len(names)},0,{UNLOADED_N[0]:g}\n" for x in SLACK_AT)
     (HERE / "studies" / f"{NAME}_unloaded.csv").write_text(
-        f"flexion_deg,anterior_N,{header},{SLACK}.tension_N\n0,0,{row},\n{slack}"
+        f"flexion_deg,anterior_N,{header},{SLACK}.tension_N,PCL.tension_N\n0,0,{row},,\n{slack}"
     )
     (HERE / "studies" / f"{NAME}_torsion.csv").write_text(
         "flexion_deg,internal_Nm,internal_rotation_deg\n30,0,0\n"

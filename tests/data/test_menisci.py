@@ -1,4 +1,4 @@
-"""The menisci of the average knee: rims that hold a condyle which leaves its path."""
+"""The menisci of the average knee: rings that hold a condyle which leaves its path."""
 
 import dataclasses
 
@@ -120,12 +120,12 @@ def test_cartilage_and_fibres_are_those_of_lenhart2015_on_turned_plateaus(knee):
         straight = dataclasses.replace(own, tibial=as_it_was)
         for leaf, known in zip(jax.tree.leaves(straight), jax.tree.leaves(other), strict=True):
             np.testing.assert_array_equal(leaf, known)
-    assert knee.ligaments.names == (*start.ligaments.names, "ALL")
+    assert knee.ligaments.names == (*start.ligaments.names, "ALL", "POP")
     names = start.ligaments.names
     for field in ("femoral_attachment", "tibial_attachment", "transition_strain"):
         own, other = (np.asarray(getattr(k.ligaments, field)) for k in (knee, start))
         moved = own[: len(names)] - other
-        for bundle in ("ACLam", "ACLpl", "MCLp"):
+        for bundle in ("ACLam", "ACLpl", "PCLal", "PCLpm", "MCLp"):
             rows = [row for row, name in enumerate(names) if name.startswith(bundle)]
             # The whole bundle alike, as far as files have digits.
             assert np.ptp(moved[rows], axis=0).max() < 2e-3

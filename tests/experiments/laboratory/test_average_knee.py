@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.experiments import mechanics_of
 from kneejax.files import bundled_bands
-from kneejax.parameters import fibre_rows, stated
+from kneejax.parameters import cut, fibre_rows, stated
 from kneejax.statics import Status
 
 #: Each compiles a search of its own.
@@ -35,6 +35,15 @@ def test_its_anterior_laxity_is_that_of_twelve_knees(knee):
     assert (np.abs(found - band.mean[chosen]) < band.sd[chosen]).all()
     # Largest between 20 and 30 degrees, smallest at the ends.
     assert found[1:3].min() > max(found[0], found[-1])
+
+
+def test_without_its_acl_it_is_drawn_as_far_as_twelve_knees_were(knee):
+    """Kept aside from its calibration."""
+    (band,) = bundled_bands(cut=("ACL",), name="robot_anterior_90N")
+    (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
+    (curves,) = kj.load_curves(cut(knee, band.cut), test, knee)
+    found = np.array([row.positive for row in kj.laxity(curves)])
+    assert (np.abs(found - band.mean) < 2.0 * band.sd).all()
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +83,11 @@ def test_it_bears_a_person(knee):
     moved = np.abs(poses[:, 2] - poses[:, 0])
     # Degrees of axial rotation, and mm forwards.
     assert moved[:, 2].max() < 10.0 and moved[:, 3].max() < 6.0
+    own = [knee.contact_names.index(name) for name in knee.menisci]
+    loaded = np.asarray(curves.nodes)[:, -1]
+    extrusion = np.asarray(mechanics_of(curves).max_extrusion)[loaded][:, own]
+    # Both give way, and stay on the plateau: they are 10 mm wide.
+    assert extrusion.min() > 0.1 and extrusion.max() < 6.0
 
 
 def test_its_study_is_bundled_and_whole():
@@ -82,14 +96,15 @@ def test_its_study_is_bundled_and_whole():
     # It begins at the published numbers, about which the prior lies, not at what was fitted.
     assert study.start["ACLam.stiffness"] == 4920.0  # six fibres of 820 N
     whole = kj.load_knee("lenhart2015")
-    own = [name for name in study.selection.names if not name.startswith("ALL.")]
+    added = ("ALL.", "POP.", "medial_meniscus.", "lateral_meniscus.")
+    own = [name for name in study.selection.names if not name.startswith(added)]
     published = {name: float(kj.select(whole, [name]).read(whole)[0]) for name in own}
     begun = dict(zip(study.selection.names, study.selection.read(study.knee_at_start), strict=True))
     np.testing.assert_allclose(
         [begun[name] for name in own], [published[name] for name in own], rtol=1e-4, atol=1e-4
     )
     loads = [test.driven_by for test in study.tests]
-    assert loads == [*["anterior_N"] * 7, "compression_N", "anterior_N"]
-    assert len(study.selection) == 40
+    assert loads == [*["anterior_N"] * 9, "compression_N", "internal_Nm", "anterior_N"]
+    assert len(study.selection) == 60
     assert None not in stated(study.selection, study.prior, "prior")
     assert set(study.selection.names) == set(study.start)
