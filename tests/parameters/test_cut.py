@@ -15,12 +15,13 @@ from kneejax.parameters import UnknownParameter, cut
 
 @pytest.fixture(scope="module")
 def knee():
-    """The average knee with a ring in its medial meniscus."""
+    """The average knee with a ring in its medial meniscus alone."""
     knee = kj.load_knee("average_knee")
-    row = knee.contact_names.index("medial_meniscus")
     ring = Ring(100.0, 30.0, 200.0, 50.0, [0.0, 0.0], np.deg2rad([135.0, 405.0]))
     contacts = list(knee.contacts)
-    contacts[row] = dataclasses.replace(contacts[row], ring=ring)
+    for name, own in (("medial_meniscus", ring), ("lateral_meniscus", None)):
+        row = knee.contact_names.index(name)
+        contacts[row] = dataclasses.replace(contacts[row], ring=own)
     return dataclasses.replace(knee, contacts=tuple(contacts))
 
 

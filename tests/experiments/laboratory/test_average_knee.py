@@ -105,6 +105,6 @@ def test_its_study_is_bundled_and_whole():
     )
     loads = [test.driven_by for test in study.tests]
     assert loads == [*["anterior_N"] * 9, "compression_N", "internal_Nm", "anterior_N"]
-    assert len(study.selection) == 60
+    assert len(study.selection) == 56
     assert None not in stated(study.selection, study.prior, "prior")
     assert set(study.selection.names) == set(study.start)
