@@ -50,7 +50,7 @@ TIMES, AROUND, AWAY = 2.0, 0.25, 8.0
 #: Walker's femur is not this one: mm and degrees by which a motion may differ from the average.
 NOISE_MM, NOISE_DEG = 3.0, 1.0
 #: The knee's own numbers and draws from the prior.
-STARTS = 16
+STARTS = 8
 #: Of a mean of twelve knees that scatter by 1.4 to 2.5 mm.
 LAXITY_MM = 0.5
 #: Of forces that are published as "below 20 N". Without them a fit as good exists in which the
