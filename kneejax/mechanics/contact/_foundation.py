@@ -198,23 +198,22 @@ def _hoops_of(rings: Sequence[Ring], placed: Sequence[tuple[Array, Array]]) -> H
     """Rings side by side, each with the angle of its sections and its stiffness as a whole."""
     angles, wholes = zip(*placed, strict=True)
     coronary = [ring.coronary_stiffness / ring.sections for ring in rings]
-    # Rings of many knees share an axis, along which some numbers vary and others do not.
-    shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (angles[0][0], *coronary, *wholes)))
-    angle, held = (
-        jnp.concatenate([
-            jnp.broadcast_to(x, (ring.sections, *shape))
-            for ring, x in zip(rings, own, strict=True)
-        ])
-        for own in (angles, coronary)
-    )  # fmt: skip
+    # Of knees side by side some numbers vary, and others do not.
+    shape = jnp.broadcast_shapes(*map(jnp.shape, (*angles, *coronary, *wholes)))
+    counts = tuple(ring.sections for ring in rings)
+
+    def of_each(parts: Sequence[Array]) -> Array:
+        every = zip(counts, parts, strict=True)
+        return jnp.concatenate([jnp.broadcast_to(x, (n, *shape)) for n, x in every])
+
     stiffness = jnp.stack([jnp.broadcast_to(whole, shape) for whole in wholes])
-    return Hoops(angle, held, stiffness, tuple(ring.sections for ring in rings))
+    return Hoops(of_each(angles), of_each(coronary), stiffness, counts)
 
 
 def _points_of(
     contact: Contact, with_rings: bool, first: int
 ) -> tuple[Points, tuple[Array, Array] | None]:
-    """Points of a contact, in the axes of its second bone; and of a ring its sections' angles and
+    """Points of a contact, in the axes of its second bone; and of a ring a section's angle and
     the stiffness of the whole.
 
     Args:

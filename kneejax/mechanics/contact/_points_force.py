@@ -77,8 +77,6 @@ class PointFaults(eqx.Module):
         )
 
 
-
-
 def sampled_wrenches(sampled: Sampled) -> Wrench:
     """Wrench of each spring on the tibia, about its origin and in its axes.
 

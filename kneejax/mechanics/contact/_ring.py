@@ -92,8 +92,8 @@ class Ring(eqx.Module):
 
         Returns:
             Depth that is lost for each mm of outward motion, `(points, ...)`; number of the
-            section, likewise; angle of each section, `(sections, ...)`, rad; and N/mm of the whole
-            hoop with its horns in series, `(...)`.
+            section, likewise; angle of a section, rad, and N/mm of the whole hoop with its horns in
+            series, both `(...)`.
         """
         forwards, right = point.x - self.middle[0], point.z - self.middle[1]
         away = jnp.sqrt(forwards * forwards + right * right)
@@ -102,7 +102,6 @@ class Ring(eqx.Module):
         turn = jnp.mod(jnp.arctan2(right, forwards) - begin, 2.0 * jnp.pi)
         place = jnp.clip(jnp.floor(self.sections * turn / span), 0, self.sections - 1)
         on_ring = (turn <= span) & (area > 0.0)
-        angle = jnp.broadcast_to(span / self.sections, (self.sections, *jnp.shape(span)))
         weight = jnp.where(on_ring, area, 0.0)
         whole = jnp.sum(weight, axis=0)
         empty = whole == 0.0  # a meniscus that was removed
@@ -110,7 +109,8 @@ class Ring(eqx.Module):
         radius = radius / jnp.where(empty, 1.0, whole)
         hoop = self.hoop_left * self.youngs_modulus * self.cross_section / (radius * span)
         series = hoop * self.horn_stiffness / (self.horn_stiffness + 2.0 * hoop)
-        return jnp.where(on_ring, outwards, 0.0), lax.stop_gradient(place), angle, series
+        outwards = jnp.where(on_ring, outwards, 0.0)
+        return outwards, lax.stop_gradient(place), span / self.sections, series
 
     def resected(
         self, outline: np.ndarray, width: float, anterior: float, posterior: float
