@@ -76,8 +76,8 @@ IN_SITU = [
 #: Assumed, with what it may be wrong by: what posterior capsule, collateral ligaments and popliteus
 #: pull in unloaded extension, and the PCL in unloaded flexion, N; how far 1 kN of compression moves
 #: and turns the tibia, mm and degrees (on plateaus that slope by 5.5 degrees it pushes with 96 N
-#: forwards, and 90 N alone move 4 to 6 mm); and how far an anterior load does, which turns it inwards
-#: (Fukubayashi 1982).
+#: forwards, and 90 N alone move 4 to 6 mm); and how far an anterior load does, which turns it
+#: inwards (Fukubayashi 1982).
 UNLOADED_N, COMPRESSION_MM, COMPRESSION_DEG = (25.0, 12.0), (4.0, 1.0), (2.0, 4.0)
 #: Slack in unloaded flexion: the posterior part of the medial collateral ligament and its capsule
 #: restrain an extended knee alone (Ball 2020).
