@@ -300,7 +300,8 @@ def _contact_tables(
         if steps:
             *keys, rows = zip(*steps, strict=True)
             own = jax.tree.map(lambda x, rows=rows: np.asarray(x)[list(rows)], mechanics)
-            named = dict(zip(("knee", "flexion_deg", "compression_N"), keys, strict=True))
+            names = "knee", Column("flexion_deg", show=".1f"), Column("compression_N", show=".0f")
+            named = dict(zip(names, keys, strict=True))
             numbers = pose_tables.contact_numbers(knee, own)
             tables.append(pose_tables.part_table(named, "contact", knee.contact_names, numbers))
     if not tables:

@@ -104,7 +104,7 @@ def contact_numbers(knee: Knee, mechanics: Mechanics) -> dict[Column, np.ndarray
 
 
 def part_table(
-    keys: Mapping[str, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[Any, Any],
+    keys: Mapping[Any, Sequence[Any]], part: str, names: Sequence[str], numbers: Mapping[Any, Any],
     last: Mapping[str, Sequence[Any]] | None = None,
 ) -> Table:
     """Numbers of the parts of a knee, a row for each part at each pose."""
