@@ -38,12 +38,13 @@ def test_its_anterior_laxity_is_that_of_twelve_knees(knee):
 
 
 def test_without_its_acl_it_is_drawn_as_far_as_twelve_knees_were(knee):
-    """Kept aside from its calibration."""
+    """Kept aside from its calibration: one standard deviation, two in extension."""
     (band,) = bundled_bands(cut=("ACL",), name="robot_anterior_90N")
     (test,) = kj.lab_tests("drawer", band.flexion_deg, force_N=90.0, steps=1)
     (curves,) = kj.load_curves(cut(knee, band.cut), test, knee)
     found = np.array([row.positive for row in kj.laxity(curves)])
-    assert (np.abs(found - band.mean) < 2.0 * band.sd).all()
+    away = np.abs(found - band.mean) / band.sd
+    assert away[0] < 2.0 and (away[1:] < 1.0).all()
 
 
 @pytest.fixture(scope="module")

@@ -120,7 +120,7 @@ def test_a_load_without_direction_in_a_test_without_a_name_is_refused(tmp_path):
 def test_flexions_moment_is_passed_over_with_a_sentence(tmp_path):
     columns = {f"{header} [{unit_of(header)}]": x for header, x in SIMVITRO.items()}
     said = "JCS Load Extension Torque [Nm] is not used, since flexion is prescribed"
-    read(table(tmp_path, columns), said)
+    check(read(table(tmp_path, columns), said))
 
 
 @pytest.mark.parametrize(
