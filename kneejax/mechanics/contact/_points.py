@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import equinox as eqx
 import jax
@@ -44,8 +44,9 @@ def over_unusual_rows(
     points: Points,
     known: Array,
     sound: Array,
-    search: Callable[[Points, Array, Array], Found],
+    search: Callable[..., Found],
     nothing: Callable[[Array], Found],
+    more: Any = None,
 ) -> Found:
     """What a function makes of the rows of points that have unusual rays.
 
@@ -53,8 +54,10 @@ def over_unusual_rows(
         points: of tibial surfaces.
         known: depths that have been found, mm, `(points, ...)`.
         sound: whose they are.
-        search: of the points of a row, and as much of `known` and `sound`; returns arrays.
+        search: of the points of a row, as much of `known` and `sound`, and the row's part of
+            `more`; returns arrays.
         nothing: the same for a row without unusual rays, of its `known`.
+        more: what such a search has found before, `(rows, ...)`.
 
     Returns:
         The answers of all rows, `(rows, ...)`.
@@ -69,11 +72,11 @@ def over_unusual_rows(
     # The last point fills up its row, and does nothing there.
     counted = np.arange(own.area.shape[0] * _ROW).reshape(-1, _ROW, *(1,) * len(poses)) < count
 
-    def of_row(row: tuple[Points, Array, Array]) -> Found:
-        _, known, sound = row
+    def of_row(row: tuple[Points, Array, Array, Any]) -> Found:
+        _, known, sound, _ = row
         return lax.cond(jnp.all(sound), lambda: nothing(known), lambda: search(*row))
 
-    return lax.map(of_row, (own.only(counted), *of_rays))
+    return lax.map(of_row, (own.only(counted), *of_rays, more))
 
 
 def row_after_row(x: Array) -> Array:
@@ -129,8 +132,10 @@ def over_rays(
     usual = quickly(surface, points, motion, quick)
 
     def again() -> Answer:
-        def of_row(own: Points, known: Array, is_known: Array) -> tuple[Array, ...]:
-            return _numbers(thoroughly(asked_at(femoral, own), own, motion, known, is_known))
+        def of_row(own: Points, known: Array, is_known: Array, _: None) -> tuple[Array, ...]:
+            surface = asked_at(femoral, own)
+            found = rays.thorough_exit(surface, *own.lines(motion), known, is_known)
+            return _numbers(thoroughly(surface, own, motion, known, is_known, found))
 
         def nothing(known: Array) -> tuple[Array, ...]:
             return (jnp.zeros_like(known),) * 7 + (jnp.zeros(known.shape, bool),)
@@ -211,8 +216,9 @@ def _usual(
 
 
 def thoroughly(
-    femoral: Surface, points: Points, motion: Placement, known: Array, is_known: Array
-) -> Sampled:
+    femoral: Surface, points: Points, motion: Placement, known: Array, is_known: Array,
+    found: rays.Exit,
+) -> Sampled:  # fmt: skip
     """What the points see, whatever their rays.
 
     Args:
@@ -221,10 +227,9 @@ def thoroughly(
         motion: from femoral to tibial axes.
         known: depths that have been found, mm.
         is_known: where they have.
+        found: where the rays leave the solid, by `thorough_exit`.
     """
-    lines = points.lines(motion)
-    found = rays.thorough_exit(femoral, *lines, known, is_known)
-    depth, by_point, by_normal = rays.any_depth(femoral, *lines, found)
+    depth, by_point, by_normal = rays.any_depth(femoral, *points.lines(motion), found)
     depth = jnp.where(is_known & (known <= -rays.APART), lax.stop_gradient(known), depth)
     slope = points.turned(motion, by_point)
     # A ray's own depth changes by a turn of the normal as if its far end were held: no twist.

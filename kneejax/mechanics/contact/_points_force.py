@@ -46,7 +46,7 @@ from kneejax.mechanics.contact._points import (
     row_after_row,
     thoroughly,
 )
-from kneejax.mechanics.contact._rays import FARTHEST
+from kneejax.mechanics.contact._rays import FARTHEST, Exit, thorough_exit
 from kneejax.mechanics.contact._ring import Hoops
 from kneejax.numerics import instantiate, none_of
 
@@ -156,9 +156,9 @@ def _stiff(
     surface = asked_at(femoral, points)
     quick, sound = quick_depths(surface, points, motion)
     sampled, *level = quickly_with_bend(surface, points, motion, quick)
-    outward = None
+    outward = exits = None
     if hoops is not None:
-        depth = _every_depth(femoral, points, motion, sampled, quick, sound)
+        depth, exits = _every_depth(femoral, points, motion, sampled, quick, sound)
         outward = hoops.settled(points, depth)
         points = dataclasses.replace(points, given_way=hoops.given_way(points, outward))
         left = points.left_of(sampled.depth)
@@ -170,7 +170,7 @@ def _stiff(
     def again():
         search = partial(_stiff_row, femoral, motion, hoops)
         nothing = partial(_nothing, hoops)
-        *rows, found = over_unusual_rows(points, quick, sound, search, nothing)
+        *rows, found = over_unusual_rows(points, quick, sound, search, nothing, exits)
         held, by_twist = jax.tree.map(lambda x: jnp.sum(x, axis=0), rows)
         changes, pushes = (
             [jax.tree.map(lambda x, k=k: x[k], one) for k in range(6)] for one in by_twist
@@ -213,29 +213,41 @@ def _pushes(hoops: Hoops | None, sampled: Sampled) -> list[Any]:
 def _every_depth(
     femoral: Surface | Condyles, points: Points, motion: Placement, usual: Sampled, quick: Array,
     sound: Array,
-) -> Array:  # fmt: skip
-    """Depth of all points, of unusual rays too, mm."""
+) -> tuple[Array, Exit]:  # fmt: skip
+    """Depth of all points, of unusual rays too, mm, and where the rays of unusual rows end."""
 
-    def of_row(own: Points, known: Array, is_known: Array) -> Array:
-        return thoroughly(asked_at(femoral, own), own, motion, known, is_known).depth
+    def of_row(own: Points, known: Array, is_known: Array, _: None) -> tuple[Array, Exit]:
+        surface = asked_at(femoral, own)
+        found = thorough_exit(surface, *own.lines(motion), known, is_known)
+        return thoroughly(surface, own, motion, known, is_known, found).depth, found
 
-    def again() -> Array:
-        rows = over_unusual_rows(points, quick, sound, of_row, jnp.zeros_like)
-        found = row_after_row(rows)[: len(quick)]
-        return jnp.where(of_usual_rows(sound), usual.depth, found)
+    def nothing(known: Array) -> tuple[Array, Exit]:
+        no = jnp.zeros(known.shape, bool)
+        return known, Exit(known, known, no, no)
 
-    return lax.cond(jnp.all(sound), lambda: usual.depth, again)
+    def again() -> tuple[Array, Exit]:
+        rows, found = over_unusual_rows(points, quick, sound, of_row, nothing)
+        depth = row_after_row(rows)[: len(quick)]
+        return jnp.where(of_usual_rows(sound), usual.depth, depth), found
+
+    def already() -> tuple[Array, Exit]:
+        return usual.depth, jax.tree.map(jnp.zeros_like, jax.eval_shape(again)[1])
+
+    return lax.cond(jnp.all(sound), already, again)
 
 
 def _stiff_row(
     femoral: Surface | Condyles, motion: Placement, hoops: Hoops | None, points: Points,
-    known: Array, is_known: Array,
+    known: Array, is_known: Array, found: Exit | None,
 ):  # fmt: skip
     """As `_stiff`, differentiated: of points whose rays are searched thoroughly."""
     surface, nowhere = asked_at(femoral, points), (jnp.zeros(known.shape[1:]),) * 6
+    if found is None:
+        found = thorough_exit(surface, *points.lines(motion), known, is_known)
 
     def pressed(*twist: Array):
-        sampled = thoroughly(surface, points, _displaced(motion, twist), known, is_known)
+        moved = _displaced(motion, twist)
+        sampled = thoroughly(surface, points, moved, known, is_known, found)
         held, faults = _pressed_and_faults(surface, motion, sampled)
         own = sampled.points
         push = () if hoops is None else hoops.pushed(own, own.force(sampled.depth))
