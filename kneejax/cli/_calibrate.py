@@ -34,7 +34,7 @@ def run(arguments: Calibrate) -> int:
     threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
     with stages_on_terminal("calibration") as progress:
         result = studies.calibrate(study, progress=progress)
-    seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
+    seconds = {"imports": arguments.results.imports_s, "reading": reading, **result.seconds}
     result = dataclasses.replace(result, seconds=adding_up(seconds))
     with stages_on_terminal("figures and report"):
         answer, missing = write_results(result, arguments.out, svg=arguments.svg)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,8 +11,9 @@ from typing import Any
 from kneejax.cli._command import Command, option_name
 from kneejax.cli._inputs import check_inputs
 from kneejax.cli._results_folder import FILE, WRITTEN
-from kneejax.files import InputProblem, InputProblems
-from kneejax.files.reading import load_json
+from kneejax.cli.options import Rerun
+from kneejax.files import InputProblem
+from kneejax.files.reading import load_json, together
 
 _COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
 #: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
@@ -68,8 +70,7 @@ def command_again(
         return asked
     except InputProblem as found:
         problems = getattr(found, "problems", (found,))
-        said = [_of_file(problem, words, file) for problem in problems]
-        raise (said[0] if len(said) == 1 else InputProblems(said)) from None
+        raise together([_of_file(problem, words, file) for problem in problems]) from None
 
 
 def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
@@ -77,24 +78,23 @@ def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
     option = problem.field if problem.file == words else problem.file
     if problem.file != words and not problem.file.startswith("--"):
         return problem
-    return InputProblem(
-        file, option.removeprefix("--"), problem.value, problem.expected, problem.nearest
-    )
+    field, value = option.removeprefix("--"), problem.value
+    return InputProblem(file, field, value, problem.expected, problem.nearest)
 
 
 def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
     """Refuse older settings that give a structure's stiffness as the mean of its fibres."""
-    by_name = [x for x in settings.values() if isinstance(x, dict)]
+    pairs: list[tuple[str, Any]] = []
+    for every in settings.values():
+        if isinstance(every, dict):
+            pairs += every.items()
+        elif isinstance(every, list):  # words of options that were lists of words once
+            words = (str(word).partition("=") for word in every)
+            pairs += [(name, value) for name, equals, value in words if equals]
     given = {
-        name: value
-        for every in by_name for name, value in every.items()
+        name: value for name, value in pairs
         if name.endswith((".stiffness", ".damping")) and "*" not in name
     }  # fmt: skip
-    for every in settings.values():  # words of options that were lists of words once
-        for word in every if isinstance(every, list) else ():
-            name, equals, value = str(word).partition("=")
-            if equals and name.endswith((".stiffness", ".damping")) and "*" not in name:
-                given[name] = value
     if _MEANING in settings or not given:
         return
     from kneejax.files import load_knee
@@ -116,18 +116,32 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
             )  # fmt: skip
 
 
-def changed_versions(settings: Mapping[str, Any]) -> list[str]:
-    """In words, what answered then and would not now; empty where all is the same."""
+def worked_in(settings: Mapping[str, Any]) -> Path:
+    """The folder from which the command's paths lead."""
+    return Path(settings[_WORKED_IN])
+
+
+def rerun(asked: Rerun) -> int:
+    """Print which versions differ, and run the command as its settings say."""
+    from kneejax.cli._main import carry_out, line, prepare_jax
+
+    folder, file = asked.folder, asked.folder / FILE
+    settings = read_settings(folder)
+    out = (folder if asked.out is None else asked.out).resolve()
+    again = command_again(settings, line().commands, file, out)
+    prepare_jax()
+    check_meaning(settings, file)
     from kneejax.inference import versions
 
     then, now = settings[_VERSIONS], versions()
-    return [
+    changes = [
         f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
         for name in {**now, **then}
         if then.get(name) != now.get(name)
     ]
-
-
-def worked_in(settings: Mapping[str, Any]) -> Path:
-    """The folder from which the command's paths lead."""
-    return Path(settings[_WORKED_IN])
+    if changes:
+        print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
+    # Paths lead from where the command ran; without one, it may run anywhere.
+    there = worked_in(settings)
+    with contextlib.chdir(there) if there.is_dir() else contextlib.nullcontext():
+        return carry_out(again)
