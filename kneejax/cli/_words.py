@@ -112,7 +112,8 @@ def _pairs(kind: Any, words: Sequence[Any], form: str) -> dict[str, Any]:
             numbers = [plain_number(part) for part in text.split(":")]
             good = given and None not in numbers and least <= len(numbers) <= most
             if not good or not (several or math.isfinite(numbers[0] or 0.0)):
-                raise wrong(text, form if several else f"{form}, a finite number", at=name or "name")
+                expected = form if several else f"{form}, a finite number"
+                raise wrong(text, expected, at=name or "name")
             found[name] = numbers if several else numbers[0]
     return found
 

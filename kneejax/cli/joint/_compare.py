@@ -12,7 +12,7 @@ from kneejax import files, joints
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import problem
-from kneejax.cli.joint._fit import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli.joint._fit import passive_motion, read_contact_knee
 from kneejax.cli.options import JointCompare
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
@@ -32,7 +32,7 @@ class Modelled(NamedTuple):
     # Of each flexion, whether a subject was measured just where its joint was calibrated, shape
     # `(n,)`.
     calibrated: np.ndarray
-    doubts: tuple[str, ...] = ()  # sentences on poses that are missing or in doubt
+    doubts: Sequence[str] = ()  # sentences on poses that are missing or in doubt
 
 
 def _over(flexion_deg: np.ndarray) -> np.ndarray:
@@ -118,17 +118,6 @@ def _of_joints(
     )  # fmt: skip
 
 
-def _knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:
-    """A contact knee in passive flexion, which stands for all subjects."""
-    over = _over(flexion_deg)
-    angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
-    motion = passive_motion(read, angles, source)
-    seen = joints.clinical_measures(motion.table)[back]
-    measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
-    nowhere = np.zeros(flexion_deg.shape[1], bool)
-    return Modelled(measures, seen[None, flexion_deg.size :], (source,), nowhere, motion.doubts)
-
-
 def run(arguments: JointCompare) -> int:
     """Compare models with what was measured."""
     try:  # whether there are subjects enough for the tests that are asked for
@@ -145,22 +134,28 @@ def run(arguments: JointCompare) -> int:
             expected = "another NAME=FILE; --calibrate-at makes a model of this name"
             raise files.InputProblem("--joint", "name", name, expected)
         models[name] = one
-    knees: dict[str, tuple[ContactKnee, str]] = {}
+    knees = {}
     for name in arguments.knee:
-        read = read_contact_knee(name)
-        if (title := read.knee.name) in (*models, *knees):
+        knee, offset = read_contact_knee(name)
+        if (title := knee.name) in (*models, *knees):
             raise files.InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
-        knees[title] = read, name
+        knees[title] = knee, offset, name
     if not models and not knees:
         expected = "a model: --joint, --knee, or --calibrate-at with --axes"
         raise files.InputProblem("joint compare", "models", "none", expected)
-    models |= {title: _knee_model(*one, flexion) for title, one in knees.items()}
+    over, at = _over(flexion), flexion.mean(axis=0)
+    for title, (knee, offset, name) in knees.items():  # each stands for all subjects
+        angles, back = np.unique(np.concatenate([flexion.ravel(), over]), return_inverse=True)
+        table, _, doubts = passive_motion(knee, offset, angles)
+        seen = joints.clinical_measures(table)[back]
+        measures = seen[: flexion.size].reshape(*flexion.shape, -1)
+        nowhere = np.zeros(len(at), bool)
+        models[title] = Modelled(measures, seen[None, flexion.size :], (name,), nowhere, doubts)
     settings = arguments.options()
     settings["measured"] = [str(file) for file in arguments.measured]
     settings["sources"] = {name: one.source for name, one in models.items()}
     # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
     known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
-    at = flexion.mean(axis=0)
     try:
         found = {name: one.measures for name, one in models.items()}
         compared = joints.compare_motions(
@@ -171,7 +166,7 @@ def run(arguments: JointCompare) -> int:
         named = ", ".join(str(file) for file in arguments.measured)
         raise UnsuitableData(f"{named}: {error}") from error
     answer = comparison_answer(
-        compared, {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
+        compared, {name: one.curve for name, one in models.items()}, over, flexion,
         doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
     )  # fmt: skip
     return deliver(answer, arguments)
