@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from kneejax.cohorts._plan import in_process as in_process
     from kneejax.cohorts._plan import plan as plan
     from kneejax.cohorts._plan import reason as reason
-    from kneejax.cohorts._plan import shard_of as shard_of
     from kneejax.cohorts._plan import structures as structures
     from kneejax.cohorts._reading import Cohort as Cohort
     from kneejax.cohorts._reading import Member as Member

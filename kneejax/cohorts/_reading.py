@@ -230,9 +230,8 @@ def _value(cell: str) -> Any:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     number = reading.plain_number(text)
-    if number is None:
-        return text
-    return int(text) if text.lstrip("+-").isdigit() else number
+    whole = number is not None and text.lstrip("+-").isdigit()
+    return int(text) if whole else text if number is None else number
 
 
 def _overlaid(
