@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from kneejax.studies._options import Identify as Identify
     from kneejax.studies._options import Map as Map
     from kneejax.studies._options import Sensitivity as Sensitivity
-    from kneejax.studies._progress import balances_on_terminal as balances_on_terminal
     from kneejax.studies._progress import stages_on_terminal as stages_on_terminal
     from kneejax.studies._schema import FAULTS as FAULTS
     from kneejax.studies._schema import STUDY_FIELDS as STUDY_FIELDS

@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax.files import InputProblem, reading
-from kneejax.files.reading import (
-    Choice,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    entries,
-    meaning,
-    reads,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Number, Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import RANGES
 from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
 
@@ -80,13 +69,13 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
     """The whole path of a table, or the name of a published test."""
     from kneejax.files import bundled_laxity_sources
 
-    path = reading.folder_of(info) / reading.text(value)
-    if os.path.isfile(path):
+    name = reading.text(value)
+    if os.path.isfile(path := reading.folder_of(info) / name):
         return os.path.abspath(path)
     known = (*bundled_laxity_sources(), *published_motions())
-    if reading.text(value) not in known:
+    if name not in known:
         raise wrong(value, f"a CSV table, or a published test ({', '.join(known)})", known)
-    return reading.text(value)
+    return name
 
 
 def published_motions() -> dict[str, Measurement]:
@@ -128,7 +117,7 @@ class StudyTest(Part):
     ] = meaning(
         "that count; all that the table has if empty", ()
     )
-    counted_from: Annotated[CountedFrom, Choice()] | None = meaning(
+    counted_from: Annotated[CountedFrom, reading.Choice()] | None = meaning(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )
     within_deg: Annotated[float, reads(reading.number, RANGES["within_deg"])] = meaning(
@@ -143,7 +132,7 @@ class StudyTest(Part):
     ] = meaning(
         "where forces act", (0.0, 0.0, 0.0)
     )
-    axes: Annotated[Axes, Choice()] = meaning("in which loads are given", "grood_suntay")
+    axes: Annotated[Axes, reading.Choice()] = meaning("in which loads are given", "grood_suntay")
     sd_mm: Annotated[float, within("noise_mm")] | None = meaning(
         "standard deviation of displacements; as the poses' if not stated", None
     )
@@ -157,7 +146,7 @@ class StudyTest(Part):
         entries("ligaments"),
         BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
     ] = meaning("ligaments, groups or menisci that had been cut", ())
-    weight: Annotated[Literal["by_load"], Choice()] | None = meaning(
+    weight: Annotated[Literal["by_load"], reading.Choice()] | None = meaning(
         "`by_load` weighs rows in proportion to their load", None
     )
     in_time: InTime | None = meaning("of rows that are frames of a motion", None)
@@ -239,7 +228,7 @@ def _size(test: StudyTest, band: LaxityBand) -> float:
 
 def check_tests(
     knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
-    measured: bool, mistakes: Mistakes,
+    measured: bool, mistakes: reading.Mistakes,
 ) -> None:  # fmt: skip
     """Of tests no two have one name, and none is better known than the poses can say, whose noise
     is stated in mm and degrees, where they are measured."""
