@@ -24,7 +24,15 @@ def run(arguments: Calibrate) -> int:
 
         return _cohort.run(arguments)
     begun = time.perf_counter()
-    _check_single(arguments)
+    for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
+        value = getattr(arguments, name)
+        if is_given(value):
+            expected = (
+                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
+                f"not {arguments.study}"
+            )
+            given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            raise InputProblem("calibrate", f"--{name}", given, expected)
     study = studies.read_study(arguments.study)
     for new in ("knee.yaml", "result.json"):
         check_new(arguments.out / new, study.knee_name)
@@ -42,16 +50,3 @@ def run(arguments: Calibrate) -> int:
     if missing:
         print(f"not written: {arguments.out}/knee.yaml: {missing}")
     return max(status, int(bool(missing)))
-
-
-def _check_single(arguments: Calibrate) -> None:
-    """Refuse, of a single study, what only a cohort can be asked."""
-    for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
-        value = getattr(arguments, name)
-        if is_given(value):
-            expected = (
-                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
-                f"not {arguments.study}"
-            )
-            given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
-            raise InputProblem("calibrate", f"--{name}", given, expected)
