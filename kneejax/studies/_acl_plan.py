@@ -96,9 +96,7 @@ class Lachman(Part):
 
     flexion_deg: Annotated[
         tuple[float, ...], reading.numbers_within(None, "flexion_deg")
-    ] = meaning(
-        "at which", (20.0, 90.0)
-    )
+    ] = meaning("at which", (20.0, 90.0))
     force_N: Force = meaning("on the tibia, anterior", 100.0)
 
 
@@ -129,9 +127,7 @@ class Optimum(Part):
 
     free: Annotated[
         tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
-    ] = meaning(
-        "what may change", tuple(FREE)
-    )
+    ] = meaning("what may change", tuple(FREE))
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 

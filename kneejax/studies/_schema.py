@@ -236,9 +236,7 @@ class StudyFields(Part):
     )
     tests: Annotated[
         tuple[Annotated[MeasuredTest, OrObject(StudyTest)], ...], entries("tests", empty=True)
-    ] = meaning(
-        "under load that were made, each by a name of its own", ()
-    )
+    ] = meaning("under load that were made, each by a name of its own", ())
     patella: reading.Flag | None = meaning(
         "whether the knee is that of three bones, where it has one", None
     )
@@ -269,9 +267,7 @@ class StudyFields(Part):
     )
     stages: Annotated[
         tuple[Annotated[Stage, OrObject(StudyStage)], ...], entries("stages", empty=True)
-    ] = meaning(
-        "of procedure S, in turn", ()
-    )
+    ] = meaning("of procedure S, in turn", ())
     starts: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "of procedure III: the knee's own, then draws from the prior, or between the bounds where "
         "there is none", 1,
