@@ -87,8 +87,10 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         if not isinstance(asked, Written):
             return asked.run()
         from kneejax.cli._results_folder import ResultsFolder
-        from kneejax.cli._settings import asked_for, with_versions
+        from kneejax.cli._settings import VERSIONS, asked_for
+        from kneejax.inference import versions
         from kneejax.numerics import counted_programs
+        from kneejax.parameters import MEANING
 
         settings = asked_for(asked)
         asked._results = results = ResultsFolder(asked.out, time.perf_counter() - begun)
@@ -96,7 +98,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
             status = asked.run()
             if status != BAD_INPUT:
                 results.add_to_result("programs", programs.summary())
-                results.commit(with_versions(settings))
+                results.commit({**settings, **MEANING, VERSIONS: versions()})
         if asked.verbose:
             print(programs.sentence(), file=sys.stderr)
         return status

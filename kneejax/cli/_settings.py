@@ -15,11 +15,11 @@ from kneejax.cli.options import Rerun
 from kneejax.files import InputProblem
 from kneejax.files.reading import load_json, together
 
-_COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
+_COMMAND, _WORKED_IN, VERSIONS = "command", "working_folder", "versions"
 #: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
 _MEANING = "stiffness_of"
 #: Names that no option may have, since they stand beside the options.
-ADDED = (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, WRITTEN)
+ADDED = (_COMMAND, _WORKED_IN, VERSIONS, _MEANING, WRITTEN)
 _EXPECTED = "settings.json of a kneejax command"
 
 
@@ -27,14 +27,6 @@ def asked_for(asked: Command) -> dict[str, Any]:
     """A command, before it has run, and its options as JSON, defaults among them, and where it ran.
     """
     return {**asked.settings(), _WORKED_IN: os.getcwd()}
-
-
-def with_versions(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What a command was asked for, and which versions answered."""
-    from kneejax.inference import versions
-    from kneejax.parameters import MEANING
-
-    return {**settings, **MEANING, _VERSIONS: versions()}
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
@@ -47,7 +39,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         expected = "this file, which a kneejax command writes beside its results"
         raise InputProblem(file, "file", "missing", expected)
     settings = load_json(file, _EXPECTED)
-    for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (_VERSIONS, dict)):
+    for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (VERSIONS, dict)):
         found = settings.get(name) if isinstance(settings, dict) else None
         if not isinstance(found, kind):
             shown = "missing" if found is None else found
@@ -133,7 +125,7 @@ def rerun(asked: Rerun) -> int:
     check_meaning(settings, file)
     from kneejax.inference import versions
 
-    then, now = settings[_VERSIONS], versions()
+    then, now = settings[VERSIONS], versions()
     changes = [
         f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
         for name in {**now, **then}

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from kneejax.studies._answers import identify as identify
     from kneejax.studies._answers import run_side_by_side as run_side_by_side
     from kneejax.studies._answers import sensitivity as sensitivity
+    from kneejax.studies._fields import file_named as file_named
     from kneejax.studies._fields import misspelt as misspelt
     from kneejax.studies._maps import about_maps as about_maps
     from kneejax.studies._maps import fingerprint as fingerprint

@@ -32,18 +32,15 @@ class Options(Part):
         """Check all fields."""
         try:
             reading.fill(self, plain(fields))
-        except ValueError as problem:
-            every = getattr(problem, "problems", (problem,))
-            raise reading.together([_of_option(one) for one in every]) from None
-
-
-def _of_option(problem: ValueError) -> ValueError:
-    if not isinstance(problem, InputProblem):
-        return problem
-    name, _, rest = problem.field.partition(".")
-    name, _, number = name.partition("[")
-    rest = rest or (f"[{number}" if number else name)
-    return InputProblem(name, rest, problem.value, problem.expected, problem.nearest)
+        except ValueError as found:
+            every = [*getattr(found, "problems", (found,))]
+            for row, one in enumerate(every):
+                if isinstance(one, InputProblem):
+                    name, _, rest = one.field.partition(".")
+                    name, _, number = name.partition("[")
+                    rest = rest or (f"[{number}" if number else name)
+                    every[row] = InputProblem(name, rest, one.value, one.expected, one.nearest)
+            raise reading.together(every) from None
 
 
 def misspelt(knee: str, names: Iterable[str]) -> Iterator[InputProblem]:
