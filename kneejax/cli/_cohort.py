@@ -17,8 +17,7 @@ from tqdm import tqdm
 from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
-from kneejax.cli._out import check_room
-from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
+from kneejax.cli._results_folder import DRAWS, KNEES, MARK, check_room, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES

@@ -9,15 +9,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, exceptions
 from cyclopts import Group as Heading
-from cyclopts.exceptions import (
-    CoercionError,
-    MissingArgumentError,
-    RepeatArgumentError,
-    UnknownOptionError,
-    UnusedCliTokensError,
-)
 from pydantic.fields import FieldInfo
 
 from kneejax import __version__
@@ -124,11 +117,11 @@ class CommandLine:
             known = ["--help", *([] if command else ["--version"]), *self._below(command)]
             return InputProblem(place, "option", option, "a command or --help", known)
         model = self.commands[command]
-        if isinstance(problem, UnknownOptionError):
+        if isinstance(problem, exceptions.UnknownOptionError):
             word = problem.token.keyword or problem.token.value
             expected = f"an option of kneejax {command} (see --help)"
             return InputProblem(place, "option", word, expected, _nearest(model, word))
-        if isinstance(problem, UnusedCliTokensError):
+        if isinstance(problem, exceptions.UnusedCliTokensError):
             word = (problem.unused_tokens or [""])[0]
             if word.startswith("-"):
                 expected = f"an option of kneejax {command} (see --help)"
@@ -136,15 +129,15 @@ class CommandLine:
             return InputProblem(place, "argument", word, "no further argument")
         argument = problem.argument
         option = argument.names[0] if argument is not None and argument.names else "option"
-        if isinstance(problem, MissingArgumentError) and argument is not None:
+        if isinstance(problem, exceptions.MissingArgumentError) and argument is not None:
             count = argument.token_count()[0]
             expected = "a value" if count == 1 else f"{count} values"
             given = " ".join(problem.tokens_so_far) or "missing"
             return InputProblem(place, option, given, expected)
-        if isinstance(problem, RepeatArgumentError):
+        if isinstance(problem, exceptions.RepeatArgumentError):
             option = problem.token.keyword or option
             return InputProblem(place, option, problem.token.value or "given", "this option once")
-        if isinstance(problem, CoercionError) and problem.token is not None:
+        if isinstance(problem, exceptions.CoercionError) and problem.token is not None:
             return InputProblem(place, option, problem.token.value, "this option without a value")
         return InputProblem(place, option, str(problem), "another value")
 

@@ -67,7 +67,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
     begun = time.perf_counter() if begun is None else begun
     with stopped_at_once():
         if (out := getattr(asked, "out", None)) is not None:
-            from kneejax.cli._out import try_out
+            from kneejax.cli._results_folder import try_out
 
             try_out(out, folder=not isinstance(asked, options.ExportOsim | options.Init))
         check_inputs(asked, Path())

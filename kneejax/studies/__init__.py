@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from kneejax.studies._progress import stages_on_terminal as stages_on_terminal
     from kneejax.studies._schema import FAULTS as FAULTS
     from kneejax.studies._schema import STUDY_FIELDS as STUDY_FIELDS
-    from kneejax.studies._schema import Measured as Measured
     from kneejax.studies._schema import Synthetic as Synthetic
     from kneejax.studies._study import Study as Study
     from kneejax.studies._study import check_study_file as check_study_file
