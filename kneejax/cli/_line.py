@@ -116,17 +116,16 @@ class CommandLine:
             option = next((word for word in words if word.startswith("-")), "")
             known = ["--help", *([] if command else ["--version"]), *self._below(command)]
             return InputProblem(place, "option", option, "a command or --help", known)
-        model = self.commands[command]
+        word = None
         if isinstance(problem, exceptions.UnknownOptionError):
             word = problem.token.keyword or problem.token.value
-            expected = f"an option of kneejax {command} (see --help)"
-            return InputProblem(place, "option", word, expected, _nearest(model, word))
-        if isinstance(problem, exceptions.UnusedCliTokensError):
+        elif isinstance(problem, exceptions.UnusedCliTokensError):
             word = (problem.unused_tokens or [""])[0]
-            if word.startswith("-"):
-                expected = f"an option of kneejax {command} (see --help)"
-                return InputProblem(place, "option", word, expected, _nearest(model, word))
-            return InputProblem(place, "argument", word, "no further argument")
+            if not word.startswith("-"):
+                return InputProblem(place, "argument", word, "no further argument")
+        if word is not None:
+            expected, model = f"an option of kneejax {command} (see --help)", self.commands[command]
+            return InputProblem(place, "option", word, expected, _nearest(model, word))
         argument = problem.argument
         option = argument.names[0] if argument is not None and argument.names else "option"
         if isinstance(problem, exceptions.MissingArgumentError) and argument is not None:

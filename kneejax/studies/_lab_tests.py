@@ -176,7 +176,27 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
         value = test.cut[0] if len(test.cut) == 1 else None
         expected = f"{name} with {' or '.join(known)} cut, as it was measured"
         raise test.wrong("cut" if test.cut else "file", expected, value)
-    load, size = own[0].load, _size(test, own[0])
+    load, size = own[0].load, own[0].size
+    unknown, stated = math.isnan(size), "load" in test.model_fields_set
+    if unknown and not stated:
+        expected = f"load: {{{load}: ...}} beside it, since the load of {name} is not known"
+        raise test.wrong("file", expected)
+    if stated and not unknown:
+        expected = f"to omit this field: {name} was measured under {load} {size:g}"
+        raise test.wrong("load", expected)
+    if stated:
+        if not isinstance(test.load, dict) or not test.load:
+            raise test.wrong("load", f"a mapping from {load} to its size")
+        for other in test.load:
+            if other != load:
+                expected = f"no such field, but one of {load}"
+                raise test.wrong(f"load.{other}", expected, test.load[other])
+        try:
+            size = reading.number(test.load[load], RANGES[load])
+        except InputProblem as problem:
+            raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
+        if not size > 0:
+            raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
     (column,) = [k for k, coordinate in enumerate(UNITS) if load_called(coordinate) == load]
     rows = []  # flexion, load, reading
     for band in own:
@@ -193,33 +213,6 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
         raise test.wrong("counted_from", expected)
     counted = "opposite" if ranges else own[0].counted_from
     return LabTable(flexion, {load: sizes}, observed), counted
-
-
-def _size(test: StudyTest, band: LaxityBand) -> float:
-    """The load of a table, as published or as the study states it."""
-    unknown, load = math.isnan(band.size), band.load
-    if "load" not in test.model_fields_set:
-        if unknown:
-            raise test.wrong(
-                "file",
-                f"load: {{{load}: ...}} beside it, since the load of {band.name} is not known",
-            )
-        return band.size
-    if not unknown:
-        expected = f"to omit this field: {band.name} was measured under {load} {band.size:g}"
-        raise test.wrong("load", expected)
-    if not isinstance(test.load, dict) or not test.load:
-        raise test.wrong("load", f"a mapping from {load} to its size")
-    for name in test.load:
-        if name != load:
-            raise test.wrong(f"load.{name}", f"no such field, but one of {load}", test.load[name])
-    try:
-        size = reading.number(test.load[load], RANGES[load])
-    except reading.InputProblem as problem:
-        raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
-    if not size > 0:
-        raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
-    return size
 
 
 def check_tests(
