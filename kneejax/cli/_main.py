@@ -104,6 +104,32 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         return status
 
 
+def rerun(asked: options.Rerun) -> int:
+    """Print which versions differ, and run the command as its settings say."""
+    from kneejax.cli import _settings
+
+    folder, file = asked.folder, asked.folder / _settings.FILE
+    settings = _settings.read_settings(folder)
+    out = (folder if asked.out is None else asked.out).resolve()
+    again = _settings.command_again(settings, line().commands, file, out)
+    prepare_jax()
+    _settings.check_meaning(settings, file)
+    from kneejax.inference import versions
+
+    then, now = settings[_settings.VERSIONS], versions()
+    changes = [
+        f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
+        for name in {**now, **then}
+        if then.get(name) != now.get(name)
+    ]
+    if changes:
+        print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
+    # Paths lead from where the command ran; without one, it may run anywhere.
+    there = _settings.worked_in(settings)
+    with contextlib.chdir(there) if there.is_dir() else contextlib.nullcontext():
+        return carry_out(again)
+
+
 def completion(asked: options.Completion) -> int:
     """Print the script by which a shell completes commands, options, bundled names and files."""
     script = line().app(completing=True).generate_completion(shell=asked.shell)

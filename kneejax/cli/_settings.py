@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +10,6 @@ from typing import Any
 from kneejax.cli._command import Command, option_name
 from kneejax.cli._inputs import check_inputs
 from kneejax.cli._results_folder import FILE, WRITTEN
-from kneejax.cli.options import Rerun
 from kneejax.files import InputProblem
 from kneejax.files.reading import load_json, together
 
@@ -111,29 +109,3 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
 def worked_in(settings: Mapping[str, Any]) -> Path:
     """The folder from which the command's paths lead."""
     return Path(settings[_WORKED_IN])
-
-
-def rerun(asked: Rerun) -> int:
-    """Print which versions differ, and run the command as its settings say."""
-    from kneejax.cli._main import carry_out, line, prepare_jax
-
-    folder, file = asked.folder, asked.folder / FILE
-    settings = read_settings(folder)
-    out = (folder if asked.out is None else asked.out).resolve()
-    again = command_again(settings, line().commands, file, out)
-    prepare_jax()
-    check_meaning(settings, file)
-    from kneejax.inference import versions
-
-    then, now = settings[VERSIONS], versions()
-    changes = [
-        f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
-        for name in {**now, **then}
-        if then.get(name) != now.get(name)
-    ]
-    if changes:
-        print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
-    # Paths lead from where the command ran; without one, it may run anywhere.
-    there = worked_in(settings)
-    with contextlib.chdir(there) if there.is_dir() else contextlib.nullcontext():
-        return carry_out(again)

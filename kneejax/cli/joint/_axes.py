@@ -96,10 +96,23 @@ def axes_from_knee(arguments: JointFit, knee: Knee, offset: Mapping[str, float])
     except ValueError as error:
         expected = "condyles; or axis points, by --femur or --axes"
         raise files.InputProblem(arguments.knee, "contacts", str(error), expected) from None
-    points = points + np.array([offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
-    epicondyles = _given_epicondyles(arguments, knee.side)
-    axes = _fitted(arguments, arguments.knee, points, normals, epicondyles)
+    # Fitted in the knee's own frame, in which the sign of Z tells medial from lateral.
+    own = _fitted(arguments, arguments.knee, points, normals, None)
+    shift = np.array([offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
+    known = {"hinge": own.hinge + shift, "facets": _shifted(own.facets, shift)}
+    if (epicondyles := _given_epicondyles(arguments, knee.side)) is not None:
+        known |= {"hinge": epicondyles, "epicondyles": epicondyles,
+                  "hinge_source": "the epicondyles"}  # fmt: skip
+    axes = dataclasses.replace(own, points=own.points + shift, surface=points + shift, **known)
     return lambda _: axes
+
+
+def _shifted(axes: joints.CondyleAxes, shift: np.ndarray) -> joints.CondyleAxes:
+    facets = []
+    for facet in axes.facets:
+        cylinder = dataclasses.replace(facet.cylinder, center=facet.center + shift)
+        facets.append(dataclasses.replace(facet, cylinder=cylinder))
+    return dataclasses.replace(axes, facets=tuple(facets), points=axes.points + shift)
 
 
 def problem(file: str | Path, error: joints.JointProblem) -> files.InputProblem:

@@ -278,7 +278,7 @@ class Rerun(Command):
     example: ClassVar = (
         "kneejax simulate passive-flexion && kneejax rerun kneejax-passive-flexion --out again"
     )
-    body: ClassVar = "kneejax.cli._settings:rerun"
+    body: ClassVar = "kneejax.cli._main:rerun"
 
     folder: Annotated[Path, Place("FOLDER")] = meaning("folder with the settings.json of a command")
     out: Path | None = meaning("folder for the results; the same one otherwise", None)
