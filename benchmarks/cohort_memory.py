@@ -8,6 +8,7 @@ and pages, then tasks of a bootstrap with one draw each, in turns over the knees
 
 from __future__ import annotations
 
+import functools
 import resource
 import tempfile
 from pathlib import Path
@@ -15,7 +16,7 @@ from pathlib import Path
 from _protocol import arguments, finish, peak_memory_mb
 
 from kneejax.cli import main as kneejax
-from kneejax.cli._cohort import CohortWork
+from kneejax.cli._cohort import compute
 from kneejax.cohorts import Task, plan, read_cohort
 
 KNEES = 4
@@ -33,7 +34,7 @@ def main() -> None:
     words = ["--knees", str(KNEES), "--knee", options.knee, "--out", str(folder / "made_up")]
     kneejax(["cohort", "synthesise", *words])
     (block,) = plan(read_cohort(folder / "made_up"))
-    work = CohortWork(folder / "out")
+    work = functools.partial(compute, folder / "out", False)
     work(block)
     rows: dict[str, object] = {"after_block_mb": memory_mb()}
     for number in range(options.tasks):

@@ -24,28 +24,6 @@ def run(arguments: Calibrate) -> int:
 
         return _cohort.run(arguments)
     begun = time.perf_counter()
-    _check_single(arguments)
-    study = studies.read_study(arguments.study)
-    for new in ("knee.yaml", "result.json"):
-        check_new(arguments.out / new, study.knee_name)
-    arguments.results.check_free(*FILES)
-    reading = time.perf_counter() - begun
-    # XLA compiles without holding Python: what comes last is imported beside the search.
-    threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
-    with stages_on_terminal("calibration") as progress:
-        result = studies.calibrate(study, progress=progress)
-    seconds = {"imports": arguments.imports_s, "reading": reading, **result.seconds}
-    result = dataclasses.replace(result, seconds=adding_up(seconds))
-    with stages_on_terminal("figures and report"):
-        answer, missing = write_results(result, arguments.out, svg=arguments.svg)
-    status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
-    if missing:
-        print(f"not written: {arguments.out}/knee.yaml: {missing}")
-    return max(status, int(bool(missing)))
-
-
-def _check_single(arguments: Calibrate) -> None:
-    """Refuse, of a single study, what only a cohort can be asked."""
     for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
         value = getattr(arguments, name)
         if is_given(value):
@@ -55,3 +33,20 @@ def _check_single(arguments: Calibrate) -> None:
             )
             given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
             raise InputProblem("calibrate", f"--{name}", given, expected)
+    study = studies.read_study(arguments.study)
+    for new in ("knee.yaml", "result.json"):
+        check_new(arguments.out / new, study.knee_name)
+    arguments.results.check_free(*FILES)
+    reading = time.perf_counter() - begun
+    # XLA compiles without holding Python: what comes last is imported beside the search.
+    threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
+    with stages_on_terminal("calibration") as progress:
+        result = studies.calibrate(study, progress=progress)
+    seconds = {"imports": arguments.results.imports_s, "reading": reading, **result.seconds}
+    result = dataclasses.replace(result, seconds=adding_up(seconds))
+    with stages_on_terminal("figures and report"):
+        answer, missing = write_results(result, arguments.out, svg=arguments.svg)
+    status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
+    if missing:
+        print(f"not written: {arguments.out}/knee.yaml: {missing}")
+    return max(status, int(bool(missing)))

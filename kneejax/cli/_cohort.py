@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import io
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,7 @@ from tqdm import tqdm
 from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
-from kneejax.cli._out import check_room
-from kneejax.cli._results_folder import DRAWS, KNEES, MARK, read_mark, replace_knee
+from kneejax.cli._results_folder import DRAWS, KNEES, MARK, check_room, read_mark, replace_knee
 from kneejax.cli.options import Calibrate, CohortSynthesise
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
@@ -28,66 +26,56 @@ from kneejax.numerics import MissingPackage, check_installed
 from kneejax.parameters import UnsuitableData
 from kneejax.studies import Study, bootstrapped, run_side_by_side, stages_on_terminal
 
+_PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
+# In a study: prior: prior.yaml
+"""
 #: Files of a knee take about this; those of one with 22 parameters 0.4 MB.
 _KNEE_MB = 0.25
-#: Computes tasks, each yielded when it has ended, with why it left no results.
-Compute = Callable[[Sequence[cohorts.Task], cohorts.Work], Iterator[cohorts.Ended]]
 #: What became of a knee of a task: why it has no answer, if it has none, and seconds.
 Mark = Mapping[str, Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class CohortWork:
-    """Computes tasks of a cohort into a folder."""
-
-    out: Path  # of the cohort's results
-    # Whether each knee's figures are files too, as PNG and SVG; its page holds them.
-    svg: bool = False
-
-    def __call__(self, task: cohorts.Task) -> None:
-        """Calibrate the knees of a task, or draw its data again, unless its results are there."""
-        begun = time.perf_counter()
-        if finished(task, self.out) is not None:
-            return
-        if task.draws is not None:
-            self._bootstrap(task, begun)
-            return
+def compute(out: Path, svg: bool, task: cohorts.Task) -> None:
+    """Calibrate the knees of a task, or draw the data of one again and fit them, into the folder of
+    a cohort's results, unless these are there; `svg` says whether each knee's figures are files
+    too."""
+    begun = time.perf_counter()
+    if finished(task, out) is not None:
+        return
+    if task.draws is None:
         answers = _answers([member.study for member in task.members])
         share = (time.perf_counter() - begun) / len(answers)
         for member, answer in zip(task.members, answers, strict=True):
-            self._write(task, member, answer, share)
+            _write(out / KNEES / member.name, task, answer, share, svg)
+        return
+    (member,) = task.members
+    folder, failed, values = out / KNEES / member.name, "", np.zeros((0, 0))
+    if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
+        raise UnsuitableData("its calibration was not finished")
+    if (folder / "result.json").is_file():  # a knee without an answer has no draws
+        answer = files.read_calibrated(folder / "result.json").of_structures(member.study.knee)
+        try:
+            values = bootstrapped(member.study, range(*task.draws), answer, task.by_blocks)
+        except UnsuitableData as problem:
+            failed = cohorts.reason(problem)
+    stream, seconds = io.BytesIO(), time.perf_counter() - begun
+    np.savez(stream, values=values, failed=failed, seconds=seconds)
+    write_sealed(_draws_file(task, out), stream.getvalue(), task.fingerprint)
 
-    def _write(
-        self, task: cohorts.Task, member: cohorts.Member, answer: Calibration | Exception,
-        seconds: float,
-    ) -> None:  # fmt: skip
-        begun, folder = time.perf_counter(), self.out / KNEES / member.name
-        failed = cohorts.reason(answer, named=False) if isinstance(answer, Exception) else ""
 
-        def write() -> dict[str, Any]:
-            if not isinstance(answer, Exception):
-                write_results(answer, folder, svg=self.svg, figures=self.svg)
-            took = seconds + time.perf_counter() - begun
-            return {"task": task.fingerprint, "failed": failed, "seconds": took}
+def _write(
+    folder: Path, task: cohorts.Task, answer: Calibration | Exception, seconds: float, svg: bool
+) -> None:
+    begun = time.perf_counter()
+    failed = cohorts.reason(answer, named=False) if isinstance(answer, Exception) else ""
 
-        replace_knee(folder, write)
+    def write() -> dict[str, Any]:
+        if not isinstance(answer, Exception):
+            write_results(answer, folder, svg=svg, figures=svg)
+        took = seconds + time.perf_counter() - begun
+        return {"task": task.fingerprint, "failed": failed, "seconds": took}
 
-    def _bootstrap(self, task: cohorts.Task, begun: float) -> None:
-        """Fit data of a knee that are drawn again; nothing for a knee without an answer."""
-        (member,) = task.members
-        folder, failed, values = self.out / KNEES / member.name, "", np.zeros((0, 0))
-        if read_mark(folder) is None:  # nothing to begin at: to be tried again, not kept
-            raise UnsuitableData("its calibration was not finished")
-        if (folder / "result.json").is_file():
-            answer = files.read_calibrated(folder / "result.json").of_structures(member.study.knee)
-            try:
-                draws = range(*task.draws or ())
-                values = bootstrapped(member.study, draws, answer, task.by_blocks)
-            except UnsuitableData as problem:
-                failed = cohorts.reason(problem)
-        stream, seconds = io.BytesIO(), time.perf_counter() - begun
-        np.savez(stream, values=values, failed=failed, seconds=seconds)
-        write_sealed(_draws_file(task, self.out), stream.getvalue(), task.fingerprint)
+    replace_knee(folder, write)
 
 
 def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
@@ -116,16 +104,6 @@ def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
     return marks if whole else None
 
 
-def draws_of(tasks: Sequence[cohorts.Task], out: Path) -> dict[str, np.ndarray]:
-    """Knee -> draws of its bootstrap, `(draws, p)`, of the tasks that have ended."""
-    found: dict[str, list[np.ndarray]] = {}
-    for task in tasks:
-        kept = None if task.draws is None else _kept_draws(task, out)
-        if kept is not None and kept["values"].size:
-            found.setdefault(task.names[0], []).append(kept["values"])
-    return {name: np.concatenate(parts) for name, parts in found.items()}
-
-
 def _draws_file(task: cohorts.Task, out: Path) -> Path:
     first = 0 if task.draws is None else task.draws[0]
     return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
@@ -144,13 +122,22 @@ def run(arguments: Calibrate) -> int:
     """Calibrate every knee of a cohort, and write what they say together."""
     if arguments.scheduler or (arguments.jobs or 1) > 1:
         check_installed("distributed", "cohorts")
-    cohort, count, by_blocks = _cohort_of(arguments), arguments.bootstrap or 0, arguments.blocks
+    count, by_blocks = arguments.bootstrap or 0, arguments.blocks
+    try:
+        cohort = cohorts.read_cohort(arguments.study)
+        if count:
+            cohorts.check_bootstraps(cohort, by_blocks)
+    except files.InputProblems as every:
+        mistakes = files.counted(len(every.problems), "mistake")
+        end = ValueError(f"{mistakes}; nothing was computed")
+        raise files.InputProblems([*every.problems, end]) from None
     out, tasks = arguments.out.resolve(), cohorts.plan(cohort)
     for member in cohort.members:
         for new in ("knee.yaml", "result.json"):
             files.check_new(out / KNEES / member.name / new, member.study.knee_name)
     arguments.results.check_free("cohort.csv", "cohort.nc", "prior.yaml", "report.html")
-    own = cohorts.shard_of(tasks, *arguments.shard or (1, 1))
+    part, parts = arguments.shard or (1, 1)
+    own = tasks[part - 1 :: parts]
     rounds = [(own, " knees"), (cohorts.bootstraps(own, count, by_blocks), " fits")]
     waiting = _unfinished(own, out)
     knees = sum(map(len, waiting))
@@ -160,7 +147,7 @@ def run(arguments: Calibrate) -> int:
     size += f" in {files.counted(len(tasks), 'task')}"
     print(f"{cohort.title}: {size}")
     if arguments.shard:
-        print(f"part {'/'.join(map(str, arguments.shard))}: {files.counted(len(own), 'task')}")
+        print(f"part {part}/{parts}: {files.counted(len(own), 'task')}")
     if len(waiting) < len(own):
         print(f"{files.counted(len(own) - len(waiting), 'task')} of these finished already")
     sys.stdout.flush()
@@ -170,12 +157,19 @@ def run(arguments: Calibrate) -> int:
         kept = {(KNEES, x) for task in tasks if finished(task, out) for x in task.names}
         arguments.results.begin(lambda name: tuple(name.split("/")[:2]) in kept)
     failed: dict[str, Mark] = {}
-    work = CohortWork(out, arguments.svg)
-    with _computer(waiting, arguments) as compute:
+    work = functools.partial(compute, out, arguments.svg)
+    jobs, address = arguments.jobs or 1, arguments.scheduler
+    with contextlib.ExitStack() as opened:
+        each = cohorts.in_process
+        if waiting and (jobs > 1 or address is not None):  # workers that stay for all rounds
+            client = opened.enter_context(cohorts.workers(min(jobs, len(waiting)), address))
+            if sys.stderr.isatty():
+                print(f"workers: {client.dashboard_link}", flush=True)
+            each = functools.partial(cohorts.on_workers, client)
         for some, unit in rounds:
             some = _unfinished(some, out)
             with tqdm(total=sum(map(len, some)), unit=unit, disable=None, leave=False) as bar:
-                for task, why in compute(some, work):
+                for task, why in each(some, work):
                     for name in task.names if why and finished(task, out) is None else ():
                         failed.setdefault(name, {"failed": why, "seconds": 0.0})
                     bar.update(len(task))
@@ -195,51 +189,13 @@ def run(arguments: Calibrate) -> int:
     }  # fmt: skip
     arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
     answers = cohorts.read_answers(cohort, failed | known, out / KNEES)
-    draws = draws_of(every_task, out) if count else {}
+    drawn: dict[str, list[np.ndarray]] = {}
+    for task, marks in ended.items():
+        for name, mark in (marks or {}).items() if task.draws else ():
+            drawn.setdefault(name, []).extend([mark["values"]] * bool(mark["values"].size))
+    draws = {name: np.concatenate(parts) for name, parts in drawn.items() if parts}
     summary = cohorts.summed_up(cohort.title, answers, draws)
-    return max(_finish(summary, arguments), int(bool(failed)))
-
-
-def _cohort_of(arguments: Calibrate) -> cohorts.Cohort:
-    """The cohort, checked: refused with every mistake, and how many there are."""
-    try:
-        cohort = cohorts.read_cohort(arguments.study)
-        if arguments.bootstrap:
-            cohorts.check_bootstraps(cohort, arguments.blocks)
-    except files.InputProblems as every:
-        count = files.counted(len(every.problems), "mistake")
-        end = ValueError(f"{count}; nothing was computed")
-        raise files.InputProblems([*every.problems, end]) from None
-    return cohort
-
-
-def _unfinished(tasks: Sequence[cohorts.Task], out: Path) -> list[cohorts.Task]:
-    return [task for task in tasks if finished(task, out) is None]
-
-
-@contextlib.contextmanager
-def _computer(waiting: Sequence[cohorts.Task], arguments: Calibrate) -> Iterator[Compute]:
-    """Who computes: this process, or workers that stay for all rounds."""
-    jobs, address = arguments.jobs or 1, arguments.scheduler
-    if not waiting or (jobs < 2 and address is None):
-        yield cohorts.in_process
-        return
-    with cohorts.workers(min(jobs, len(waiting)), address) as client:
-        if sys.stderr.isatty():
-            print(f"workers: {client.dashboard_link}", flush=True)
-        yield functools.partial(cohorts.on_workers, client)
-
-
-_PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
-# In a study: prior: prior.yaml
-"""
-
-
-def _finish(summary: cohorts.CohortSummary, arguments: Calibrate) -> int:
-    """Write what the knees say together, and say it."""
-    from kneejax.report.cohort import cohort_answer
-
-    out, written, missing = arguments.out, [], ""
+    written, missing = [], ""
     if summary.populations:
         prior = format_yaml(cohorts.next_prior(summary))
         text = _PRIOR.format(" ".join(summary.title.split())) + prior
@@ -250,10 +206,16 @@ def _finish(summary: cohorts.CohortSummary, arguments: Calibrate) -> int:
         written.append("cohort.nc")
     except MissingPackage as problem:
         missing = str(problem)
+    from kneejax.report.cohort import cohort_answer
+
     status = deliver(cohort_answer(summary, KNEES), arguments, [*written, f"{KNEES}/NAME/"])
     if missing:
-        print(f"not written: {out}/cohort.nc: {missing}")
-    return status
+        print(f"not written: {arguments.out}/cohort.nc: {missing}")
+    return max(status, int(bool(failed)))
+
+
+def _unfinished(tasks: Sequence[cohorts.Task], out: Path) -> list[cohorts.Task]:
+    return [task for task in tasks if finished(task, out) is None]
 
 
 _SOURCE = "made up: kneejax cohort synthesise"

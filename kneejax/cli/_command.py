@@ -24,7 +24,7 @@ from pydantic import (
 from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
-from kneejax.files import InputProblem, InputProblems
+from kneejax.files import InputProblem
 from kneejax.files.reading import meaning, together
 
 if TYPE_CHECKING:
@@ -141,9 +141,11 @@ class Command(BaseModel):
             key = field.alias if field.alias in values else name
             if key in values:
                 try:
-                    values[key] = read_value(field, values[key], cls.command, shown_name(field))
+                    values[key] = read_value(field, values[key])
                 except InputProblem as problem:
-                    problems.append(problem)
+                    option, at = shown_name(field), problem.field
+                    place = (option, at) if at else (cls.command, option)
+                    problems.append(InputProblem(*place, problem.value, problem.expected))
                     del values[key]
         wrong = {problem.field for problem in problems}
         try:
@@ -156,7 +158,7 @@ class Command(BaseModel):
                 useless = {problem.field for problem in problems}
                 problems += [x for x in made.problems() if x.field not in useless]
         if problems:
-            raise problems[0] if len(problems) == 1 else InputProblems(problems)
+            raise together(problems)
         return made
 
     @classmethod
@@ -165,23 +167,19 @@ class Command(BaseModel):
         known = {field.alias or name: field for name, field in cls.model_fields.items()}
         fields = known | cls.model_fields
         for error in found.errors(include_url=False):
-            nested = error.get("ctx", {}).get("error")
-            name = str(error["loc"][0]) if error["loc"] else ""
-            field, value = fields.get(name), error["input"]
-            if isinstance(nested, InputProblem) and nested.file:
-                yield from getattr(nested, "problems", (nested,))
-            elif isinstance(nested, InputProblem) and field is not None:  # of the value alone
-                yield InputProblem(cls.command, shown_name(field), _shown(value), nested.expected)
-            elif field is None:
-                expected = f"no such option of kneejax {cls.command}"
-                yield InputProblem(cls.command, name, value, expected, known)
-            elif error["type"] == "missing":
-                words = field.description or "a value"
-                yield InputProblem(cls.command, shown_name(field), "missing", words)
+            name, near = str(error["loc"][0]), None
+            place, value = name, error["input"]
+            if (field := fields.get(name)) is None:
+                expected, near = f"no such option of kneejax {cls.command}", known
             else:
-                expected, near = expected_of(field, error), choices_of(field.annotation)
-                place, shown = shown_name(field), _shown(value)
-                yield InputProblem(cls.command, place, shown, expected, near)
+                place, value = shown_name(field), _shown(value)
+                if isinstance(refused := error.get("ctx", {}).get("error"), InputProblem):
+                    expected = refused.expected
+                elif error["type"] == "missing":
+                    value, expected = "missing", field.description or "a value"
+                else:
+                    expected, near = expected_of(field, error), choices_of(field.annotation)
+            yield InputProblem(cls.command, place, value, expected, near)
 
     def _only_with(self) -> Iterator[InputProblem]:
         """Options that mean nothing here: none is silently ignored."""
@@ -260,7 +258,6 @@ class Written(Command):
 
     folder: ClassVar[str]
     _results: Any = PrivateAttr(None)
-    _imports_s: float = PrivateAttr(0.0)
     out: Annotated[Path, Group("Results")] = meaning("folder for the results", Path())
     verbose: Annotated[bool, Group("Results")] = meaning(
         "say what was compiled, and how long it took", False
@@ -281,20 +278,10 @@ class Written(Command):
         """Whether a run goes on with what an earlier one has finished."""
         return False
 
-    def begin(self, results: ResultsFolder, imports_s: float) -> ResultsFolder:
-        """Note where the run writes, and how long it took until it could begin."""
-        self._results, self._imports_s = results, imports_s
-        return results
-
     @property
     def results(self) -> ResultsFolder:
         """The folder of results, while the command runs."""
         return self._results
-
-    @property
-    def imports_s(self) -> float:
-        """Seconds until the command could begin."""
-        return self._imports_s
 
 
 class Drawn(Written):

@@ -35,7 +35,11 @@ def explore(asked: Explore) -> int:
 
 def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, str]:
     """The knee, its document, measured poses where there are some, and what the knee itself is."""
-    named, is_study = asked.subject, _is_study(asked.subject)
+    named, path = asked.subject, Path(asked.subject)
+    is_study = named in files.bundled_studies()
+    if not is_study and path.suffix in (".yaml", ".yml") and path.is_file():
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        is_study = isinstance(document, dict) and "parameters" in document
     if asked.patella and is_study:  # a knee may have the name of a study
         if named not in files.bundled_files("knees"):
             expected = "a knee or a result: the poses of a study are those of a tibia alone"
@@ -43,11 +47,10 @@ def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, s
         is_study = False
     if not is_study:
         read = files.load_knee_file(named)
-        found = _measured(Path(named)) if named.endswith(".json") else None
+        found = _measured(path) if named.endswith(".json") else None
         first = "stored fit" if named.endswith(".json") else "as read"
         return (read.with_patella() if asked.patella else read.knee), read.document, found, first
     study = read_study(named)
-    path = Path(named)
     said = yaml.safe_load(files.study_path(named).read_text(encoding="utf-8"))["knee"]
     beside = path.parent / said
     read = files.load_knee_file(beside if beside.exists() else said)
@@ -62,16 +65,6 @@ def _measured(result: Path) -> np.ndarray | None:
     offset = files.read_calibrated(result).frame_offset
     away = np.array([0.0, *(offset.get(name, 0.0) for name in FREE_COORDINATES)])
     return read_study(said["path"]).poses() - away
-
-
-def _is_study(named: str) -> bool:
-    if named in files.bundled_studies():
-        return True
-    path = Path(named)
-    if path.suffix not in (".yaml", ".yml") or not path.is_file():
-        return False
-    document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return isinstance(document, dict) and "parameters" in document
 
 
 def begin(asked: Explore) -> Page:

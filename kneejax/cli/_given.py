@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from kneejax.cli.options import Simulate
 from kneejax.files import InputProblem, load_knee, said_of
@@ -12,32 +12,21 @@ from kneejax.parameters import cut
 
 
 def read_loads(given: Mapping[str, float]) -> dict[str, float]:
-    """Check loads on the tibia.
-
-    Args:
-        given: name -> size, with the names of `kneejax.mechanics.NAMED_LOADS`.
-
-    Returns:
-        All of these names -> size, zero where nothing was asked for; empty without any.
-
-    Raises:
-        InputProblem: an unknown name (with the one that is meant), or a size out of range.
-    """
+    """Loads on the tibia, as `kneejax.mechanics.NAMED_LOADS` has them: name -> size, zero where
+    nothing was asked for, empty without any; refuses other names, and sizes out of range."""
     for name, size in given.items():
         if name not in NAMED_LOADS:
             known, meant = f"one of {', '.join(NAMED_LOADS)}", load_opposite_to(name)
             near = f"{meant}={-size:g}" if meant else load_called(name) or NAMED_LOADS
             raise InputProblem("--load", "name", name, known, near)
-        check_within("--load", name, [size], RANGES[name])
+        check_within("--load", name, size, RANGES[name])
     return {name: given.get(name, 0.0) for name in NAMED_LOADS} if given else {}
 
 
-def check_within(option: str, name: str, values: Iterable[float], allowed: Range | None) -> None:
-    """Refuse the first of an option's values that is out of its range, which is None for a name
-    that is not known: that is said elsewhere."""
-    for value in values:
-        if allowed is not None and not allowed.holds(value):
-            raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
+def check_within(option: str, name: str, value: float, allowed: Range | None) -> None:
+    """Refuse a value of an option that is out of its range, which is None where it may be any."""
+    if allowed is not None and not allowed.holds(value):
+        raise InputProblem(option, name, f"{value:g}", allowed.expected(value))
 
 
 def check_columns(names: Mapping[str, str]) -> None:

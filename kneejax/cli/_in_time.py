@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from kneejax.cli.options import Simulate
 from kneejax.dynamics import MovingKnee, gravity_of
 from kneejax.files import InputProblem, parse_flexion, read_loads_over_time
 from kneejax.geometry import COLUMNS
-from kneejax.inference.transients import FittedTransient, Recorded, fit_transient
+from kneejax.inference.transients import Recorded, fit_transient
 from kneejax.mechanics import Knee
 from kneejax.report import raised_leg_answer, transient_answer
 from kneejax.studies import stages_on_terminal
@@ -51,13 +51,24 @@ def run_in_time(arguments: Simulate) -> int:
         "load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,
         "flexion_is_free": name == "drop",
     }  # fmt: skip
-    recorded = _recorded(arguments, times[0])
-    moving, fit = _moving(arguments, asked_knee(arguments)), None
+    recorded, fit = None, None
+    if arguments.recorded is not None:
+        recorded = _recorded(arguments.recorded, times[0])
+    moving, most_mm = _moving(arguments, asked_knee(arguments)), _most_mm(arguments)
     if recorded is not None:
-        fit = _with_dampers(arguments, moving, recorded, flexion, motion)
+        first = {name: getattr(arguments, name) or _FIRST[name] for name in arguments.free}
+        what = f"{', '.join(first)} from {len(recorded.time_s)} times"
+        with stages_on_terminal(moving.knee.name) as show:
+            begin = experiments.beginning(moving, flexion, float(recorded.time_s[0]), **motion)
+            fit = fit_transient(
+                moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
+                most_mm=most_mm, progress=lambda done: show(what, done, done + 1),
+            )  # fmt: skip
         moving = fit.moving
-    with _shown(arguments, moving, times) as options:
-        found = experiments.transient(moving, flexion, times, **motion, **options)
+    with _shown(moving, times) as progress:
+        found = experiments.transient(
+            moving, flexion, times, **motion, most_mm=most_mm, progress=progress
+        )
     answer = transient_answer(
         knee_words(arguments, moving.knee), name, found, recorded=recorded, fit=fit,
         convention=arguments.convention,
@@ -102,52 +113,28 @@ def _times(arguments: Simulate, duration_s: float, every_ms: float) -> np.ndarra
     return np.linspace(0.0, duration, count + 1)
 
 
-def _recorded(arguments: Simulate, start_s: float) -> Recorded | None:
-    """The record, which begins with the motion; None where none was asked for."""
-    if arguments.recorded is None:
-        return None
-    compared = COLUMNS[1:]
-    time_s, loads, seen = read_loads_over_time(arguments.recorded, compared)
+def _recorded(file: Path, start_s: float) -> Recorded:
+    """A record that begins with the motion."""
+    time_s, loads, seen = read_loads_over_time(file, COLUMNS[1:])
     if loads or not seen:
-        expected = f"some of {', '.join(compared)}; loads stand in --loads"
-        wrong = min(loads, default="time_s alone")
-        raise InputProblem(str(arguments.recorded), "header", wrong, expected)
+        expected = f"some of {', '.join(COLUMNS[1:])}; loads stand in --loads"
+        raise InputProblem(file, "header", min(loads, default="time_s alone"), expected)
     if abs(time_s[0] - start_s) > 1e-9:
         expected = f"{start_s:g}, where the motion begins"
-        raise InputProblem(str(arguments.recorded), "row 1, time_s", f"{time_s[0]:g}", expected)
+        raise InputProblem(file, "row 1, time_s", f"{time_s[0]:g}", expected)
     return Recorded.of_table(time_s, seen)
 
 
-def _with_dampers(
-    arguments: Simulate, moving: MovingKnee, recorded: Recorded, flexion_deg: float,
-    motion: dict[str, Any],
-) -> FittedTransient:  # fmt: skip
-    """The dampers with which a motion from a flexion is the recorded one."""
-    first = {name: getattr(arguments, name) or _FIRST[name] for name in arguments.free}
-    with stages_on_terminal(moving.knee.name) as show:
-
-        def report(done: int) -> None:
-            show(f"{', '.join(first)} from {len(recorded.time_s)} times", done, done + 1)
-
-        begin = experiments.beginning(moving, flexion_deg, float(recorded.time_s[0]), **motion)
-        return fit_transient(
-            moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
-            most_mm=arguments.error_mm or experiments.MOST_ERROR_MM, progress=report,
-        )  # fmt: skip
+def _most_mm(arguments: Simulate) -> float:
+    return arguments.error_mm or experiments.MOST_ERROR_MM
 
 
 @contextlib.contextmanager
-def _shown(
-    arguments: Simulate, moving: MovingKnee, times: np.ndarray
-) -> Iterator[dict[str, Any]]:
-    """Options of a motion: how exact, and a line on the terminal, where steps stand for the time.
-    """
+def _shown(moving: MovingKnee, times: np.ndarray) -> Iterator[Callable[[int], None]]:
+    """A line on the terminal, where steps stand for the time."""
+    what, count = f"{times[-1] - times[0]:g} s of motion", len(times)
     with stages_on_terminal(moving.knee.name) as show:
-
-        def report(done: int) -> None:
-            show(f"{times[-1] - times[0]:g} s of motion", done, max(done, len(times)))
-
-        yield {"most_mm": arguments.error_mm or experiments.MOST_ERROR_MM, "progress": report}
+        yield lambda done: show(what, done, max(done, count))
 
 
 def _moving(arguments: Simulate, knee: Knee) -> MovingKnee:
@@ -182,7 +169,10 @@ def run_raised_leg(arguments: Simulate) -> int:
         duration_s = lengths[0][-1]
     times = _times(arguments, duration_s, _RAISED_EVERY_MS)
     moving = _moving(arguments, asked_knee(arguments, patella=True))
-    with _shown(arguments, moving, times) as options:
-        found = experiments.raised_leg(moving, flexion, times, lengths=lengths, **options)
+    with _shown(moving, times) as progress:
+        found = experiments.raised_leg(
+            moving, flexion, times, lengths=lengths, most_mm=_most_mm(arguments),
+            progress=progress,
+        )  # fmt: skip
     knee = knee_words(arguments, moving.knee)
     return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import textwrap
+from collections.abc import Mapping
 from pathlib import Path
 
 from kneejax import files
@@ -20,9 +21,7 @@ def run(arguments: Knees) -> int:
     """Print what is bundled, with its source, or copy some of it."""
     if arguments.copy_of is not None:
         return _copy(arguments.copy_of)
-    print("Knees")
-    for name, description in files.bundled_knee_descriptions().items():
-        print(textwrap.fill(description, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+    _print_named("Knees", files.bundled_knee_descriptions())
     print("Studies")
     for name, title in files.bundled_studies().items():
         print(f"  {name:<20} {title}")
@@ -31,19 +30,22 @@ def run(arguments: Knees) -> int:
             print(f"{_INDENT}needs measured motion that is not bundled: {table}")
             print(f"{_INDENT}put it there, or name your own `file` in a copy of")
             print(f"{_INDENT}{files.bundled_path('studies', name)}")
-    measurements = files.bundled_measurements()
-    print("Measurements" + ("" if measurements else ": none bundled"))
-    for name, measurement in measurements.items():
-        said = f"{measurement.title} ({measurement.source})"
-        print(textwrap.fill(said, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+    measured = files.bundled_measurements()
+    words = {name: f"{one.title} ({one.source})" for name, one in measured.items()}
+    _print_named("Measurements" + ("" if measured else ": none bundled"), words)
     print("Laxity, as others measured it: drawn beside `simulate` under the same load,")
-    print("and a test of a study by its name, with `load:` where that is not known")
-    for name, source in files.bundled_laxity_sources().items():
-        print(textwrap.fill(source, 98, initial_indent=f"  {name:<24} ", **_HANGING))
-    print("Examples, made up: `kneejax knees --copy NAME` copies one, or a knee file, to here")
-    for name, about in files.bundled_examples().items():
-        print(textwrap.fill(about.title, 98, initial_indent=f"  {name:<20} ", **_HANGING))
+    _print_named("and a test of a study by its name, with `load:` where that is not known",
+                 files.bundled_laxity_sources(), 24)  # fmt: skip
+    examples = {name: about.title for name, about in files.bundled_examples().items()}
+    heading = "Examples, made up: `kneejax knees --copy NAME` copies one, or a knee file, to here"
+    _print_named(heading, examples)
     return 0
+
+
+def _print_named(heading: str, texts: Mapping[str, str], width: int = 20) -> None:
+    print(heading)
+    for name, text in texts.items():
+        print(textwrap.fill(text, 98, initial_indent=f"  {name:<{width}} ", **_HANGING))
 
 
 def _copy(name: str) -> int:

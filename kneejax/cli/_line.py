@@ -5,19 +5,12 @@ from __future__ import annotations
 import inspect
 import platform
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, CycloptsError, Parameter, exceptions
 from cyclopts import Group as Heading
-from cyclopts.exceptions import (
-    CoercionError,
-    MissingArgumentError,
-    RepeatArgumentError,
-    UnknownOptionError,
-    UnusedCliTokensError,
-)
 from pydantic.fields import FieldInfo
 
 from kneejax import __version__
@@ -31,6 +24,7 @@ from kneejax.cli._command import (
     Written,
     is_given,
     marks,
+    shown_name,
 )
 from kneejax.cli._words import Split, choices_of, plain_type
 from kneejax.files import InputProblem
@@ -108,7 +102,8 @@ class CommandLine:
                         parents[name] = _app(name, usage, sentence, model.example, group=group)
                         top.command(parents[name])
                 heading = () if above else group
-                one = _app(word, _usage(model), _sentence(model), model.example, group=heading)
+                said = inspect.getdoc(model) or ""
+                one = _app(word, _usage(model), said, model.example, group=heading)
                 if completing or model.command == command:
                     one.default(_function(model, completing))
                 parents[above[0] if above else ""].command(one)
@@ -121,28 +116,27 @@ class CommandLine:
             option = next((word for word in words if word.startswith("-")), "")
             known = ["--help", *([] if command else ["--version"]), *self._below(command)]
             return InputProblem(place, "option", option, "a command or --help", known)
-        model = self.commands[command]
-        if isinstance(problem, UnknownOptionError):
+        word = None
+        if isinstance(problem, exceptions.UnknownOptionError):
             word = problem.token.keyword or problem.token.value
-            expected = f"an option of kneejax {command} (see --help)"
-            return InputProblem(place, "option", word, expected, _nearest(model, word))
-        if isinstance(problem, UnusedCliTokensError):
+        elif isinstance(problem, exceptions.UnusedCliTokensError):
             word = (problem.unused_tokens or [""])[0]
-            if word.startswith("-"):
-                expected = f"an option of kneejax {command} (see --help)"
-                return InputProblem(place, "option", word, expected, _nearest(model, word))
-            return InputProblem(place, "argument", word, "no further argument")
+            if not word.startswith("-"):
+                return InputProblem(place, "argument", word, "no further argument")
+        if word is not None:
+            expected, model = f"an option of kneejax {command} (see --help)", self.commands[command]
+            return InputProblem(place, "option", word, expected, _nearest(model, word))
         argument = problem.argument
         option = argument.names[0] if argument is not None and argument.names else "option"
-        if isinstance(problem, MissingArgumentError) and argument is not None:
+        if isinstance(problem, exceptions.MissingArgumentError) and argument is not None:
             count = argument.token_count()[0]
             expected = "a value" if count == 1 else f"{count} values"
             given = " ".join(problem.tokens_so_far) or "missing"
             return InputProblem(place, option, given, expected)
-        if isinstance(problem, RepeatArgumentError):
+        if isinstance(problem, exceptions.RepeatArgumentError):
             option = problem.token.keyword or option
             return InputProblem(place, option, problem.token.value or "given", "this option once")
-        if isinstance(problem, CoercionError) and problem.token is not None:
+        if isinstance(problem, exceptions.CoercionError) and problem.token is not None:
             return InputProblem(place, option, problem.token.value, "this option without a value")
         return InputProblem(place, option, str(problem), "another value")
 
@@ -176,10 +170,6 @@ def _usage(model: type[Command]) -> str:
     return " ".join(["kneejax", model.command, *words, "[OPTIONS]"])
 
 
-def _sentence(model: type[Command]) -> str:
-    return inspect.getdoc(model) or ""
-
-
 def _hyphens(word: str) -> str:
     """`--force_N=5`, the older spelling, as `--force-N=5`."""
     option, equals, value = word.partition("=")
@@ -205,34 +195,38 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
 
     def call(*_: Any, **__: Any) -> None: ...
 
-    parameters = list(_parameters(model, completing))
+    parameters, headings = [], {}
+    for name, field in model.model_fields.items():
+        heading = None
+        for one in marks(field, Group):
+            order = 99 if one.title == "Results" else 51 + len(headings)
+            heading = headings.setdefault(one.title, Heading(one.title, sort_key=order))
+        hint, many = _hint(field, completing)
+        # What stands for a value in help: its form, or its type.
+        form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
+        known = {float: "NUMBER", int: "N", Path: "FILE"}.get(plain_type(field.annotation))
+        other = "NxM" if marks(field, Split) else known or (field.alias or "").upper()
+        # What a shell offers: choices, or names of the package's data.
+        offered = choices_of(field.annotation) or None
+        for mark in marks(field, Bundled) if completing and not offered else ():
+            from kneejax.files import bundled_files
+
+            offered = tuple(bundled_files(mark.kind))
+        option = Parameter(
+            name=shown_name(field), help=_help(model, field), show_default=False,
+            metavar=re.sub(r",.*", "", form) or other, consume_multiple=many,
+            choices=offered if completing else None,
+            **({} if field.annotation == bool | None else {"negative": ()}),
+            **({} if heading is None else {"group": heading}),
+        )  # fmt: skip
+        places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
+        kind, hint = places[not marks(field, Place)], Annotated[hint | None, option]
+        parameters.append(inspect.Parameter(name, kind, default=None, annotation=hint))
     parameters.sort(key=lambda one: one.kind)
     call.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
     call.__annotations__ = {one.name: one.annotation for one in parameters}
     call.model = model  # pyright: ignore[reportFunctionMemberAccess]
     return call
-
-
-def _parameters(model: type[Command], completing: bool) -> Iterator[inspect.Parameter]:
-    headings: dict[str, Heading] = {}
-    for name, field in model.model_fields.items():
-        places, groups = marks(field, Place), marks(field, Group)
-        heading = None
-        for one in groups:
-            order = 99 if one.title == "Results" else 51 + len(headings)
-            heading = headings.setdefault(one.title, Heading(one.title, sort_key=order))
-        hint, many = _hint(field, completing)
-        option = Parameter(
-            name=places[0].name if places else f"--{field.alias}",
-            help=_help(model, field), metavar=_metavar(field), show_default=False,
-            consume_multiple=many, choices=_offered(field) if completing else None,
-            **({} if field.annotation == bool | None else {"negative": ()}),
-            **({} if heading is None else {"group": heading}),
-        )  # fmt: skip
-        kind = inspect.Parameter.KEYWORD_ONLY
-        if places:
-            kind = inspect.Parameter.POSITIONAL_ONLY
-        yield inspect.Parameter(name, kind, default=None, annotation=Annotated[hint | None, option])
 
 
 def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
@@ -263,22 +257,3 @@ def _help(model: type[Command], field: FieldInfo) -> str:
         return words
     shown = "x".join(map(str, default)) if isinstance(default, tuple) else default
     return f"{words} (default: {shown})"
-
-
-def _metavar(field: FieldInfo) -> str | None:
-    """What stands for a value: its form, or its type."""
-    form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
-    kind = plain_type(field.annotation)
-    known = {float: "NUMBER", int: "N", Path: "FILE"}.get(kind, field.alias or "")
-    return re.sub(r",.*", "", form) or ("NxM" if marks(field, Split) else known.upper())
-
-
-def _offered(field: FieldInfo) -> tuple[str, ...] | None:
-    """What a shell offers: choices, or names of the package's data."""
-    if choices := choices_of(field.annotation):
-        return choices
-    for mark in marks(field, Bundled):
-        from kneejax.files import bundled_files
-
-        return tuple(bundled_files(mark.kind))
-    return None

@@ -23,6 +23,8 @@ from kneejax.report import evaluation_answer, knee_text
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 
+#: A bone whose nearest corner is farther than this from a ligament's end on it is in another frame.
+_FARTHEST_MM = 50.0
 _OF_CONTACTS = ("youngs_modulus", "poisson_ratio", "layer_thickness")
 
 
@@ -67,13 +69,19 @@ def evaluate_poses(arguments: Evaluate) -> int:
     return deliver(answer, arguments)
 
 
-#: A bone whose nearest corner is farther than this from a ligament's end on it is in another frame.
-_FARTHEST_MM = 50.0
-
-
 def view_knee(arguments: View) -> int:
     """Draw a knee in space and the pressure on its plateaux; print what was written."""
-    knee, state = _knee_and_state(arguments)
+    path = arguments.poses
+    patella = arguments.patella or arguments.patella_bone is not None
+    table = None if path is None else files.read_poses(path, arguments.convention)
+    own = None if path is None else files.read_patella_poses(path, needed=patella)
+    # With its patella where that was asked for, or where the table says where it is.
+    knee = files.load_knee(arguments.knee, patella=patella or own is not None)
+    if table is None:
+        state = jax.tree.map(jnp.atleast_1d, knee.at_reference)
+    else:
+        poses = {TIBIA: table} | ({} if own is None else {PATELLA: own})
+        state = State({bone: Pose.from_table(rows) for bone, rows in poses.items()})
     out, count = arguments.out, state.shape[0]
     meshes = {bone: getattr(arguments, f"{bone}_bone") for bone in (FEMUR, TIBIA, PATELLA)}
     bones = [_bone(knee, bone, path) for bone, path in meshes.items() if path is not None]
@@ -85,40 +93,29 @@ def view_knee(arguments: View) -> int:
     if knee.contacts:
         figure = report.pressure_figure(knee, state)
         written += report.save_figure(figure, out, "pressure", svg=arguments.svg)
-    status = 0
+    status, pictures = 0, {
+        "scene.png": lambda: report.picture_png(report.scene_figure(scenes[0])),
+        "motion.png": lambda: report.picture_png(report.scenes_figure(scenes)),
+        "motion.gif": lambda: report.film(scenes),
+    }  # fmt: skip
     try:
-        for name, picture in _pictures(scenes):
-            written.append(report.write_whole(out / name, picture))
+        for name, draw in pictures.items():
+            if name == "scene.png" or len(scenes) > 1:
+                written.append(report.write_whole(out / name, draw()))
     except report.CannotRender as problem:
         print(f"kneejax: no pictures in space: {problem}", file=sys.stderr)
         status = 1
-    names = ", ".join(path.name for path in written)
-    poses = files.counted(count, "pose")
+    names, poses = ", ".join(path.name for path in written), files.counted(count, "pose")
     print(f"{poses} of {knee.name}; written to {out}: {names}, settings.json")
-    places = [str(row) for row in range(count)]
-    found, doubts = report.given_doubts(knee, evaluate(knee, state), places)
+    found, doubts = report.given_doubts(knee, evaluate(knee, state), list(map(str, range(count))))
     for doubt in doubts:
         print(doubt)
     return max(status, int((found != Status.BALANCED).any()))
 
 
-def _knee_and_state(arguments: View) -> tuple[Knee, State]:
-    """The knee, with its patella where that was asked for or the table says where it is."""
-    path = arguments.poses
-    patella = arguments.patella or arguments.patella_bone is not None
-    table = None if path is None else files.read_poses(path, arguments.convention)
-    own = None if path is None else files.read_patella_poses(path, needed=patella)
-    knee = files.load_knee(arguments.knee, patella=patella or own is not None)
-    if table is None:
-        return knee, jax.tree.map(jnp.atleast_1d, knee.at_reference)
-    poses = {TIBIA: table} | ({} if own is None else {PATELLA: own})
-    return knee, State({bone: Pose.from_table(rows) for bone, rows in poses.items()})
-
-
 def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
     """A bone's mesh, if it is where the knee has that bone."""
-    mesh = files.read_mesh_points(path)
-    fibres = knee.ligaments
+    mesh, fibres = files.read_mesh_points(path), knee.ligaments
     sides = fibres.femoral_attachment, fibres.tibial_attachment
     ends = [
         np.asarray(side)[row]
@@ -134,10 +131,3 @@ def _bone(knee: Knee, bone: str, path: Path) -> report.BoneMesh:
         expected = f"the {bone}'s mesh in its frame, within {_FARTHEST_MM:g} mm of every ligament"
         raise files.InputProblem(path, f"--{bone}-bone", value, expected)
     return report.BoneMesh(bone, mesh.points_mm, mesh.faces)
-
-
-def _pictures(scenes: tuple[report.Scene, ...]):
-    yield "scene.png", report.picture_png(report.scene_figure(scenes[0]))
-    if len(scenes) > 1:
-        yield "motion.png", report.picture_png(report.scenes_figure(scenes))
-        yield "motion.gif", report.film(scenes)

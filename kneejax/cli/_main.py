@@ -32,16 +32,7 @@ def line() -> CommandLine:
 
 
 def main(arguments: Sequence[str] | None, begun: float) -> int:
-    """Run the `kneejax` command.
-
-    Args:
-        arguments: words after `kneejax`; those of the process where None.
-        begun: when, by `time.perf_counter`: imports count from there.
-
-    Returns:
-        Exit status: 0 done; 1 done, but something is doubtful (the results say what); 2 bad
-        input, nothing written.
-    """
+    """Run the `kneejax` command, with imports counted from `begun` (`time.perf_counter`)."""
     readable, writes = open_standard_streams(), False
     with contextlib.redirect_stdout(Printed(sys.stdout)) as printed:
         try:
@@ -76,67 +67,65 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
     begun = time.perf_counter() if begun is None else begun
     with stopped_at_once():
         if (out := getattr(asked, "out", None)) is not None:
-            from kneejax.cli._out import try_out
+            from kneejax.cli._results_folder import try_out
 
             try_out(out, folder=not isinstance(asked, options.ExportOsim | options.Init))
         check_inputs(asked, Path())
-        with _starting(not isinstance(asked, _WITHOUT_JAX)) as computes:
+        computes = not isinstance(asked, _WITHOUT_JAX)
+        # Importing JAX takes seconds, for which a terminal would show nothing.
+        terminal = sys.stderr if computes and sys.stderr.isatty() else None
+        if terminal:
+            print("starting", end="", file=terminal, flush=True)
+        try:
             if computes:
                 prepare_jax()
             asked.import_body()
+        finally:
+            if terminal:
+                print("\r        \r", end="", file=terminal, flush=True)
     with _doubts_in_words():
         if not isinstance(asked, Written):
             return asked.run()
         from kneejax.cli._results_folder import ResultsFolder
-        from kneejax.cli._settings import asked_for, with_versions
+        from kneejax.cli._settings import VERSIONS, asked_for
+        from kneejax.inference import versions
         from kneejax.numerics import counted_programs
+        from kneejax.parameters import MEANING
 
         settings = asked_for(asked)
-        results = asked.begin(ResultsFolder(asked.out), time.perf_counter() - begun)
+        asked._results = results = ResultsFolder(asked.out, time.perf_counter() - begun)
         with results.gathered(vars(asked), asked.resumes()), counted_programs() as programs:
             status = asked.run()
             if status != BAD_INPUT:
                 results.add_to_result("programs", programs.summary())
-                results.commit(with_versions(settings))
+                results.commit({**settings, **MEANING, VERSIONS: versions()})
         if asked.verbose:
             print(programs.sentence(), file=sys.stderr)
         return status
 
 
-@contextlib.contextmanager
-def _starting(computes: bool) -> Iterator[bool]:
-    """Say on a terminal that a command has begun, while JAX is imported: it takes seconds."""
-    shown = computes and sys.stderr.isatty()
-    if shown:
-        print("starting", end="", file=sys.stderr, flush=True)
-    try:
-        yield computes
-    finally:
-        if shown:
-            print("\r        \r", end="", file=sys.stderr, flush=True)
-
-
 def rerun(asked: options.Rerun) -> int:
     """Print which versions differ, and run the command as its settings say."""
-    from kneejax.cli._settings import (
-        FILE,
-        changed_versions,
-        check_meaning,
-        command_again,
-        read_settings,
-        worked_in,
-    )
+    from kneejax.cli import _settings
 
-    folder = asked.folder
-    settings = read_settings(folder)
+    folder, file = asked.folder, asked.folder / _settings.FILE
+    settings = _settings.read_settings(folder)
     out = (folder if asked.out is None else asked.out).resolve()
-    again = command_again(settings, line().commands, folder / FILE, out)
+    again = _settings.command_again(settings, line().commands, file, out)
     prepare_jax()
-    check_meaning(settings, folder / FILE)
-    if changes := changed_versions(settings):
+    _settings.check_meaning(settings, file)
+    from kneejax.inference import versions
+
+    then, now = settings[_settings.VERSIONS], versions()
+    changes = [
+        f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
+        for name in {**now, **then}
+        if then.get(name) != now.get(name)
+    ]
+    if changes:
         print(f"versions differ from those of {folder}: {'; '.join(changes)}", flush=True)
     # Paths lead from where the command ran; without one, it may run anywhere.
-    there = worked_in(settings)
+    there = _settings.worked_in(settings)
     with contextlib.chdir(there) if there.is_dir() else contextlib.nullcontext():
         return carry_out(again)
 
@@ -212,16 +201,12 @@ def prepare_jax() -> None:
     collect_seldom()
     configure()
     for name in _PLATFORMS:
-        if os.environ.get(name):
-            _check_platform(name)
+        if not os.environ.get(name):
+            continue
+        import jax
 
-
-def _check_platform(name: str) -> None:
-    """Refuse a platform that this machine does not have, before JAX does in the middle of work."""
-    import jax
-
-    try:
-        jax.devices()
-    except RuntimeError:
-        expected = "a platform that this machine has, as cpu, or this variable not set"
-        raise InputProblem("environment", name, os.environ[name], expected) from None
+        try:  # JAX itself would refuse it in the middle of work
+            jax.devices()
+        except RuntimeError:
+            expected = "a platform that this machine has, as cpu, or this variable not set"
+            raise InputProblem("environment", name, os.environ[name], expected) from None

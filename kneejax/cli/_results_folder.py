@@ -13,6 +13,7 @@ import os
 import shutil
 import signal
 import sys
+import tempfile
 import threading
 import time
 import uuid
@@ -43,19 +44,64 @@ _ABANDONED_S = 86_400.0
 _ASIDE = "set-aside-"
 
 
+def try_out(out: Path, *, folder: bool) -> None:
+    """Write something there, in the folder or as the file, and take it away again; refuse a place
+    where that cannot be done.
+
+    Permissions alone do not tell: a folder of the system, or a full or read-only disk, refuses
+    whoever may write.
+    """
+    if folder and os.path.exists(out) and not out.is_dir():
+        raise InputProblem("--out", "folder", str(out), "a folder; this is a file")
+    if not folder and out.is_dir():
+        raise InputProblem("--out", "file", str(out), "the name of the new file; this is a folder")
+    place = out if folder else out.parent
+    missing = [one for one in (place, *place.parents) if not os.path.exists(one)]
+    above = missing[-1].parent if missing else place
+    if os.path.exists(above) and not above.is_dir():
+        raise InputProblem("--out", "folder", str(out), f"a place in a folder; {above} is a file")
+    made: list[Path] = []
+    try:
+        for one in reversed(missing):
+            one.mkdir()
+            made.append(one)
+        with tempfile.NamedTemporaryFile(dir=place, prefix=".kneejax"):
+            pass
+    except OSError as error:
+        expected = f"a place to write; {above} takes no new files ({error.strerror})"
+        raise InputProblem("--out", "folder", str(out), expected) from None
+    finally:
+        for one in reversed(made):
+            # Whoever else writes there keeps the folder.
+            with contextlib.suppress(OSError):
+                one.rmdir()
+
+
+def check_room(out: Path, needed_mb: float, what: str) -> None:
+    """Refuse a disk that is too full for what shall be written, whose folder may not be there yet.
+    """
+    place = next(one for one in (out, *out.parents) if one.exists())
+    free_mb = shutil.disk_usage(place).free / 1e6
+    if free_mb < needed_mb:
+        expected = f"at least {needed_mb:.3g} MB free for {what}; there are {free_mb:.3g} MB"
+        raise InputProblem("--out", "folder", str(out), expected)
+
+
 class ResultsFolder:
     """Where a command writes, from before it computes until its results are in place."""
 
-    def __init__(self, out: Path):
-        """See what the folder holds; finish what a killed process has left.
-
-        Args:
-            out: the folder, which may not exist yet.
-        """
-        self.out = out
+    def __init__(self, out: Path, imports_s: float = 0.0):
+        """See what the folder holds, if there is one; finish what a process has left that was
+        killed while it put its results in place. The run could begin after `imports_s` seconds."""
+        self.out, self.imports_s = out, imports_s
         self._draft = out / f"{DRAFT}{uuid.uuid4().hex[:8]}"
         self._made = not out.exists()
-        _recover(out)
+        for draft in out.glob(f"{DRAFT}*"):
+            with contextlib.suppress(OSError):
+                if _listed(draft / FILE) is not None:
+                    _put_in_place(out, draft)
+                elif time.time() - draft.stat().st_mtime > _ABANDONED_S:
+                    shutil.rmtree(draft)
         self._before = owned(out)
         self._begun = False
         #: Names of files that are in their places already when the run ends.
@@ -76,10 +122,10 @@ class ResultsFolder:
             # One that is complete is put in place by the next command, if not by this one.
             if not (self._draft / FILE).exists():
                 shutil.rmtree(self._draft, ignore_errors=True)
-            if self._made and self.out.is_dir():
-                for path in sorted(self.out.rglob("*"), reverse=True):
-                    with contextlib.suppress(OSError):  # only folders that are empty
-                        path.rmdir()
+            for path in sorted(self.out.rglob("*"), reverse=True) if self._made else ():
+                with contextlib.suppress(OSError):  # only folders that are empty
+                    path.rmdir()
+            if self._made:
                 with contextlib.suppress(OSError):
                     self.out.rmdir()
 
@@ -89,11 +135,8 @@ class ResultsFolder:
             self._object_to(Path(name), writing=True)
 
     def begin(self, keeps: Callable[[str], bool]) -> None:
-        """Let go of the run before, where parts of this one are about to be kept.
-
-        Args:
-            keeps: of a file's name in the folder, whether it is of this run too.
-        """
+        """Let go of the run before, where parts of this one are about to be kept: files whose name
+        in the folder `keeps` says to be of this run too."""
         with _uninterrupted():
             _remove(self.out, [name for name in self._before if not keeps(name)])
         self._before, self._begun, self._made = owned(self.out), True, False
@@ -116,7 +159,6 @@ class ResultsFolder:
         # A person may edit what was asked for, not the list.
         document = {**settings, WRITTEN: with_checksum(dict(sorted(listed.items())))}
         with _uninterrupted():
-            _sync_below(self._draft)
             # The draft is complete from here on, and is put in its place even after a kill.
             write_whole(self._draft / FILE, json_bytes(document), at_once=True)
             _put_in_place(self.out, self._draft)
@@ -200,9 +242,8 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
             about = write()
         listed = _checksums(draft)
         draft.mkdir(parents=True, exist_ok=True)
-        mark = json_bytes(with_checksum({**about, WRITTEN: listed}))
-        (draft / MARK).write_bytes(mark)
-        _sync_below(draft)
+        (draft / MARK).write_bytes(json_bytes(with_checksum({**about, WRITTEN: listed})))
+        sync([draft / MARK])
         with _uninterrupted():
             for name in (*listed, MARK):
                 _move(draft / name, folder / name)
@@ -238,44 +279,24 @@ def _listed(path: Path) -> dict[str, str] | None:
     return found if inside else None
 
 
-def _sync_below(draft: Path) -> None:
-    sync([path for path in draft.rglob("*") if path.is_file()])
-
-
 def _checksums(draft: Path) -> dict[str, str]:
-    """Checksum of each file below a folder."""
+    """Checksum of each file below a folder, all of them on the disk."""
     files = sorted(path for path in draft.rglob("*") if path.is_file())
+    sync(files)
     return {_name(path, draft): checksum(path.read_bytes()) for path in files}
 
 
 def _put_in_place(out: Path, draft: Path) -> None:
     """Move a complete draft to where its files belong; may be done again after any step."""
     new = set(_listed(draft / FILE) or ())
-    _remove(out, owned(out) - new - {FILE} - _kept_knees(out, new))
+    knees = (of_knee((out / name).parent, out) for name in new if Path(name).name == MARK)
+    _remove(out, owned(out) - new.union({FILE}, *knees))
     for name in sorted(new):
         if (draft / name).exists():
             _move(draft / name, out / name)
     _move(draft / FILE, out / FILE)
     shutil.rmtree(draft, ignore_errors=True)
     sync((), [out, *{(out / name).parent for name in new}])
-
-
-def _kept_knees(out: Path, new: set[str]) -> set[str]:
-    """Files of knees whose marks belong to a run."""
-    marks = [out / name for name in new if Path(name).name == MARK]
-    return set().union(*(of_knee(mark.parent, out) for mark in marks))
-
-
-def _recover(out: Path) -> None:
-    """Finish what a process has left that was killed while it put its results in place."""
-    if not out.is_dir():
-        return
-    for draft in out.glob(f"{DRAFT}*"):
-        with contextlib.suppress(OSError):
-            if _listed(draft / FILE) is not None:
-                _put_in_place(out, draft)
-            elif time.time() - draft.stat().st_mtime > _ABANDONED_S:
-                shutil.rmtree(draft)
 
 
 def _remove(out: Path, names: Iterable[str]) -> None:

@@ -10,14 +10,14 @@ from typing import Any
 from kneejax.cli._command import Command, option_name
 from kneejax.cli._inputs import check_inputs
 from kneejax.cli._results_folder import FILE, WRITTEN
-from kneejax.files import InputProblem, InputProblems
-from kneejax.files.reading import load_json
+from kneejax.files import InputProblem
+from kneejax.files.reading import load_json, together
 
-_COMMAND, _WORKED_IN, _VERSIONS = "command", "working_folder", "versions"
+_COMMAND, _WORKED_IN, VERSIONS = "command", "working_folder", "versions"
 #: The field of `kneejax.parameters.MEANING`, whose import would be JAX's.
 _MEANING = "stiffness_of"
 #: Names that no option may have, since they stand beside the options.
-ADDED = (_COMMAND, _WORKED_IN, _VERSIONS, _MEANING, WRITTEN)
+ADDED = (_COMMAND, _WORKED_IN, VERSIONS, _MEANING, WRITTEN)
 _EXPECTED = "settings.json of a kneejax command"
 
 
@@ -25,14 +25,6 @@ def asked_for(asked: Command) -> dict[str, Any]:
     """A command, before it has run, and its options as JSON, defaults among them, and where it ran.
     """
     return {**asked.settings(), _WORKED_IN: os.getcwd()}
-
-
-def with_versions(settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What a command was asked for, and which versions answered."""
-    from kneejax.inference import versions
-    from kneejax.parameters import MEANING
-
-    return {**settings, **MEANING, _VERSIONS: versions()}
 
 
 def read_settings(folder: Path) -> dict[str, Any]:
@@ -45,7 +37,7 @@ def read_settings(folder: Path) -> dict[str, Any]:
         expected = "this file, which a kneejax command writes beside its results"
         raise InputProblem(file, "file", "missing", expected)
     settings = load_json(file, _EXPECTED)
-    for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (_VERSIONS, dict)):
+    for name, kind in ((_COMMAND, str), (_WORKED_IN, str), (VERSIONS, dict)):
         found = settings.get(name) if isinstance(settings, dict) else None
         if not isinstance(found, kind):
             shown = "missing" if found is None else found
@@ -68,8 +60,7 @@ def command_again(
         return asked
     except InputProblem as found:
         problems = getattr(found, "problems", (found,))
-        said = [_of_file(problem, words, file) for problem in problems]
-        raise (said[0] if len(said) == 1 else InputProblems(said)) from None
+        raise together([_of_file(problem, words, file) for problem in problems]) from None
 
 
 def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
@@ -77,24 +68,23 @@ def _of_file(problem: InputProblem, words: str, file: Path) -> InputProblem:
     option = problem.field if problem.file == words else problem.file
     if problem.file != words and not problem.file.startswith("--"):
         return problem
-    return InputProblem(
-        file, option.removeprefix("--"), problem.value, problem.expected, problem.nearest
-    )
+    field, value = option.removeprefix("--"), problem.value
+    return InputProblem(file, field, value, problem.expected, problem.nearest)
 
 
 def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
     """Refuse older settings that give a structure's stiffness as the mean of its fibres."""
-    by_name = [x for x in settings.values() if isinstance(x, dict)]
+    pairs: list[tuple[str, Any]] = []
+    for every in settings.values():
+        if isinstance(every, dict):
+            pairs += every.items()
+        elif isinstance(every, list):  # words of options that were lists of words once
+            words = (str(word).partition("=") for word in every)
+            pairs += [(name, value) for name, equals, value in words if equals]
     given = {
-        name: value
-        for every in by_name for name, value in every.items()
+        name: value for name, value in pairs
         if name.endswith((".stiffness", ".damping")) and "*" not in name
     }  # fmt: skip
-    for every in settings.values():  # words of options that were lists of words once
-        for word in every if isinstance(every, list) else ():
-            name, equals, value = str(word).partition("=")
-            if equals and name.endswith((".stiffness", ".damping")) and "*" not in name:
-                given[name] = value
     if _MEANING in settings or not given:
         return
     from kneejax.files import load_knee
@@ -114,18 +104,6 @@ def check_meaning(settings: Mapping[str, Any], file: Path) -> None:
                 file, name, value, f"the sum over the structure's {count} fibres; these settings "
                 "are older and have their mean: run the command itself, with the sum",
             )  # fmt: skip
-
-
-def changed_versions(settings: Mapping[str, Any]) -> list[str]:
-    """In words, what answered then and would not now; empty where all is the same."""
-    from kneejax.inference import versions
-
-    then, now = settings[_VERSIONS], versions()
-    return [
-        f"{name} {then.get(name, 'unknown')} then, {now.get(name, 'unknown')} now"
-        for name in {**now, **then}
-        if then.get(name) != now.get(name)
-    ]
 
 
 def worked_in(settings: Mapping[str, Any]) -> Path:

@@ -11,7 +11,7 @@ from kneejax.cli._given import asked_knee, check_within, knee_words, read_loads,
 from kneejax.cli.options import EXTENSOR, Simulate
 from kneejax.files import InputProblem, bundled_bands, parse_flexion, parse_range
 from kneejax.geometry import COORDINATES
-from kneejax.mechanics import LIMITS, NAMED_LOADS, Knee, Range, load_of
+from kneejax.mechanics import LIMITS, NAMED_LOADS, Range, load_of
 from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
 from kneejax.report import extensor_answer, flexion_answer, laboratory_answer
@@ -30,23 +30,15 @@ _LONGER = Range(-20.0, 100.0, "mm")
 
 def run(arguments: Simulate) -> int:
     """Move a knee through flexion or time, load it, or let its quadriceps pull."""
-    if arguments.in_time and arguments.experiment == "leg-raise":
-        from kneejax.cli._in_time import run_raised_leg
-
-        return run_raised_leg(arguments)
     if arguments.in_time:
-        from kneejax.cli._in_time import run_in_time
+        from kneejax.cli._in_time import run_in_time, run_raised_leg
 
-        return run_in_time(arguments)
+        raises = arguments.experiment == "leg-raise"
+        return run_raised_leg(arguments) if raises else run_in_time(arguments)
     if arguments.experiment in EXTENSOR:
         return run_extensor(arguments)
-    if arguments.experiment == "passive-flexion":
-        return _passive_flexion(arguments)
-    return run_test(arguments)
-
-
-def _passive_flexion(arguments: Simulate) -> int:
-    """Bend a knee, with loads and without them, and look for other balances if asked."""
+    if arguments.experiment != "passive-flexion":
+        return run_test(arguments)
     flexion = parse_flexion(arguments.flexion or "0:120:5")
     loads, knee = read_loads(arguments.load), asked_knee(arguments)
     acting = [load_of(**loads)] if loads else []
@@ -64,18 +56,39 @@ def _passive_flexion(arguments: Simulate) -> int:
 
 def run_test(arguments: Simulate) -> int:
     """Load a knee, print its laxity, write curves, laxity, poses, forces and two figures."""
-    tests = _tests(arguments)
-    from_intact = arguments.counted_from == "intact"
+    # Everything wrong with the test is known before a knee is read.
+    name, loads = arguments.experiment, read_loads(arguments.load)
+    given = {load: size for load, size in loads.items() if size}
+    steps = 20 if arguments.steps is None else arguments.steps
+    angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
+    sizes = {key: size for key in _SIZES if (size := getattr(arguments, key)) is not None}
+    for key, size in sizes.items():
+        check_within(f"--{option_name(key)}", key, size, _FARTHEST.get(key))
+    if name != "load":
+        tests = experiments.lab_tests(
+            name, angles, **sizes, held=arguments.hold, both=arguments.both, steps=steps,
+            constant=given,
+        )  # fmt: skip
+    elif not given:
+        raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
+    else:  # what --load says grows, observed where its first part works
+        first = next(name for name in NAMED_LOADS if name in given)
+        observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
+        at = tuple(map(float, range(0, 91, 15) if angles is None else angles))
+        path, held = experiments.load_cycle(steps, arguments.both), tuple(arguments.hold)
+        full = {first: given[first], **given}
+        tests = (experiments.LabTest("load", full, observed, at, path, held=held),)
     whole = whole_knee(arguments)
     knee = cut(whole, arguments.cut)
     with stages_on_terminal(knee.name):
+        from_intact = arguments.counted_from == "intact"
         curves = experiments.load_curves(knee, tests, whole if from_intact else None)
         mechanics = experiments.mechanics_of(curves[0])
         looked_at = curves if arguments.cut else ()
         others = [experiments.second_balances(one, whole) for one in looked_at]
         meniscectomy = any(x.partition(":")[0] in whole.menisci for x in arguments.cut)
         before = None
-        if arguments.experiment == "compression" and meniscectomy:
+        if name == "compression" and meniscectomy:
             beside = experiments.load_curves(whole, tests)
             before = whole, beside, experiments.mechanics_of(beside[0])
     answer = laboratory_answer(
@@ -83,32 +96,6 @@ def run_test(arguments: Simulate) -> int:
         bands=bundled_bands(arguments.cut), convention=arguments.convention, intact=before,
     )  # fmt: skip
     return deliver(answer, arguments)
-
-
-def _tests(arguments: Simulate) -> tuple[experiments.LabTest, ...]:
-    """What is asked for; everything wrong with it is said before a knee is read."""
-    name, loads = arguments.experiment, read_loads(arguments.load)
-    given = {load: size for load, size in loads.items() if size}
-    steps = 20 if arguments.steps is None else arguments.steps
-    angles = None if arguments.flexion is None else parse_flexion(arguments.flexion)
-    sizes = {key: getattr(arguments, key) for key in _SIZES}
-    asked = {key: size for key, size in sizes.items() if size is not None}
-    for key, size in asked.items():
-        check_within(f"--{option_name(key)}", key, [size], _FARTHEST.get(key))
-    if name == "load":  # what --load says grows, observed where its first part works
-        if not given:
-            raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
-        first = next(name for name in NAMED_LOADS if name in given)
-        observed = next(x for x in NAMED_LOADS[first].also_called if x in COORDINATES)
-        flexion = range(0, 91, 15) if angles is None else angles
-        path, held = experiments.load_cycle(steps, arguments.both), tuple(arguments.hold)
-        at = tuple(map(float, flexion))
-        full = {first: given[first], **given}
-        return (experiments.LabTest("load", full, observed, at, path, held=held),)
-    return experiments.lab_tests(
-        name, angles, **asked, held=arguments.hold, both=arguments.both, steps=steps,
-        constant=given,
-    )  # fmt: skip
 
 
 def run_extensor(arguments: Simulate) -> int:
@@ -123,8 +110,15 @@ def run_extensor(arguments: Simulate) -> int:
     shank = experiments.Shank.of_person(**arguments.person, femur_deg=arguments.femur_deg or 0.0)
     pull, steps = arguments.quadriceps_N or _PULL_N.get(name, 0.0), arguments.steps or 20
     with stages_on_terminal(knee.name):
-        if lengths is not None:
-            driven = _driven(name, knee, flexion, lengths, acting, shank)
+        if lengths is not None and name == "extension":
+            driven = experiments.extension_by_length(knee, flexion, lengths, acting)
+        elif lengths is not None:
+            try:
+                driven = experiments.leg_raise_by_length(knee, lengths, shank)
+            except WrongValue as wrong:
+                place = ("--quadriceps-mm", "lengths")
+                raise InputProblem(*place, wrong.found, wrong.expected) from None
+        if driven is not None:
             found = driven.found
         elif name == "leg-raise":
             found = experiments.leg_raise(knee, flexion, shank)
@@ -133,18 +127,5 @@ def run_extensor(arguments: Simulate) -> int:
         else:
             pulls = pull * np.arange(1, steps + 1) / steps
             found = experiments.isometric_extension(knee, flexion, pulls, acting)
-    answer = extensor_answer(
-        knee_words(arguments, knee), name, found, loads=loads, driven=driven
-    )
-    return deliver(answer, arguments)
-
-
-def _driven(
-    name: str, knee: Knee, flexion: np.ndarray, lengths: np.ndarray, loads, shank: experiments.Shank
-) -> experiments.DrivenExtensor:
-    if name == "extension":
-        return experiments.extension_by_length(knee, flexion, lengths, loads)
-    try:
-        return experiments.leg_raise_by_length(knee, lengths, shank)
-    except WrongValue as problem:
-        raise InputProblem("--quadriceps-mm", "lengths", problem.found, problem.expected) from None
+    words = knee_words(arguments, knee)
+    return deliver(extensor_answer(words, name, found, loads=loads, driven=driven), arguments)

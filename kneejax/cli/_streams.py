@@ -80,8 +80,15 @@ def stopped_at_once() -> Iterator[None]:
     if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
         yield
         return
+
+    def end(*_) -> None:
+        with contextlib.suppress(OSError, ValueError):
+            if sys.stderr is not None:
+                os.write(sys.stderr.fileno(), b"kneejax: stopped; no half-written files are left\n")
+        os._exit(STOPPED)
+
     try:
-        signal.signal(signal.SIGINT, _end)
+        signal.signal(signal.SIGINT, end)
     except ValueError:  # not in the main thread, which alone hears of Ctrl-C
         yield
         return
@@ -89,10 +96,3 @@ def stopped_at_once() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def _end(*_) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        if sys.stderr is not None:
-            os.write(sys.stderr.fileno(), b"kneejax: stopped; no half-written files are left\n")
-    os._exit(STOPPED)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib.metadata
 import json
 from pathlib import Path
@@ -14,7 +15,7 @@ from kneejax.files.results import CLAIM
 from kneejax.inference import Candidate, versions
 from kneejax.mechanics import Knee, load_words
 from kneejax.numerics import check_installed
-from kneejax.studies import balances_on_terminal, stages_on_terminal
+from kneejax.studies import stages_on_terminal
 
 _PACKAGES = ("xarray", "h5netcdf", "h5py")
 
@@ -110,20 +111,16 @@ def sensitivity(arguments: options.Sensitivity) -> int:
 
 def _knees_side_by_side(arguments: options.Sensitivity) -> int:
     """Change one ligament at a time in each knee, print scores, write tables and figures."""
-    knees = _loaded(arguments.knees)
-    from kneejax.papers import knee_comparison, knee_comparison_report
-
-    with balances_on_terminal("knees") as progress:
-        found = knee_comparison.compare_knees(knees, progress=progress)
-    return deliver(knee_comparison_report.comparison_answer(found), arguments)
-
-
-def _loaded(names: list[str]) -> dict[str, Knee]:
     knees: dict[str, Knee] = {}
-    for name in names:
+    for name in arguments.knees:
         knee = files.load_knee(name)
         if knee.name in knees:
             expected = f"every knee once; {knee.name} is twice"
             raise files.InputProblem("--knees", "knee", name, expected)
         knees[knee.name] = knee
-    return knees
+    from kneejax.papers import knee_comparison, knee_comparison_report
+
+    with stages_on_terminal("knees") as show:
+        progress = functools.partial(show, "knees")
+        found = knee_comparison.compare_knees(knees, progress=progress)
+    return deliver(knee_comparison_report.comparison_answer(found), arguments)

@@ -7,15 +7,12 @@ from kneejax._lazy import lazy_imports
 if TYPE_CHECKING:
     from kneejax.cohorts._on_cluster import on_workers as on_workers
     from kneejax.cohorts._on_cluster import workers as workers
-    from kneejax.cohorts._plan import Ended as Ended
     from kneejax.cohorts._plan import Task as Task
-    from kneejax.cohorts._plan import Work as Work
     from kneejax.cohorts._plan import bootstraps as bootstraps
     from kneejax.cohorts._plan import check_bootstraps as check_bootstraps
     from kneejax.cohorts._plan import in_process as in_process
     from kneejax.cohorts._plan import plan as plan
     from kneejax.cohorts._plan import reason as reason
-    from kneejax.cohorts._plan import shard_of as shard_of
     from kneejax.cohorts._plan import structures as structures
     from kneejax.cohorts._reading import Cohort as Cohort
     from kneejax.cohorts._reading import Member as Member

@@ -118,17 +118,6 @@ def on_workers(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Ended
         InputProblem: a worker runs another version of the package.
         SchedulerGone: there is no scheduler any more.
     """
-    try:
-        _prepare(client)
-        yield from _each(client, tasks, work)
-    except Exception:
-        if client.status == "running":
-            raise
-        raise SchedulerGone from None
-
-
-def _each(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
-    """Each task when it has ended, on workers that are ready."""
     from distributed import as_completed
 
     def submit(task: Task) -> Any:
@@ -137,19 +126,25 @@ def _each(client: Any, tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
         packed = pickle.dumps((work, task))
         return client.submit(_of_version, _version(), packed, pure=False, retries=0)
 
-    waiting = {submit(task): (task, True) for task in tasks}
-    following = as_completed(list(waiting))
-    for future in following:
-        if future.cancelled():
-            # Whoever comes to the same address does not know how workers are made ready.
-            raise SchedulerGone
-        task, first = waiting.pop(future)
-        problem = future.exception() if future.status != "finished" else None
-        if problem is not None and first:
-            waiting[again := submit(task)] = task, False
-            following.add(again)
-        else:
-            yield task, "" if problem is None else reason(problem)
+    try:
+        _prepare(client)
+        waiting = {submit(task): (task, True) for task in tasks}
+        following = as_completed(list(waiting))
+        for future in following:
+            if future.cancelled():
+                # Whoever comes to the same address does not know how workers are made ready.
+                raise SchedulerGone
+            task, first = waiting.pop(future)
+            problem = future.exception() if future.status != "finished" else None
+            if problem is not None and first:
+                waiting[again := submit(task)] = task, False
+                following.add(again)
+            else:
+                yield task, "" if problem is None else reason(problem)
+    except Exception:
+        if client.status == "running":
+            raise
+        raise SchedulerGone from None
 
 
 def _of_version(expected: str, packed: bytes) -> None:

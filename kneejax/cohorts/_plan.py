@@ -18,6 +18,7 @@ import numpy as np
 
 from kneejax.cohorts._reading import Cohort, Member
 from kneejax.files import InputProblems
+from kneejax.files.reading import Mistakes
 from kneejax.inference import versions
 from kneejax.inference.bootstrap import check_curves, check_redrawn, curves_of
 from kneejax.parameters import MEANING, UnsuitableData
@@ -99,11 +100,11 @@ def bootstraps(tasks: Sequence[Task], count: int, by_blocks: bool = False) -> tu
     kind = "by blocks" if by_blocks else "bootstrap"
     lots = [(first, min(first + DRAWS, count)) for first in range(0, count, DRAWS)]
 
-    def drawn(task: Task, member: Member, draws: tuple[int, int]) -> Task:
-        words = f"{task.fingerprint} {member.name} {kind} {draws}"
-        return Task((member,), _digest(words.encode()).hex(), draws, by_blocks)
-
-    return tuple(drawn(task, x, lot) for task in tasks for x in task.members for lot in lots)
+    return tuple(
+        Task((member,), _digest(f"{task.fingerprint} {member.name} {kind} {draws}".encode()).hex(),
+             draws, by_blocks)
+        for task in tasks for member in task.members for draws in lots
+    )  # fmt: skip
 
 
 def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
@@ -116,27 +117,15 @@ def check_bootstraps(cohort: Cohort, by_blocks: bool) -> None:
     Raises:
         InputProblems: every such knee, with its file and row.
     """
-    problems = []
+    mistakes = Mistakes()
     for member in cohort.members:
         study = member.study
-        try:
+        with mistakes.gathered(member.place):
             check_redrawn(study.tests)
             if by_blocks:
                 check_curves(curves_of(len(study.flexion_deg), study.tests))
-        except UnsuitableData as problem:
-            problems.append(UnsuitableData(f"{member.place}: {problem}"))
-    if problems:
-        raise InputProblems(problems)
-
-
-def shard_of(tasks: Sequence[Task], number: int, count: int) -> tuple[Task, ...]:
-    """Every `count`-th task from the `number`-th on, which counts from one.
-
-    Example:
-        >>> shard_of(("a", "b", "c"), 1, 2)
-        ('a', 'c')
-    """
-    return tuple(tasks[number - 1 :: count])
+    if mistakes:
+        raise InputProblems(mistakes)
 
 
 def structures(tasks: Sequence[Task]) -> int:
@@ -153,19 +142,18 @@ def in_process(tasks: Sequence[Task], work: Work) -> Iterator[Ended]:
         tasks: in order.
         work: of one task.
     """
-    again = []
-    for task in tasks:
-        try:
-            work(task)
-            yield task, ""
-        except Exception:
-            again.append(task)
-    for task in again:
-        try:
-            work(task)
-            yield task, ""
-        except Exception as problem:
-            yield task, reason(problem)
+    failed: list[Task] = []
+    for last, some in ((False, tasks), (True, failed)):
+        for task in some:
+            try:
+                work(task)
+            except Exception as problem:
+                if last:
+                    yield task, reason(problem)
+                else:
+                    failed.append(task)
+            else:
+                yield task, ""
 
 
 def reason(problem: BaseException, named: bool = True) -> str:
@@ -191,11 +179,11 @@ def _structure(study: Study) -> bytes:
         words.append(plain_test(test) | alike)
     pose = jax.tree.leaves(study.knee.reference_pose)
     flexion = np.asarray(study.flexion_deg, float)
-    return _digest(json.dumps(words).encode(), *map(_bytes, (flexion, *pose)))
+    return _digest(json.dumps(words).encode(), flexion, *pose)
 
 
 def _fingerprint(members: Sequence[Member]) -> str:
-    parts = [versions()["kneejax"].encode()]
+    parts: list[Any] = [versions()["kneejax"].encode()]
     for member in members:
         study = member.study
         leaves, tree = jax.tree.flatten((study.knee, study.knee_at_start))
@@ -205,18 +193,16 @@ def _fingerprint(members: Sequence[Member]) -> str:
         words += [[plain_test(test) for test in study.tests], settings["synthetic"]]
         # Of structures drawn as several fibres, answers say what their stiffness means.
         words += [MEANING] if study.knee.groups else []
-        poses = b"" if study.measured is None else _bytes(study.measured)
-        parts += [json.dumps(words).encode(), poses, *map(_bytes, leaves)]
+        poses = b"" if study.measured is None else study.measured
+        parts += [json.dumps(words).encode(), poses, *leaves]
     return _digest(*parts).hex()
 
 
-def _bytes(array: Any) -> bytes:
-    return np.ascontiguousarray(array).tobytes()
-
-
-def _digest(*parts: bytes) -> bytes:
+def _digest(*parts: Any) -> bytes:
+    """Of bytes and arrays."""
     found = hashlib.sha256()
     for part in parts:
-        found.update(len(part).to_bytes(8, "little"))
-        found.update(part)
+        data = part if isinstance(part, bytes) else np.ascontiguousarray(part).tobytes()
+        found.update(len(data).to_bytes(8, "little"))
+        found.update(data)
     return found.digest()

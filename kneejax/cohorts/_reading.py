@@ -17,7 +17,7 @@ from typing import Annotated, Any
 
 from pydantic import PlainValidator, ValidationInfo
 
-from kneejax import files
+from kneejax import files, studies
 from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Part, Text, entries, load_yaml, meaning, text, wrong
 from kneejax.studies import STUDY_FIELDS, Study, study_of
@@ -37,26 +37,24 @@ def _template(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, dict):
         return value
     known, name = files.bundled_studies(), text(value)
-    path = files.study_path(name) if name in known else reading.folder_of(info) / name
-    if not os.path.isfile(path):
-        raise wrong(value, f"a study file, its fields, or a bundled study; not at {path}", known)
-    return path
+    if name in known and os.path.isfile(path := files.study_path(name)):
+        return path
+    kind = "a study file, its fields, or a bundled study"
+    return Path(studies.file_named(value, info, kind, known))
 
 
 def _knees(value: Any, info: ValidationInfo) -> Any:
     """Rows as they are, or the table that has them."""
-    if isinstance(value, list):
-        mistakes = Mistakes()
-        for number, row in enumerate(reading.items(value, "knees")):
-            if not isinstance(row, dict):
-                expected = "a mapping with the field name, and what differs"
-                mistakes.append(wrong(row, expected, at=f"[{number}]"))
-        mistakes.check()
-        return value
-    path = reading.folder_of(info) / text(value)
-    if not os.path.isfile(path):
-        raise wrong(value, f"a CSV table with one row a knee, or a list of knees; not at {path}")
-    return path
+    if not isinstance(value, list):
+        kind = "a CSV table with one row a knee, or a list of knees"
+        return Path(studies.file_named(value, info, kind))
+    mistakes = Mistakes()
+    for number, row in enumerate(reading.items(value, "knees")):
+        if not isinstance(row, dict):
+            expected = "a mapping with the field name, and what differs"
+            mistakes.append(wrong(row, expected, at=f"[{number}]"))
+    mistakes.check()
+    return value
 
 
 class CohortFile(Part):
@@ -230,9 +228,8 @@ def _value(cell: str) -> Any:
     if text.lower() in ("true", "false"):
         return text.lower() == "true"
     number = reading.plain_number(text)
-    if number is None:
-        return text
-    return int(text) if text.lstrip("+-").isdigit() else number
+    whole = number is not None and text.lstrip("+-").isdigit()
+    return int(text) if whole else text if number is None else number
 
 
 def _overlaid(

@@ -7,7 +7,7 @@ import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -17,9 +17,6 @@ from kneejax.geometry import BY_COORDINATE, FREE_COORDINATES
 from kneejax.inference.population import Population, in_log, population
 from kneejax.numerics import Named
 from kneejax.parameters import MEANING
-
-if TYPE_CHECKING:
-    pass
 
 #: What the result of a knee says of a fit that leaves more than noise.
 POOR = "Poor fit"
@@ -113,32 +110,32 @@ class CohortSummary(Named):
         over = [self.populations.get(name) for name in names]
         size, count = len(answers), len(names)
         longest = max(map(len, self.draws.values()), default=0)
-        nothing = np.full((size, count), np.nan)
-        kinds = (*_NUMBERS, "in_population", "in_population_sd")
-        numbers = {name: nothing.copy() for name in kinds}
-        limits = np.full((size, count), "", object)
+        estimates = [[one.parameters.get(name) for name in names] for one in answers]
+
+        def table(kind: str, absent: Any) -> np.ndarray:
+            rows = [[absent if one is None else one[kind] for one in row] for row in estimates]
+            return np.reshape(np.array(rows, type(absent)), (size, count))
+
+        numbers = {name: table(name, np.nan) for name in _NUMBERS}
+        fitted = [row for row, one in enumerate(answers) if not one.failed]
+        for name, part in (("in_population", "shrunk"), ("in_population_sd", "deviation")):
+            numbers[name] = np.full((size, count), np.nan)
+            for column, found in enumerate(over):
+                if found is not None:
+                    numbers[name][fitted, column] = getattr(found, part)
         correlation = np.full((size, count, count), np.nan)
         redrawn = np.full((size, longest, count), np.nan)
         for row, one in enumerate(answers):
             own = [names.index(name) for name in one.parameters]
-            for column, estimate in zip(own, one.parameters.values(), strict=True):
-                for name in _NUMBERS:
-                    numbers[name][row, column] = estimate[name]
-                limits[row, column] = estimate["interval"]
             if own:
                 correlation[np.ix_([row], own, own)] = one.correlation
             if one.name in self.draws:
                 values = self.draws[one.name][:, : len(own)]
                 redrawn[np.ix_([row], range(len(values)), own)] = values
-        fitted = [row for row, one in enumerate(answers) if not one.failed]
-        for column, found in enumerate(over):
-            if found is not None:
-                numbers["in_population"][fitted, column] = found.shrunk
-                numbers["in_population_sd"][fitted, column] = found.deviation
         rmse = [[one.rmse.get(name, np.nan) for name in FREE_COORDINATES] for one in answers]
         each = "knee", "parameter"
         data: dict[str, Any] = {name: (each, values) for name, values in numbers.items()} | {
-            "interval": (each, limits.astype(str)),
+            "interval": (each, table("interval", "")),
             "rmse": (("knee", "coordinate"), np.reshape(rmse, (size, len(FREE_COORDINATES)))),
             "correlation": ((*each, "other_parameter"), correlation),
             "objective": ("knee", [one.objective for one in answers]),
@@ -154,7 +151,7 @@ class CohortSummary(Named):
         places = {
             "knee": ("knee", [one.name for one in answers]), "parameter": ("parameter", names),
             "other_parameter": ("other_parameter", names),
-                        "parameter_unit": ("parameter", list(self.units.values())),
+            "parameter_unit": ("parameter", list(self.units.values())),
             **BY_COORDINATE,
         }  # fmt: skip
         return data | places

@@ -9,23 +9,14 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, model_validator
 
-from kneejax import planning
-from kneejax.files import (
-    Calibrated,
-    bone_surface,
-    load_knee_file,
-    named_document,
-    parse_flexion,
-    read_calibrated,
-    reading,
-    said_of,
-)
+from kneejax import files, planning
+from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Number, Part, Text, meaning, one_of, reads, whole, wrong
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Range, range_of_parameter
 from kneejax.parameters import fibre_rows
-from kneejax.planning import DIRECTIONS, FREE, GRAFTS, AclPlan, Footprint, Reconstruction
-from kneejax.studies._fields import Values
+from kneejax.planning import DIRECTIONS, FREE, GRAFTS, AclPlan, Footprint
+from kneejax.studies._fields import Values, file_named
 
 _TENSION = Range(1.0, 1000.0, "N", too_small="a graft that is not pulled has no zero-load length")
 _PLACE, _HALF, _BAND = Range(-30.0, 30.0, "mm"), Range(1.0, 30.0, "mm"), Range(0.05, 20.0, "mm")
@@ -37,14 +28,11 @@ _STEPS = 1
 
 
 def _mesh(value: Any, info: ValidationInfo) -> Path:
-    path = reading.folder_of(info) / reading.text(value)
-    if not os.path.isfile(path):
-        raise wrong(value, f"a mesh of the {info.field_name}; not at {path}")
-    return path
+    return Path(file_named(value, info, f"a mesh of the {info.field_name}"))
 
 
 def _angles(value: Any) -> np.ndarray:
-    angles = parse_flexion(reading.text(value), "", "")
+    angles = files.parse_flexion(reading.text(value), "", "")
     if len(angles) < 2:
         raise wrong(value, "at least two angles")
     return angles
@@ -108,9 +96,7 @@ class Lachman(Part):
 
     flexion_deg: Annotated[
         tuple[float, ...], reading.numbers_within(None, "flexion_deg")
-    ] = meaning(
-        "at which", (20.0, 90.0)
-    )
+    ] = meaning("at which", (20.0, 90.0))
     force_N: Force = meaning("on the tibia, anterior", 100.0)
 
 
@@ -141,9 +127,7 @@ class Optimum(Part):
 
     free: Annotated[
         tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
-    ] = meaning(
-        "what may change", tuple(FREE)
-    )
+    ] = meaning("what may change", tuple(FREE))
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
@@ -238,18 +222,18 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
         >>> plan.graft.name, plan.surgery.plan.torn
         ('hamstring', ('aACL', 'pACL'))
     """
-    document, where = named_document("plans", name_or_path)
+    document, where = files.named_document("plans", name_or_path)
     file, folder = os.fspath(where), where.parent
     plan, mistakes = reading.checked(PlanFields, document, file, folder=folder), Mistakes(file)
     path = folder / plan.knee if os.path.isfile(folder / plan.knee) else Path(plan.knee)
-    read = load_knee_file(path if os.path.isfile(path) else plan.knee)
+    read = files.load_knee_file(path if os.path.isfile(path) else plan.knee)
     base = read.with_patella() if patella else read.knee
     drawn, held = (), ()
-    with said_of(file):
+    with files.said_of(file):
         knee = base.replace(plan.set)
     if plan.draws:
-        values, held = drawn_parameters(read_calibrated(path).of_structures(base), plan.draws)
-        with said_of(file):
+        values, held = drawn_parameters(files.read_calibrated(path).of_structures(base), plan.draws)
+        with files.said_of(file):
             drawn = tuple(base.replace(one | plan.set) for one in values)
     with mistakes.gathered("ligament"):
         fibre_rows(knee, plan.ligament)
@@ -261,7 +245,7 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     )
     tibia, femur = (
         planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
-                     mesh and bone_surface(mesh))
+                     mesh and files.bone_surface(mesh))
         for bone, mesh in ((TIBIA, plan.bones.tibia), (FEMUR, plan.bones.femur))
     )  # fmt: skip
     on_bones = []
@@ -269,13 +253,17 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
         with mistakes.gathered(f"tunnels.{place.bone}_mm"):
             on_bones.append(_tunnels(stated, place, count))
     mistakes.check()
+    # The torn fibres that each bundle stands for, in their order.
+    torn = reconstruction.torn
+    halves = [tuple(half.tolist()) for half in np.array_split(torn, count)]
+    replaced = tuple(halves) if all(halves) else (torn,) * count
     tension = plan.fixation.tension_N
     tensions = tension if isinstance(tension, tuple) else (tension,) * count
     optimum, maps, tests = plan.optimum or Optimum(), plan.map or Map(), plan.lachman
     return AclPlan(
         title=plan.title,
         surgery=planning.Surgery(
-            reconstruction, tibia, femur, _replaced(reconstruction), plan.fixation.flexion_deg,
+            reconstruction, tibia, femur, replaced, plan.fixation.flexion_deg,
             planning.Protocol(plan.flexion_deg, tests.flexion_deg, tests.force_N, _STEPS),
             plan.window,
             planning.Limits(*(x for _, x in plan.limits)),
@@ -310,16 +298,8 @@ def _tunnels(stated: Any, footprint: Footprint, bundles: int) -> np.ndarray:
     return tunnels
 
 
-def _replaced(plan: Reconstruction) -> tuple[tuple[str, ...], ...]:
-    """The torn fibres that each bundle stands for, in their order."""
-    halves = np.array_split(np.arange(len(plan.torn)), len(plan.bundles))
-    if any(not len(half) for half in halves):
-        return (plan.torn,) * len(plan.bundles)
-    return tuple(tuple(plan.torn[k] for k in half) for half in halves)
-
-
 def drawn_parameters(
-    calibrated: Calibrated, count: int, seed: int = 0
+    calibrated: files.Calibrated, count: int, seed: int = 0
 ) -> tuple[list[dict[str, float]], tuple[str, ...]]:
     """Draw parameters from the normal distribution about a fit.
 
@@ -333,7 +313,7 @@ def drawn_parameters(
         their values. A draw that no knee can have is drawn anew.
 
     Example:
-        >>> fit = Calibrated("k", {}, {"ACL.stiffness": 5000.0}, {}, "", {},
+        >>> fit = files.Calibrated("k", {}, {"ACL.stiffness": 5000.0}, {}, "", {},
         ...                  {"ACL.stiffness": 100.0})
         >>> draws, held = drawn_parameters(fit, 1000)
         >>> round(float(np.std([x["ACL.stiffness"] for x in draws])), -1), held

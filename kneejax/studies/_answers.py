@@ -281,13 +281,47 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
         UnsuitableData: too few data, samples or candidates.
         MissingPackage: a package is not installed.
     """
+    knee, selection = study.knee_at_start, study.selection
     match options:
         case Identify():
-            _check_identify(study, options)
+            candidates = options.candidates
+            candidates = inference.usual_candidates() if candidates is None else candidates
+            check_tests(candidates, options.next_tests, options.criterion)
+            parameter_priors(knee, selection, options.prior, study.limits)
+            if options.posterior:
+                _passive_alone(study, ["tests"], "the posterior is")
+                for package in ("blackjax", "arviz"):
+                    check_installed(package, "posterior")
+                check_counts(options.chains, options.draws)
+            if None in _noise(study, options):
+                weighed = study.first_weights > 0
+                read = [one.observed[:, weighed] for one in study.tests]
+                counted = int(weighed.sum()) * len(study.flexion_deg)
+                counted += sum(int(np.isfinite(one).sum()) for one in read)
+                check_enough(counted, len(selection) + len(study.frame_offset))
         case Map():
             check_map(study, options)
         case Sensitivity():
-            _check_sensitivity(study, options)
+            _passive_alone(study, ["loads", "tests"], "sensitivities are")
+            sweep_values(knee, _swept(study, options))
+            stated(selection, options.prior, "prior")
+            width = np.asarray(selection.read(knee))
+            step_widths(selection, width, options.scale, options.prior)
+            if options.indices is not None:
+                check_installed("SALib", "sensitivity")
+                index_ranges(
+                    knee, selection, study.limits, options.range, options.prior,
+                    method=options.indices, samples=_samples(options),
+                )  # fmt: skip
+
+
+def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:
+    """Refuse a study that has more than passive motion, of which something is computed so far."""
+    named = {"loads": [*study.loads], "tests": [test.name for test in study.tests]}
+    for field in fields:
+        if named[field]:
+            expected = f"a study without {field}: {what} of passive motion so far"
+            raise InputProblem(study.file, field, ", ".join(named[field]), expected)
 
 
 def _a_study(study: Study) -> Study:
@@ -305,25 +339,6 @@ def _noise(study: Study, options: Identify) -> tuple[float | None, float | None]
     return options.noise_mm or mm, options.noise_deg or deg
 
 
-def _check_identify(study: Study, options: Identify) -> None:
-    candidates = inference.usual_candidates() if options.candidates is None else options.candidates
-    check_tests(candidates, options.next_tests, options.criterion)
-    parameter_priors(study.knee_at_start, study.selection, options.prior, study.limits)
-    if options.posterior:
-        if study.tests:
-            names = ", ".join(test.name for test in study.tests)
-            expected = "a study without tests: the posterior is of passive motion so far"
-            raise InputProblem(study.file, "tests", names, expected)
-        for package in ("blackjax", "arviz"):
-            check_installed(package, "posterior")
-        check_counts(options.chains, options.draws)
-    if None in _noise(study, options):
-        weighed = study.first_weights > 0
-        counted = int(weighed.sum()) * len(study.flexion_deg)
-        counted += sum(int(np.isfinite(one.observed[:, weighed]).sum()) for one in study.tests)
-        check_enough(counted, len(study.selection) + len(study.frame_offset))
-
-
 def _samples(options: Sensitivity) -> int:
     usual = USUAL_SAMPLES.get(options.indices or "", 0)
     return usual if options.samples is None else options.samples
@@ -337,21 +352,3 @@ def _swept(study: Study, options: Sensitivity) -> dict[str, np.ndarray | None]:
         name: None if line is None else np.linspace(line[0], line[1], count.get(name, USUAL_COUNT))
         for name, line in asked.items()
     }
-
-
-def _check_sensitivity(study: Study, options: Sensitivity) -> None:
-    named = {"loads": [*study.loads], "tests": [test.name for test in study.tests]}
-    for field, names in named.items():
-        if names:
-            expected = f"a study without {field}: sensitivities are of passive motion so far"
-            raise InputProblem(study.file, field, ", ".join(names), expected)
-    knee, selection = study.knee_at_start, study.selection
-    sweep_values(knee, _swept(study, options))
-    stated(selection, options.prior, "prior")
-    step_widths(selection, np.asarray(selection.read(knee)), options.scale, options.prior)
-    if options.indices is not None:
-        check_installed("SALib", "sensitivity")
-        index_ranges(
-            knee, selection, study.limits, options.range, options.prior,
-            method=options.indices, samples=_samples(options),
-        )  # fmt: skip

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import GetCoreSchemaHandler, PlainValidator
+from pydantic import GetCoreSchemaHandler, PlainValidator, ValidationInfo
 from pydantic_core import core_schema
 
 from kneejax.files import reading
-from kneejax.files.reading import (
-    Choice,
-    InputProblem,
-    Part,
-    by_parameter,
-    interval,
-    plain,
-    reads,
-    wrong,
-)
+from kneejax.files.reading import InputProblem, Part, by_parameter, interval, plain, reads, wrong
 from kneejax.quantities import FIBRE_QUANTITIES, RANGES, nearest_name
 
 if TYPE_CHECKING:
@@ -40,18 +32,15 @@ class Options(Part):
         """Check all fields."""
         try:
             reading.fill(self, plain(fields))
-        except ValueError as problem:
-            every = getattr(problem, "problems", (problem,))
-            raise reading.together([_of_option(one) for one in every]) from None
-
-
-def _of_option(problem: ValueError) -> ValueError:
-    if not isinstance(problem, InputProblem):
-        return problem
-    name, _, rest = problem.field.partition(".")
-    name, _, number = name.partition("[")
-    rest = rest or (f"[{number}" if number else name)
-    return InputProblem(name, rest, problem.value, problem.expected, problem.nearest)
+        except ValueError as found:
+            every = [*getattr(found, "problems", (found,))]
+            for row, one in enumerate(every):
+                if isinstance(one, InputProblem):
+                    name, _, rest = one.field.partition(".")
+                    name, _, number = name.partition("[")
+                    rest = rest or (f"[{number}" if number else name)
+                    every[row] = InputProblem(name, rest, one.value, one.expected, one.nearest)
+            raise reading.together(every) from None
 
 
 def misspelt(knee: str, names: Iterable[str]) -> Iterator[InputProblem]:
@@ -84,13 +73,18 @@ def misspelt(knee: str, names: Iterable[str]) -> Iterator[InputProblem]:
             yield wrong(name, f"a parameter of {knee}", f"{owner}.{near}")
 
 
-class OrObject:
-    """A part of a file, or an object of Python that has been made of one.
+def file_named(value: Any, info: ValidationInfo, kind: str, known: Any = ()) -> str:
+    """The path of a file that is named by what is read; refuses one that does not exist, with the
+    known names that might stand in its place."""
+    path = reading.folder_of(info) / reading.text(value)
+    if not os.path.isfile(path):
+        raise wrong(value, f"{kind}; not at {path}", known)
+    return os.fspath(path)
 
-    Attributes:
-        model: the part's model.
-        read: what an object is checked and kept by; it is kept as it is without.
-    """
+
+class OrObject:
+    """A part of a file by its model, or an object of Python that has been made of one, which is
+    kept as it is, unless `read` checks it."""
 
     def __init__(self, model: type[Part], read: Callable[[Any], Any] | None = None):
         self.model, self.read = model, read
@@ -134,6 +128,6 @@ Intervals = Annotated[
     dict[str, tuple[float, float]], PlainValidator(by_parameter(interval))
 ]
 Convention = Annotated[
-    Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], Choice()
+    Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], reading.Choice()
 ]
 LoadName = Literal["lateral_N", "anterior_N", "compression_N", "varus_Nm", "internal_Nm"]

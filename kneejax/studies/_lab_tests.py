@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, PlainValidator, ValidationInfo, model_validator
 
 from kneejax.files import InputProblem, reading
-from kneejax.files.reading import (
-    Choice,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    entries,
-    meaning,
-    reads,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Number, Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import RANGES
 from kneejax.studies._fields import UNITS, Angles, Convention, LoadName
 
@@ -80,13 +69,13 @@ def _test_table(value: Any, info: ValidationInfo) -> str:
     """The whole path of a table, or the name of a published test."""
     from kneejax.files import bundled_laxity_sources
 
-    path = reading.folder_of(info) / reading.text(value)
-    if os.path.isfile(path):
+    name = reading.text(value)
+    if os.path.isfile(path := reading.folder_of(info) / name):
         return os.path.abspath(path)
     known = (*bundled_laxity_sources(), *published_motions())
-    if reading.text(value) not in known:
+    if name not in known:
         raise wrong(value, f"a CSV table, or a published test ({', '.join(known)})", known)
-    return reading.text(value)
+    return name
 
 
 def published_motions() -> dict[str, Measurement]:
@@ -125,10 +114,8 @@ class StudyTest(Part):
     )
     coordinates: Annotated[
         tuple[Annotated[str, reading.one_of(COORDINATES)], ...], entries("coordinates")
-    ] = meaning(
-        "that count; all that the table has if empty", ()
-    )
-    counted_from: Annotated[CountedFrom, Choice()] | None = meaning(
+    ] = meaning("that count; all that the table has if empty", ())
+    counted_from: Annotated[CountedFrom, reading.Choice()] | None = meaning(
         "what numbers are counted from; as a published test says, or `unloaded`", None
     )
     within_deg: Annotated[float, reads(reading.number, RANGES["within_deg"])] = meaning(
@@ -140,10 +127,8 @@ class StudyTest(Part):
     load: Any = meaning("load -> size of a published laxity whose load is not known", None)
     point_mm: Annotated[
         tuple[float, float, float], reading.numbers_within(3, "point_mm")
-    ] = meaning(
-        "where forces act", (0.0, 0.0, 0.0)
-    )
-    axes: Annotated[Axes, Choice()] = meaning("in which loads are given", "grood_suntay")
+    ] = meaning("where forces act", (0.0, 0.0, 0.0))
+    axes: Annotated[Axes, reading.Choice()] = meaning("in which loads are given", "grood_suntay")
     sd_mm: Annotated[float, within("noise_mm")] | None = meaning(
         "standard deviation of displacements; as the poses' if not stated", None
     )
@@ -157,7 +142,7 @@ class StudyTest(Part):
         entries("ligaments"),
         BeforeValidator(lambda one: [one] if isinstance(one, str) else one),
     ] = meaning("ligaments, groups or menisci that had been cut", ())
-    weight: Annotated[Literal["by_load"], Choice()] | None = meaning(
+    weight: Annotated[Literal["by_load"], reading.Choice()] | None = meaning(
         "`by_load` weighs rows in proportion to their load", None
     )
     in_time: InTime | None = meaning("of rows that are frames of a motion", None)
@@ -191,7 +176,27 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
         value = test.cut[0] if len(test.cut) == 1 else None
         expected = f"{name} with {' or '.join(known)} cut, as it was measured"
         raise test.wrong("cut" if test.cut else "file", expected, value)
-    load, size = own[0].load, _size(test, own[0])
+    load, size = own[0].load, own[0].size
+    unknown, stated = math.isnan(size), "load" in test.model_fields_set
+    if unknown and not stated:
+        expected = f"load: {{{load}: ...}} beside it, since the load of {name} is not known"
+        raise test.wrong("file", expected)
+    if stated and not unknown:
+        expected = f"to omit this field: {name} was measured under {load} {size:g}"
+        raise test.wrong("load", expected)
+    if stated:
+        if not isinstance(test.load, dict) or not test.load:
+            raise test.wrong("load", f"a mapping from {load} to its size")
+        for other in test.load:
+            if other != load:
+                expected = f"no such field, but one of {load}"
+                raise test.wrong(f"load.{other}", expected, test.load[other])
+        try:
+            size = reading.number(test.load[load], RANGES[load])
+        except InputProblem as problem:
+            raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
+        if not size > 0:
+            raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
     (column,) = [k for k, coordinate in enumerate(UNITS) if load_called(coordinate) == load]
     rows = []  # flexion, load, reading
     for band in own:
@@ -210,36 +215,9 @@ def published_laxity(test: StudyTest, bands: Sequence[LaxityBand]) -> tuple[LabT
     return LabTable(flexion, {load: sizes}, observed), counted
 
 
-def _size(test: StudyTest, band: LaxityBand) -> float:
-    """The load of a table, as published or as the study states it."""
-    unknown, load = math.isnan(band.size), band.load
-    if "load" not in test.model_fields_set:
-        if unknown:
-            raise test.wrong(
-                "file",
-                f"load: {{{load}: ...}} beside it, since the load of {band.name} is not known",
-            )
-        return band.size
-    if not unknown:
-        expected = f"to omit this field: {band.name} was measured under {load} {band.size:g}"
-        raise test.wrong("load", expected)
-    if not isinstance(test.load, dict) or not test.load:
-        raise test.wrong("load", f"a mapping from {load} to its size")
-    for name in test.load:
-        if name != load:
-            raise test.wrong(f"load.{name}", f"no such field, but one of {load}", test.load[name])
-    try:
-        size = reading.number(test.load[load], RANGES[load])
-    except reading.InputProblem as problem:
-        raise test.wrong(f"load.{load}", problem.expected, problem.value) from None
-    if not size > 0:
-        raise test.wrong(f"load.{load}", "the size of the load, above 0", size)
-    return size
-
-
 def check_tests(
     knee: Knee, tests: Sequence[MeasuredTest], stated: Mapping[str, float | None],
-    measured: bool, mistakes: Mistakes,
+    measured: bool, mistakes: reading.Mistakes,
 ) -> None:  # fmt: skip
     """Of tests no two have one name, and none is better known than the poses can say, whose noise
     is stated in mm and degrees, where they are measured."""

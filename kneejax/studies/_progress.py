@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -12,7 +11,6 @@ from typing import Literal
 from tqdm import tqdm
 
 from kneejax.numerics import compiling
-from kneejax.statics import Progress
 
 #: Called with what is computed, how much of it is done and asked for; 0 and 0 where that cannot be
 #: counted.
@@ -65,7 +63,9 @@ def stages_on_terminal(what: str = "") -> Iterator[Stages]:
                 with lock:
                     if not shown:
                         bar.delay = 0.0  # what was shown is wiped out in the end
-                        bar.set_description_str(waiting_for(what, compiles))
+                        now = "compiling (kept for later runs) and computing"
+                        now = now if compiles else "computing"
+                        bar.set_description_str(f"{what}: {now}" if what else now)
 
         if not bar.disable:
             threading.Thread(target=wait, daemon=True).start()
@@ -89,32 +89,3 @@ def progress_of(progress: Asked, what: str) -> Iterator[Stages | None]:
             yield show
     else:
         yield progress or None
-
-
-def waiting_for(what: str, compiles: bool) -> str:
-    """The words of the line while nothing is counted.
-
-    Args:
-        what: is computed.
-        compiles: whether something was compiled for it.
-
-    Example:
-        >>> waiting_for("calibration", True)
-        'calibration: compiling (kept for later runs) and computing'
-    """
-    now = "compiling (kept for later runs) and computing" if compiles else "computing"
-    return f"{what}: {now}" if what else now
-
-
-@contextlib.contextmanager
-def balances_on_terminal(what: str) -> Iterator[Progress]:
-    """As `stages_on_terminal`, of one stage.
-
-    Args:
-        what: is computed, for the line.
-
-    Yields:
-        What the batch engine calls with balances done and asked for; from any thread.
-    """
-    with stages_on_terminal(what) as show:
-        yield functools.partial(show, what)

@@ -194,7 +194,15 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
     from kneejax.experiments import MeasuredTest, against_load, weights_by_load
 
     table, counted_from = _table_of(test)
-    table = _limited(test, table)
+    if test.flexion_deg is not None:
+        wanted = test.flexion_deg
+        inside = np.isclose(table.flexion_deg[:, None], wanted, atol=1e-6)
+        if not inside.any(axis=0).all():
+            absent = wanted[~inside.any(axis=0)][0]
+            measured = ", ".join(f"{x:g}" for x in np.unique(table.flexion_deg))
+            expected = f"of the flexions that were measured, {measured}; not {absent:g}"
+            raise test.wrong("flexion_deg", expected, wanted.tolist())
+        table = table.take(inside.any(axis=1))
     flexion, loads, observed = table[:3]
     constant = dict(test.loads)
     if test.mirror:
@@ -207,14 +215,17 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
         table = table._replace(readings=readings)
     if test.coordinates:
         table, observed = _that_count(test, table, observed)
-    tensions, readings = _pulls(table, lines)
+    readings = dict(table.readings)
+    tensions = {line: readings.pop(f"{line}.tension_N", None) for line in lines}
+    tensions = {line: tension for line, tension in tensions.items() if tension is not None}
+    for line, tension in tensions.items():
+        if np.isnan(tension).any():
+            row = int(np.flatnonzero(np.isnan(tension))[0]) + 1
+            place, expected = f"file: {line}.tension_N, row {row}", "a tension in every row"
+            raise InputProblem("", place, "empty", f"{expected}, since it acts on the knee")
     if test.weight and table.weight is not None:
         raise test.wrong("weight", "to omit this field: the table has a column weight")
-    frames = None
-    if test.in_time is not None:
-        if table.time_s is None:
-            raise test.wrong("file", "a column time_s too, or columns: {time_s: ...}")
-        frames = _frames(test.in_time, table.time_s, flexion)
+    frames = None if test.in_time is None else _frames(test, test.in_time, table)
     own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "within_deg"}
     counted_from = test.counted_from or counted_from or "unloaded"
     made = MeasuredTest(
@@ -229,8 +240,10 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
     return made
 
 
-def _frames(said: InTime, time_s: np.ndarray, flexion_deg: np.ndarray) -> Frames:
+def _frames(test: StudyTest, said: InTime, table: LabTable) -> Frames:
     """The frames of a knee in motion."""
+    if table.time_s is None:
+        raise test.wrong("file", "a column time_s too, or columns: {time_s: ...}")
     from kneejax.dynamics import gravity_of
     from kneejax.experiments import Frames, leg_of_person
     from kneejax.numerics import WrongValue
@@ -243,7 +256,7 @@ def _frames(said: InTime, time_s: np.ndarray, flexion_deg: np.ndarray) -> Frames
         asked["gravity_m_s2"] = gravity_of(said.femur_deg)
     leg = leg_of_person(said.body_kg, said.height_m, said.ankle_kg)
     try:
-        return Frames(time_s, flexion_deg, leg, **asked)
+        return Frames(table.time_s, table.flexion_deg, leg, **asked)
     except WrongValue as problem:
         place = f"in_time.{problem.field}"
         raise InputProblem("", place, problem.found, problem.expected) from None
@@ -294,34 +307,6 @@ def _that_count(
     }  # fmt: skip
     observed = np.where([name in test.coordinates for name in UNITS], observed, np.nan)
     return table._replace(readings=kept), observed
-
-
-def _pulls(table: LabTable, lines: Sequence[str]) -> tuple[dict, dict]:
-    """Tensions that act along lines of the knee, and what was read of its parts."""
-    acting, read = {}, dict(table.readings)
-    for line in lines:
-        tension = read.pop(f"{line}.tension_N", None)
-        if tension is not None:
-            acting[line] = tension
-            if np.isnan(tension).any():
-                row = int(np.flatnonzero(np.isnan(tension))[0]) + 1
-                place, expected = f"file: {line}.tension_N, row {row}", "a tension in every row"
-                raise InputProblem("", place, "empty", f"{expected}, since it acts on the knee")
-    return acting, read
-
-
-def _limited(test: StudyTest, table: LabTable) -> LabTable:
-    """The rows at flexions that count."""
-    if test.flexion_deg is None:
-        return table
-    wanted = test.flexion_deg
-    inside = np.isclose(table.flexion_deg[:, None], wanted, atol=1e-6)
-    if not inside.any(axis=0).all():
-        absent = wanted[~inside.any(axis=0)][0]
-        measured = ", ".join(f"{x:g}" for x in np.unique(table.flexion_deg))
-        expected = f"of the flexions that were measured, {measured}; not {absent:g}"
-        raise test.wrong("flexion_deg", expected, wanted.tolist())
-    return table.take(inside.any(axis=1))
 
 
 def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:

@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from pydantic import PlainValidator, ValidationInfo
 
 from kneejax.files import reading
-from kneejax.files.reading import (
-    Choice,
-    Distinct,
-    Flag,
-    Part,
-    Text,
-    entries,
-    meaning,
-    reads,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Part, Text, entries, meaning, reads, within, wrong
 from kneejax.quantities import QUANTITIES, RANGES
 from kneejax.studies._fields import (
     UNITS,
@@ -32,6 +21,7 @@ from kneejax.studies._fields import (
     Parameter,
     Seed,
     Values,
+    file_named,
 )
 from kneejax.studies._lab_tests import StudyTest
 
@@ -45,6 +35,8 @@ else:
     ndarray = Knee = MeasuredTest = Stage = Any
 
 _COLUMNS = ("flexion_deg", *(f"{name}_{unit}" for name, unit in UNITS.items()))
+#: A list of names, each once, or an empty one.
+Names = (entries("names", empty=True), reading.Distinct)
 #: Weights of squared errors per degree^2 and per mm^2 where nobody says so: those of paper 1.
 _WEIGHTS = {"deg": 8.0, "mm": 1.0}
 Procedure = Literal["I", "II", "III", "S"]
@@ -58,17 +50,17 @@ def _table(value: Any, info: ValidationInfo) -> str:
     """The path of a table of measured poses."""
     from kneejax.files import bundled_measurements
 
+    every = bundled_measurements()
+    known = {name: one for name, one in every.items() if one.use == "poses"}
     path = reading.folder_of(info) / reading.text(value)
     if os.path.isfile(path):
         return os.fspath(path)
-    every = bundled_measurements()
-    known = {name: one for name, one in every.items() if one.use == "poses"}
     if value in known:
         return os.fspath(known[value].path)
     if value in every:
         other = "a table under tests" if every[value].use == "test" else "conditions alone"
         raise wrong(value, f"measured poses; {value} is {other}")
-    raise wrong(value, f"a CSV table or a bundled measurement; not at {path}", known)
+    return file_named(value, info, "a CSV table or a bundled measurement", known)
 
 
 def _poses(value: Any) -> ndarray | None:
@@ -101,14 +93,10 @@ def _knee(value: Any, info: ValidationInfo) -> Any:
         raise wrong(value, "a text, or a knee, as kneejax.load_knee gives")
     if not isinstance(value, str):
         return value
-    name = reading.text(value)
-    if name in known:
-        return name
-    path = reading.folder_of(info) / name
-    if not os.path.isfile(path):
-        expected = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file; not at {path}"
-        raise wrong(value, expected, known)
-    return os.path.abspath(path)  # results are read elsewhere
+    if reading.text(value) in known:
+        return reading.text(value)
+    kind = f"a bundled knee ({', '.join(known) or 'none'}) or a knee file"
+    return os.path.abspath(file_named(value, info, kind, known))  # results are read elsewhere
 
 
 def _weights(value: Any) -> dict[str, float]:
@@ -132,10 +120,7 @@ def _prior(value: Any, info: ValidationInfo) -> Any:
     """Standard deviations by name; of a text the whole path of the file that has them."""
     if not isinstance(value, str):
         return reading.by_parameter(reading.deviation)(value)
-    path = reading.folder_of(info) / value.strip()
-    if not os.path.isfile(path):
-        raise wrong(value, f"a mapping, or the prior.yaml of a cohort; not at {path}")
-    return os.fspath(path)
+    return file_named(value, info, "a mapping, or the prior.yaml of a cohort")
 
 
 def _noise(value: Any, name: str) -> float | None:
@@ -200,7 +185,9 @@ class Measured(Part):
     columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
         "column of a pose -> what the table calls it", dict
     )
-    mirror: Flag = meaning("whether a left knee was measured in axes with Z to the right", False)
+    mirror: reading.Flag = meaning(
+        "whether a left knee was measured in axes with Z to the right", False
+    )
 
 
 class Synthetic(Part):
@@ -223,10 +210,10 @@ class Synthetic(Part):
 class StudyStage(Part):
     """A part of the search of procedure S: what is free in it, and which data count."""
 
-    parameters: Annotated[tuple[Parameter, ...], entries("names", empty=True), Distinct] = meaning(
+    parameters: Annotated[tuple[Parameter, ...], *Names] = meaning(
         "names or wildcards that are free; all if empty", ()
     )
-    data: Annotated[tuple[Text, ...], entries("names", empty=True), Distinct] = meaning(
+    data: Annotated[tuple[Text, ...], *Names] = meaning(
         "`poses` and names of tests that count; all if empty", ()
     )
 
@@ -238,7 +225,7 @@ class StudyFields(Part):
     knee: Annotated[Knee, PlainValidator(_knee)] = meaning(
         "a bundled knee or a knee file, with the values that stay fixed", repr=False
     )
-    parameters: Annotated[tuple[Parameter, ...], entries("names"), Distinct] = meaning(
+    parameters: Annotated[tuple[Parameter, ...], entries("names"), reading.Distinct] = meaning(
         "names or wildcards of what is free"
     )
     measured: Annotated[ndarray | None, OrObject(Measured, _poses)] = meaning(
@@ -249,10 +236,8 @@ class StudyFields(Part):
     )
     tests: Annotated[
         tuple[Annotated[MeasuredTest, OrObject(StudyTest)], ...], entries("tests", empty=True)
-    ] = meaning(
-        "under load that were made, each by a name of its own", ()
-    )
-    patella: Flag | None = meaning(
+    ] = meaning("under load that were made, each by a name of its own", ())
+    patella: reading.Flag | None = meaning(
         "whether the knee is that of three bones, where it has one", None
     )
     start: Values = meaning(
@@ -277,16 +262,12 @@ class StudyFields(Part):
         "those that are free without one, beside noise_mm and noise_deg; 0 for none",
         QUANTITIES["femoral_attachment"].scale_of(0.0),
     )
-    procedures: Annotated[
-        tuple[Annotated[Procedure, Choice()], ...], entries("names", empty=True), Distinct
-    ] = meaning(
+    procedures: Annotated[tuple[Annotated[Procedure, reading.Choice()], ...], *Names] = meaning(
         "the first is the answer, others are there to compare; `S` alone where there are stages", ()
     )
     stages: Annotated[
         tuple[Annotated[Stage, OrObject(StudyStage)], ...], entries("stages", empty=True)
-    ] = meaning(
-        "of procedure S, in turn", ()
-    )
+    ] = meaning("of procedure S, in turn", ())
     starts: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "of procedure III: the knee's own, then draws from the prior, or between the bounds where "
         "there is none", 1,
@@ -300,20 +281,18 @@ class StudyFields(Part):
         "standard deviation of measured rotations; likewise", None
     )
     frame_offset: Annotated[
-        tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset), Distinct
+        tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset), reading.Distinct
     ] = meaning(
         "free coordinates whose constant offset between measured and model frames is free too; "
         "true for all five", (),
     )  # fmt: skip
-    method: Annotated[Literal["least_squares", "lbfgsb"], Choice()] = meaning(
+    method: Annotated[Literal["least_squares", "lbfgsb"], reading.Choice()] = meaning(
         "of the search; `lbfgsb` needs jaxopt and takes long", "least_squares"
     )
     cycles: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "how often procedures I and II may go through their two steps", 1
     )
-    failures: Annotated[
-        tuple[Annotated[Fault, Choice()], ...], entries("names", empty=True), Distinct
-    ] = meaning(
+    failures: Annotated[tuple[Annotated[Fault, reading.Choice()], ...], *Names] = meaning(
         "statuses for which a pose counts for nothing and a command ends with exit status 1; the "
         "package's choice if empty", (),
     )  # fmt: skip

@@ -347,4 +347,4 @@ def test_a_platform_that_is_not_there_is_named_with_its_variable(monkeypatch):
     monkeypatch.setenv("JAX_PLATFORMS", "tpu")
     monkeypatch.setattr(jax, "devices", devices)
     with pytest.raises(InputProblem, match="^environment: JAX_PLATFORMS: tpu: expected a platform"):
-        _main._check_platform("JAX_PLATFORMS")
+        _main.prepare_jax()

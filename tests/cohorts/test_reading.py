@@ -5,7 +5,7 @@ import pytest
 import yaml
 
 from kneejax.cli import main
-from kneejax.cohorts import is_cohort, plan, read_cohort, shard_of
+from kneejax.cohorts import is_cohort, plan, read_cohort
 from kneejax.files import InputProblem, InputProblems, write_poses
 
 POSES = np.array([[0.0, 0.5, 1.0, 2.0, -1.0, 0.5], [30.0, 1.0, 4.0, 2.5, -2.0, 0.4]])
@@ -92,8 +92,6 @@ def test_blocks_are_those_of_the_plan_and_named_by_what_they_depend_on(tmp_path)
     assert [task.names for task in tasks] == [("K0", "K1"), ("K2", "K3"), ("K4",)]
     again = plan(read_cohort(tmp_path), 2)
     assert [one.fingerprint for one in tasks] == [one.fingerprint for one in again]
-    parts = [shard_of(tasks, number, 2) for number in (1, 2)]
-    assert sorted(task.names for part in parts for task in part) == [t.names for t in tasks]
     rows[4] = "K3,poses.csv,5000,"
     changed = plan(read_cohort(written(tmp_path, rows)), 2)
     same = [a.fingerprint == b.fingerprint for a, b in zip(tasks, changed, strict=True)]

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax import files, joints
 from kneejax.cli.options import JointFit
 from kneejax.geometry import COORDINATES, Pose
-from kneejax.mechanics import condyle_points
-
-if TYPE_CHECKING:
-    from kneejax.cli.joint._fit import ContactKnee
+from kneejax.mechanics import Knee, condyle_points
 
 #: Points of the femur as near to the tibia as this, mm, meet it.
 TOUCHING_MM = 4.0
@@ -93,23 +89,21 @@ def axes_from_mesh(arguments: JointFit, side: str) -> FindAxes:
     return touched
 
 
-def axes_from_knee(arguments: JointFit, read: ContactKnee) -> FindAxes:
+def axes_from_knee(arguments: JointFit, knee: Knee, offset: Mapping[str, float]) -> FindAxes:
     """Axis points of a contact knee's own condyles (`--knee`), moved with its frame offset."""
     try:
-        points, normals = condyle_points(read.knee)
+        points, normals = condyle_points(knee)
     except ValueError as error:
         expected = "condyles; or axis points, by --femur or --axes"
         raise files.InputProblem(arguments.knee, "contacts", str(error), expected) from None
-    shift = np.array([read.frame_offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
-    epicondyles = _given_epicondyles(arguments, read.knee.side)
+    # Fitted in the knee's own frame, in which the sign of Z tells medial from lateral.
     own = _fitted(arguments, arguments.knee, points, normals, None)
-    axes = dataclasses.replace(own, points=own.points + shift, hinge=own.hinge + shift,
-                               surface=points + shift,
-                               facets=_shifted(own.facets, shift))  # fmt: skip
-    if epicondyles is not None:
-        axes = dataclasses.replace(
-            axes, hinge=epicondyles, hinge_source="the epicondyles", epicondyles=epicondyles
-        )
+    shift = np.array([offset.get(name, 0.0) for name in list(COORDINATES)[3:]])
+    known = {"hinge": own.hinge + shift, "facets": _shifted(own.facets, shift)}
+    if (epicondyles := _given_epicondyles(arguments, knee.side)) is not None:
+        known |= {"hinge": epicondyles, "epicondyles": epicondyles,
+                  "hinge_source": "the epicondyles"}  # fmt: skip
+    axes = dataclasses.replace(own, points=own.points + shift, surface=points + shift, **known)
     return lambda _: axes
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -12,7 +11,7 @@ from kneejax import files, joints
 from kneejax.cli._deliver import deliver
 from kneejax.cli._given import check_columns
 from kneejax.cli.joint._axes import problem
-from kneejax.cli.joint._fit import ContactKnee, passive_motion, read_contact_knee
+from kneejax.cli.joint._fit import passive_motion, read_contact_knee
 from kneejax.cli.options import JointCompare
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
@@ -22,37 +21,22 @@ _CURVE = 25
 _SAME_FLEXION_DEG = 1e-3
 
 
-class Modelled(NamedTuple):
-    """What one model says."""
-
-    # Of each subject at its own flexions, shape `(subjects, n, 5)`; NaN without a pose.
-    measures: np.ndarray
-    curve: np.ndarray  # of each subject over `_over`, shape `(subjects, m, 5)`
-    source: tuple[str, ...]  # the files or names that it came from
-    # Of each flexion, whether a subject was measured just where its joint was calibrated, shape
-    # `(n,)`.
-    calibrated: np.ndarray
-    doubts: tuple[str, ...] = ()  # sentences on poses that are missing or in doubt
+#: A joint of each subject, and the files that they come from.
+Joints = tuple[list[joints.Joint], tuple[str, ...]]
 
 
-def _over(flexion_deg: np.ndarray) -> np.ndarray:
-    """Flexions of curves, from the least to the most that was measured, `(m,)`, degrees."""
-    return np.linspace(flexion_deg.min(), flexion_deg.max(), _CURVE)
-
-
-def _joint_models(asked: Sequence[str], flexion_deg: np.ndarray) -> dict[str, Modelled]:
+def _joint_models(asked: Sequence[str], subjects: int) -> dict[str, Joints]:
     """Models from words `[NAME=]FILE[,FILE...]`, one file for all subjects or one for each."""
-    models: dict[str, Modelled] = {}
+    models: dict[str, Joints] = {}
     for words in asked:
         given, _, listed = words.rpartition("=")
-        named = _each_subject("--joint", listed.split(","), len(flexion_deg))
+        named = _each_subject("--joint", listed.split(","), subjects)
         read = {file: files.read_joint(file) for file in dict.fromkeys(named)}
         name = given or read[named[0]].name
         if name in (*models, joints.MEASURED):
             expected = "a name of its own for every model and none for the measured one: NAME=FILE"
             raise files.InputProblem("--joint", "name", name, expected)
-        each = [read[file].joint for file in named]
-        models[name] = _of_joints(each, flexion_deg, tuple(read))
+        models[name] = [read[file].joint for file in named], tuple(read)
     return models
 
 
@@ -69,7 +53,7 @@ def _each_subject(option: str, named: Sequence[str], subjects: int) -> list[str]
 
 def _fitted_models(
     arguments: JointCompare, tables: np.ndarray, used: np.ndarray
-) -> dict[str, Modelled]:
+) -> dict[str, Joints]:
     """Joints fitted here, to the mean of each subject's poses in `used` rows.
 
     They are a moving axis on the first and the last pose; a generalised axis on all if there are
@@ -98,35 +82,7 @@ def _fitted_models(
             raise problem(file if of_axis else table, error) from None
         if epicondyles is not None:
             made.setdefault("hinge", []).append(ends.hinge)
-    return {name: _of_joints(own, tables[..., 0], tuple(read)) for name, own in made.items()}
-
-
-def _of_joints(
-    each: Sequence[joints.Joint], flexion_deg: np.ndarray, source: tuple[str, ...]
-) -> Modelled:
-    def measures(joint: joints.Joint, angles: np.ndarray) -> np.ndarray:
-        return joints.clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
-
-    over, subjects = _over(flexion_deg), list(zip(each, flexion_deg, strict=True))
-    exact = [
-        np.abs(angles[:, None] - np.rad2deg(joint.flexion)).min(axis=1) < _SAME_FLEXION_DEG
-        for joint, angles in subjects
-    ]
-    return Modelled(
-        np.array([measures(*one) for one in subjects]),
-        np.array([measures(joint, over) for joint in each]), source, np.any(exact, axis=0),
-    )  # fmt: skip
-
-
-def _knee_model(read: ContactKnee, source: str, flexion_deg: np.ndarray) -> Modelled:
-    """A contact knee in passive flexion, which stands for all subjects."""
-    over = _over(flexion_deg)
-    angles, back = np.unique(np.concatenate([flexion_deg.ravel(), over]), return_inverse=True)
-    motion = passive_motion(read, angles, source)
-    seen = joints.clinical_measures(motion.table)[back]
-    measures = seen[: flexion_deg.size].reshape(*flexion_deg.shape, -1)
-    nowhere = np.zeros(flexion_deg.shape[1], bool)
-    return Modelled(measures, seen[None, flexion_deg.size :], (source,), nowhere, motion.doubts)
+    return {name: (own, tuple(read)) for name, own in made.items()}
 
 
 def run(arguments: JointCompare) -> int:
@@ -139,30 +95,50 @@ def run(arguments: JointCompare) -> int:
     flexion = tables[..., 0]
     # All that can be at fault is read before the knees move, which takes long.
     used = _calibration_rows(arguments, flexion.mean(axis=0))
-    models = _joint_models(arguments.joint, flexion)
+    simple = _joint_models(arguments.joint, len(flexion))
     for name, one in (_fitted_models(arguments, tables, used) if len(used) else {}).items():
-        if name in models:
+        if name in simple:
             expected = "another NAME=FILE; --calibrate-at makes a model of this name"
             raise files.InputProblem("--joint", "name", name, expected)
-        models[name] = one
-    knees: dict[str, tuple[ContactKnee, str]] = {}
+        simple[name] = one
+    knees = {}
     for name in arguments.knee:
-        read = read_contact_knee(name)
-        if (title := read.knee.name) in (*models, *knees):
+        knee, offset = read_contact_knee(name)
+        if (title := knee.name) in (*simple, *knees):
             raise files.InputProblem("--knee", "knee", name, f"every model once; {title} is twice")
-        knees[title] = read, name
-    if not models and not knees:
+        knees[title] = knee, offset, name
+    if not simple and not knees:
         expected = "a model: --joint, --knee, or --calibrate-at with --axes"
         raise files.InputProblem("joint compare", "models", "none", expected)
-    models |= {title: _knee_model(*one, flexion) for title, one in knees.items()}
-    settings = arguments.options()
+    at, over = flexion.mean(axis=0), np.linspace(flexion.min(), flexion.max(), _CURVE)
+    # Of each model: what it says of each subject at its own flexions, `(subjects, n, 5)`, NaN
+    # without a pose, and over the flexions of curves, `(subjects, m, 5)`.
+    found: dict[str, np.ndarray] = {}
+    curves: dict[str, np.ndarray] = {}
+    known, doubts = np.any([*used, np.zeros(len(at), bool)], axis=0), []
+
+    def measures(joint: joints.Joint, angles: np.ndarray) -> np.ndarray:
+        return joints.clinical_measures(joint.pose(jnp.deg2rad(angles)).to_table())
+
+    for name, (each, _) in simple.items():
+        found[name] = np.array([measures(*one) for one in zip(each, flexion, strict=True)])
+        curves[name] = np.array([measures(joint, over) for joint in each])
+        # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
+        for joint, angles in zip(each, flexion, strict=True):
+            away = np.abs(angles[:, None] - np.rad2deg(joint.flexion)).min(axis=1)
+            known |= away < _SAME_FLEXION_DEG
+    for name, (knee, offset, _) in knees.items():  # each stands for all subjects
+        angles, back = np.unique(np.concatenate([flexion.ravel(), over]), return_inverse=True)
+        table, _, said = passive_motion(knee, offset, angles)
+        seen = joints.clinical_measures(table)[back]
+        found[name] = seen[: flexion.size].reshape(*flexion.shape, -1)
+        curves[name] = seen[None, flexion.size :]
+        doubts += said
+    sources = {name: source for name, (_, source) in simple.items()}
+    sources |= {title: (name,) for title, (*_, name) in knees.items()}
+    settings = arguments.options() | {"sources": sources}
     settings["measured"] = [str(file) for file in arguments.measured]
-    settings["sources"] = {name: one.source for name, one in models.items()}
-    # Where a joint was calibrated on a pose of any subject, that condition predicts nothing.
-    known = np.any([*used, *(one.calibrated for one in models.values())], axis=0)
-    at = flexion.mean(axis=0)
     try:
-        found = {name: one.measures for name, one in models.items()}
         compared = joints.compare_motions(
             at, joints.clinical_measures(tables), found, calibrated_at_deg=tuple(at[known]),
             anova=arguments.anova, alpha=arguments.alpha,
@@ -171,9 +147,8 @@ def run(arguments: JointCompare) -> int:
         named = ", ".join(str(file) for file in arguments.measured)
         raise UnsuitableData(f"{named}: {error}") from error
     answer = comparison_answer(
-        compared, {name: one.curve for name, one in models.items()}, _over(flexion), flexion,
-        doubts=[doubt for one in models.values() for doubt in one.doubts], settings=settings,
-    )  # fmt: skip
+        compared, curves, over, flexion, doubts=doubts, settings=settings
+    )
     return deliver(answer, arguments)
 
 

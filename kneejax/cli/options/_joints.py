@@ -77,22 +77,16 @@ class JointFit(Drawn):
     )
     touching_within: Annotated[
         float | None, Form("MM"), _needs("tibia", "--tibia"), ANATOMY
-    ] = meaning(
-        "how near that is (default: 4)", None, gt=0, allow_inf_nan=False
-    )
+    ] = meaning("how near that is (default: 4)", None, gt=0, allow_inf_nan=False)
     unit: Annotated[
         Literal["auto", "m", "mm", "cm"] | None, _needs("femur", "--femur"), ANATOMY
-    ] = meaning(
-        "of the meshes (default: auto)", None
-    )
+    ] = meaning("of the meshes (default: auto)", None)
     side: Annotated[Side | None, ANATOMY] = meaning(
         "of the knee (default: right, or that of --knee)", None
     )
     landmarks: Annotated[
         Path | None, File("landmarks"), Form("FILE"), _needs("femur", "--femur"), ANATOMY
-    ] = meaning(
-        "YAML: axes of femur and tibia, in the frames of their meshes", None
-    )
+    ] = meaning("YAML: axes of femur and tibia, in the frames of their meshes", None)
     extension_facet: Facet = meaning(
         "from anterior through distal, about the transverse axis (default: 65 110)", None
     )

@@ -159,17 +159,13 @@ class Simulate(Drawn):
     critical: Annotated[Number | None, TIME, MOTION] = meaning(
         "damping of each fibre, as part of sqrt(4 k m) (default: 1; paper 2)", None
     )
-    damping_N_s_per_mm: Annotated[
-        Number | None, TIME, MOTION
-    ] = meaning(
+    damping_N_s_per_mm: Annotated[Number | None, TIME, MOTION] = meaning(
         "of every coordinate, rotations at 30 mm (default: 0; settle 1)", None
     )
-    dissipation_s_per_mm: Annotated[
-        Number | None, TIME, MOTION
-    ] = meaning(
+    dissipation_s_per_mm: Annotated[Number | None, TIME, MOTION] = meaning(
         "of every contact: its force grows by so much with each mm/s of its overlap (default: 0)",
         None,
-    )  # fmt: skip
+    )
     recorded: Annotated[
         Table | None, TIME, _only(
             lambda asked: asked.experiment != "leg-raise", "settle, drop or a test under load"
