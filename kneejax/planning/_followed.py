@@ -16,7 +16,6 @@ from kneejax.mechanics import Knee, load_of
 from kneejax.numerics import lanes_for
 from kneejax.planning._reconstruction import Operated, Reconstruction
 from kneejax.statics import (
-    Equilibria,
     LoadCases,
     Progress,
     Slopes,
@@ -53,39 +52,20 @@ def balanced(
     """
     if slopes:
         found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
+        q, status = found.q, found.status
     elif grid is None:
         near = None
         found = balance_many(plan.knee, plan.vary, values, load_cases, progress=progress)
+        q, status = found.q, found.status
     else:
-        found, near = _on_grid(plan, values, load_cases, grid, progress), None
-    known = converged(found.status)[..., None]
-    return Poses(np.where(known, found.q, np.nan), found.status, near)
-
-
-def _on_grid(
-    plan: Reconstruction,
-    values: np.ndarray,
-    load_cases: LoadCases,
-    grid: tuple[int, int],
-    progress: Progress | None,
-) -> Equilibria:
-    rows, columns = grid
-    lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
-
-    def along(lines: np.ndarray, begin: np.ndarray, near: Equilibria | None, report) -> Equilibria:
-        return balance_lines(
-            plan.knee, plan.vary, lines, load_cases, begin, near=near, progress=report
-        )
-
-    spine = along(lines[None, :, column], np.array([row]), None, None)
-    found = along(lines, np.full(rows, column), spine.at(0), progress)
-    size = len(load_cases)
-    return Equilibria(
-        *(x.reshape(rows * columns, size, *x.shape[3:]) for x in (
-            found.q, found.contact_points, found.status, found.steps, found.reached, found.fault,
-            found.softness)),
-        free=found.free,
-    )  # fmt: skip
+        near, (rows, columns) = None, grid
+        along = functools.partial(balance_lines, plan.knee, plan.vary)
+        lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
+        spine = along(lines[None, :, column], load_cases, np.array([row])).at(0)
+        begin = np.full(rows, column)
+        found = along(lines, load_cases, begin, near=spine, progress=progress)
+        q, status = (x.reshape(-1, *x.shape[2:]) for x in (found.q, found.status))
+    return Poses(np.where(converged(status)[..., None], q, np.nan), status, near)
 
 
 #: Nodes whose readings are computed in one call.
@@ -131,10 +111,12 @@ class Protocol:
         """Load cases of the motion."""
         return slice(0, len(self.extension_deg))
 
-    def test(self, number: int) -> np.ndarray:
-        """Load cases of a test, from no load to the full one."""
+    @property
+    def ends_of_tests(self) -> np.ndarray:
+        """Load cases of each test without load, and under the full one, `(2, tests)`."""
         each = self.steps + 1
-        return len(self.extension_deg) + each * number + np.arange(each)
+        first = len(self.extension_deg) + each * np.arange(len(self.lachman_deg))
+        return np.stack([first, first + self.steps])
 
     @functools.cached_property
     def load_cases(self) -> LoadCases:

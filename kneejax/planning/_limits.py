@@ -38,6 +38,18 @@ def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
     return np.where(known, worst, np.inf)
 
 
+def criteria_names(surgery: Surgery) -> tuple[str, ...]:
+    """Of the criteria of `criteria_of`."""
+    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
+    return *tests, "graft_peak_N", "strain_distance"
+
+
+def criteria_of(outcome: Outcome) -> np.ndarray:
+    """What is to be small, `(v, criteria)`: laxity at each test, mm, largest graft force, N, and
+    strain distance."""
+    return np.column_stack([outcome.laxity_mm, outcome.peak_N, outcome.total])
+
+
 def best_of(surgery: Surgery, outcome: Outcome) -> int:
     """The variant of the least strain distance among those that keep all limits; where none does,
     the one that misses them least."""
@@ -145,19 +157,17 @@ def intervals(
         choices: name -> what is done, `(choices,)`.
         progress: called with draws done and asked for.
     """
-    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
-    quantities = (*tests, "graft_peak_N", "strain_distance")
+    quantities, tests = criteria_names(surgery), len(surgery.protocol.lachman_deg)
     names = ("intact", "deficient", *choices)
     every = np.full((len(knees), len(names), len(quantities)), np.nan)
     within = np.full((len(knees), len(names)), np.nan)
     for row, knee in enumerate(knees):
         own = on_knee(surgery, knee)
         before = own.before
-        every[row, :2, : len(tests)] = own.laxity(before)
+        every[row, :2, :tests] = own.laxity(before)
         found = own.try_out(np.stack(list(choices.values())))
         sound = converged(found.status) | (found.status == Status.GIVES_WAY)
-        told = np.column_stack([found.laxity_mm, found.peak_N, found.total])
-        every[row, 2:] = np.where(sound[:, None], told, np.nan)
+        every[row, 2:] = np.where(sound[:, None], criteria_of(found), np.nan)
         within[row, 2:] = missed(own, found) <= 0.0
         if progress is not None:
             progress(row + 1, len(knees))
