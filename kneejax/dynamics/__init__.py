@@ -9,6 +9,7 @@ from kneejax.dynamics._march import Grid as Grid
 from kneejax.dynamics._march import Moments as Moments
 from kneejax.dynamics._march import followed as followed
 from kneejax.dynamics._march import march as march
+from kneejax.dynamics._march import rising as rising
 from kneejax.dynamics._march import searched as searched
 from kneejax.dynamics._march import with_idle_steps as with_idle_steps
 from kneejax.dynamics._moving import GRAVITY as GRAVITY
@@ -18,4 +19,3 @@ from kneejax.dynamics._trajectory import LoadCurve as LoadCurve
 from kneejax.dynamics._trajectory import Trajectory as Trajectory
 from kneejax.dynamics._trajectory import given_of as given_of
 from kneejax.dynamics._trajectory import move as move
-from kneejax.dynamics._trajectory import rising as rising

@@ -179,14 +179,13 @@ def account_of(time_s: Array, flow: Flow) -> Account:
     work, potential = by_loads + by_drives, flow.potential - flow.potential[0]
     missing = flow.kinetic - flow.kinetic[0] + potential + lost - work
     moved = [flow.kinetic, flow.potential]
-    turned = sum(_summed_changes(x) for x in (*moved, lost, by_loads, by_drives))
+    turned = sum(
+        jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])
+        for x in (*moved, lost, by_loads, by_drives)
+    )
     return Account(flow.kinetic, potential, lost, work, missing, 0.5 * turned + flow.kinetic[0])
 
 
 def _summed(time_s: Array, power: Array) -> Array:
     parts = 0.5 * jnp.diff(time_s) * (power[1:] + power[:-1])
     return jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
-
-
-def _summed_changes(x: Array) -> Array:
-    return jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])

@@ -215,7 +215,10 @@ def branches(
     needs_numbers("branches", "passive_flexion", knee, flexion_deg, loads)
     motion = passive_flexion(knee, flexion_deg, loads)
     load_cases = LoadCases.at(flexion_deg, loads)
-    found = [_of_test(motion, load_case) for load_case in range(len(load_cases))]
+    found: list[list[Branch]] = [[] for _ in range(len(load_cases))]
+    for load_case in np.flatnonzero(motion.stable).tolist():
+        pose, status = np.asarray(motion.to_table())[load_case], motion.status[load_case]
+        found[load_case].append(Branch(load_case, pose, Status(int(status)), True, 0.0, 0))
     row, q = np.repeat(np.arange(len(load_cases)), starts), _around(knee, motion, starts)
     while len(row):
         new = _add(found, motion, row, _searched(knee, load_cases, row, q))
@@ -228,14 +231,6 @@ def branches(
         for here in found
         for branch in sorted(here, key=lambda branch: (not branch.by_test, branch.apart_mm))
     )
-
-
-def _of_test(motion: Motion, load_case: int) -> list[Branch]:
-    """The balance that a test finds, if it is stable."""
-    if not motion.stable[load_case]:
-        return []
-    pose, status = np.asarray(motion.to_table())[load_case], Status(int(motion.status[load_case]))
-    return [Branch(load_case, pose, status, True, 0.0, 0)]
 
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:

@@ -42,24 +42,6 @@ from kneejax.statics import LoadCases, converged
 #: Engineering 43, 2015; Apache-2.0); constant beyond.
 FLEXION_DEG = np.arange(0.0, 91.0, 10.0)
 TENDON_BY_QUADRICEPS = np.array([1.13, 1.04, 0.86, 0.77, 0.68, 0.59, 0.50, 0.52, 0.55, 0.60])
-
-
-def tendon_of_quadriceps(quadriceps_N: np.ndarray, flexion_deg: np.ndarray) -> np.ndarray:
-    """Tension of the patellar tendon under a pull of the quadriceps, N.
-
-    Args:
-        quadriceps_N: of all heads together, `(n,)`.
-        flexion_deg: of the tibia, `(n,)`.
-
-    Source: as `TENDON_BY_QUADRICEPS`.
-
-    Example:
-        >>> tendon_of_quadriceps(np.array([100.0, 100.0]), np.array([0.0, 65.0])).round(6).tolist()
-        [113.0, 51.0]
-    """
-    return quadriceps_N * np.interp(flexion_deg, FLEXION_DEG, TENDON_BY_QUADRICEPS)
-
-
 #: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
 
@@ -138,7 +120,7 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     knee, quasi-statically: weight, inertia and ground as a wrench that follows the tibia, whose
     place in space was recorded, and muscles of the recorded tension along their paths, which move
     with the balance. In a knee of two bones the quadriceps pulls by its line `patellar_tendon`
-    (`tendon_of_quadriceps`); in one of three, on the patella.
+    (`TENDON_BY_QUADRICEPS`); in one of three, on the patella.
 
     Args:
         knee: of two bones, or of three (`KneeFile.with_patella`).
@@ -188,7 +170,7 @@ def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
     # Where the line's upper end is at an instant is known: the patella's path, which does no work.
     begins = line.upper_end(jnp.deg2rad(flexion))
     ends = jnp.broadcast_to(line.insertion, begins.shape)
-    tension = tendon_of_quadriceps(record.quadriceps_N, flexion)
+    tension = record.quadriceps_N * np.interp(flexion, FLEXION_DEG, TENDON_BY_QUADRICEPS)
     return record.muscles.with_more(Muscles(begins[None], ends[None], tension[None], (TENDON,)))
 
 

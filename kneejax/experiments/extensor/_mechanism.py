@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from kneejax.dynamics import gravity_of
 from kneejax.experiments._evaluate import Mechanics
 from kneejax.experiments._motion import Motion
 from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector
@@ -18,8 +19,6 @@ from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled, numpy_for, traced
 from kneejax.statics import Equilibrium, LoadCases, differentiable, force_along
 
-#: m/s^2.
-GRAVITY = 9.80665
 #: Of body mass, and of the shank's length from the knee: shank with foot (Winter, Biomechanics and
 #: Motor Control of Human Movement, 4th ed. 2009, Table 4.1: leg and foot).
 MASS_SHARE, CENTER_SHARE = 0.061, 0.606
@@ -76,11 +75,10 @@ class Shank:
 
     def load(self) -> Load:
         """Both weights as one force in the direction that it keeps in the femur's frame."""
-        turn = np.deg2rad(self.femur_deg)
-        down = np.array([-np.cos(turn), np.sin(turn), 0.0])
         mass = self.mass_kg + self.ankle_kg
         moments = self.mass_kg * np.array(self.center_mm) + self.ankle_kg * np.array(self.ankle_mm)
-        return weight_of(GRAVITY * mass * down, moments / mass if mass else np.zeros(3))
+        force = mass * np.array(gravity_of(self.femur_deg))
+        return weight_of(force, moments / mass if mass else np.zeros(3))
 
 
 def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
