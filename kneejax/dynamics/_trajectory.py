@@ -292,14 +292,14 @@ def _acting(loads: LoadCurve | None, times: np.ndarray) -> tuple[Load, ...]:
 def _ways(knee: Knee, held: Held, q: Array, times: np.ndarray) -> dict[str, Array]:
     """What does not move freely -> its value at all moments, `(moments, 1)`."""
     ways = {}
-    for name in held:
+    for name, lead in (held if isinstance(held, Mapping) else dict.fromkeys(held)).items():
         if name != QUADRICEPS:
             there = q[coordinates_of(knee.bodies).index(name)]
         elif knee.muscles is None or not knee.muscles.quadriceps:
             raise WrongValue("path", QUADRICEPS, f"a knee with a quadriceps; {knee.name} has none")
         else:
             there = knee.muscles.quadriceps_length(State.of({}, q, knee.bodies))
-        after = jnp.asarray(held[name](times[1:]), float) if isinstance(held, Mapping) else there
+        after = there if lead is None else jnp.asarray(lead(times[1:]), float)
         every = [there[None], jnp.broadcast_to(after, times[1:].shape)]
         ways[name] = jnp.concatenate(every)[:, None]
     return ways

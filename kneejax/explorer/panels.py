@@ -133,9 +133,30 @@ class Charts:
         self._bars.content = bars(answer, name, solver.names, solver.unknown)
 
     def _plots(self) -> list[dict[str, Any]]:
-        every, name = self._every, self._numbers[self._shown.value]
-        return [coordinate_plot(name, every, self._measured), force_plot(every["now"]),
-                laxity_plot(every["now"], every.get("A"))]  # fmt: skip
+        every, name, measured = self._every, self._numbers[self._shown.value], self._measured
+        now, kept = every["now"], every.get("A")
+        a, solid = _line(BLUE, [9, 4]), _line(NOW)
+        # A coordinate over flexion: of the knee as it was, of A, now, and as measured.
+        at = np.union1d(FLEXIONS, measured[:, 0])
+        seen = np.full(len(at), np.nan)
+        seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
+        how = {"A": a, "now": solid}
+        found = [(label, how.get(label, _line(GREY, [4, 4])),
+                  np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan))
+                 for label, x in every.items() if x]  # fmt: skip
+        dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
+        found += [("measured", dots, seen)] * bool(len(measured))
+        force = {} if now is None else now.force_N
+        styles = part_styles(force)
+        dash = {one: [] if style["linestyle"] == "-" else [6, 3] for one, style in styles.items()}
+        forces = [(one, _line(styles[one]["color"], dash[one]), x) for one, x in force.items()]
+        (test,) = now.laxity if now and now.laxity else ("anterior_N",)
+        both = ("A", a, kept), ("now", solid, now)
+        lax = [(label, line, x.laxity[test]) for label, line, x in both if x and test in x.laxity]
+        return [
+            _plot(title_of(name), at, found), _plot("Ligament force, N", FLEXIONS, forces),
+            _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, lax),
+        ]  # fmt: skip
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
@@ -163,40 +184,6 @@ def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -
         )
     head = "<p style='margin:0 0 0.5em'>Change by one prior standard deviation of each.</p>"
     return f"<div style='{_SMALL}'>{head}{''.join(rows)}</div>"
-
-
-def coordinate_plot(
-    name: str, every: Mapping[str, Curves | None], measured: np.ndarray
-) -> dict[str, Any]:
-    """A coordinate over flexion: of the knee as it was, of A, now, and as measured, `(n, 6)`."""
-    at = np.union1d(FLEXIONS, measured[:, 0])
-    seen = np.full(len(at), np.nan)
-    seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
-    how = {"A": _line(BLUE, [9, 4]), "now": _line(NOW)}
-    found = [(label, how.get(label, _line(GREY, [4, 4])),
-              np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan))
-             for label, x in every.items() if x]  # fmt: skip
-    dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
-    found += [("measured", dots, seen)] * bool(len(measured))
-    return _plot(title_of(name), at, found)
-
-
-def force_plot(now: Curves | None) -> dict[str, Any]:
-    """Every ligament's force over flexion."""
-    force = {} if now is None else now.force_N
-    styles = part_styles(force)
-    return _plot("Ligament force, N", FLEXIONS, [
-        (one, _line(styles[one]["color"], [] if styles[one]["linestyle"] == "-" else [6, 3]), x)
-        for one, x in force.items()])  # fmt: skip
-
-
-def laxity_plot(now: Curves | None, kept: Curves | None) -> dict[str, Any]:
-    """Laxity over flexion in the test that was asked for."""
-    (test,) = now.laxity if now and now.laxity else ("anterior_N",)
-    curves = ("A", _line(BLUE, [9, 4]), kept), ("now", _line(NOW), now)
-    return _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, [
-        (label, line, x.laxity[test]) for label, line, x in curves if x and test in x.laxity
-    ])  # fmt: skip
 
 
 def _line(colour: str, dash: list[int] | None = None) -> dict[str, Any]:

@@ -313,13 +313,7 @@ def check_joint(joint: Joint) -> None:
     """
     if traced(joint):
         return
-    _check_flexion(joint.flexion)
-    for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):
-        _check_axis(bone, points)
-
-
-def _check_flexion(flexion: Array) -> None:
-    angles = np.rad2deg(np.asarray(flexion))
+    angles = np.rad2deg(np.asarray(joint.flexion))
     part, expected = "flexion of the calibration poses", "finite angles, each larger than the last"
     if not np.isfinite(angles).all():
         raise UnsuitableAxis(part, "not finite", expected)
@@ -330,26 +324,23 @@ def _check_flexion(flexion: Array) -> None:
     if (steps < 0).any():
         i = int(np.argmin(steps))
         raise UnsuitableAxis(part, f"{angles[i]:g}, then {angles[i + 1]:g} degrees", expected)
-
-
-def _check_axis(bone: str, points: Array) -> None:
-    part = f"axis in the {bone}"
-    axis = np.asarray(points[:, 1] - points[:, 0])
-    if not np.isfinite(axis).all():
-        raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
-    if (axis[:, 2] <= 0).any():
-        raise UnsuitableAxis(
-            part,
-            "the lateral point is not lateral of the medial one",
-            "points of a right knee, or of a left one mirrored; have they changed places?",
-        )
-    tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
-    if tilt.max() > _STEEPEST_DEG:
-        raise UnsuitableAxis(
-            part,
-            f"{tilt.max():.0f} degrees off the medial-lateral direction",
-            f"at most {_STEEPEST_DEG:g}",
-        )
+    for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):
+        part, axis = f"axis in the {bone}", np.asarray(points[:, 1] - points[:, 0])
+        if not np.isfinite(axis).all():
+            raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
+        if (axis[:, 2] <= 0).any():
+            raise UnsuitableAxis(
+                part,
+                "the lateral point is not lateral of the medial one",
+                "points of a right knee, or of a left one mirrored; have they changed places?",
+            )
+        tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
+        if tilt.max() > _STEEPEST_DEG:
+            raise UnsuitableAxis(
+                part,
+                f"{tilt.max():.0f} degrees off the medial-lateral direction",
+                f"at most {_STEEPEST_DEG:g}",
+            )
 
 
 def _untwisted(points: Array) -> Matrix:

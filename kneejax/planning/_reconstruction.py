@@ -245,7 +245,7 @@ def reconstruction_of(
     rows = fibre_rows(knee, ligament)
     own, row = knee.ligaments, rows[0]
     names = ("graft",) if bundles == 1 else tuple(f"graft{k + 1}" for k in range(bundles))
-    stiffness, failure, nothing = stiffness_N / bundles, failure_N / bundles, jnp.zeros(bundles)
+    stiffness, failure = stiffness_N / bundles, failure_N / bundles
 
     def more(x: Array, value: float | None = None) -> Array:
         """With rows of the grafts at the end: those of the ligament's first fibre, or a value."""
@@ -260,8 +260,10 @@ def reconstruction_of(
         (*own.bodies, *(FEMUR_AND_TIBIA,) * bundles), more(own.damping, 0.0), own.dampers,
         more(own.area, 0.0), (*own.laws, *(BLANKEVOORT,) * bundles),
     )  # fmt: skip
-    ends = (jnp.tile(x[row], (bundles, 1)) for x in (own.femoral_attachment, own.tibial_attachment))
-    pulls = Muscles(*ends, nothing, names)
+    femoral, tibial = (
+        jnp.tile(x[row], (bundles, 1)) for x in (own.femoral_attachment, own.tibial_attachment)
+    )
+    pulls = Muscles(femoral, tibial, jnp.zeros(bundles), names)
     first, pulled = len(own.names), 0
     if knee.muscles is not None:
         pulls, pulled = knee.muscles.with_more(pulls), len(knee.muscles.names)
