@@ -323,15 +323,8 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilib
 def follow(
     moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry, exactly: bool
 ) -> tuple[Carry, Moments]:
-    """The motion whose balances were found, as a function of all that it depends on.
-
-    Args:
-        moving: as in `march`.
-        steps: the first axis counts them.
-        equilibrium: their balances.
-        carry: what goes into the first.
-        exactly: whether tangents are computed anew where the balances are, for derivatives.
-    """
+    """The motion whose balances were found, as a function of all that it depends on; for its
+    derivatives tangents are computed anew where the balances are: `exactly`."""
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]

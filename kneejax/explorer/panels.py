@@ -51,14 +51,8 @@ def title_of(name: str) -> str:
 
 
 def numbers(answer: Answer, strain: float, pressure: float, picked: Sequence[Fibre]) -> str:
-    """Coordinates and pressures of a pose as HTML, with what is wrong with it.
-
-    Args:
-        answer: of a pose.
-        strain: at the end of the scale of colours.
-        pressure: likewise, MPa.
-        picked: fibres that were clicked.
-    """
+    """Coordinates, pressures and clicked fibres of a pose as HTML, with what is wrong with it and
+    the scales of colours, up to a strain and a pressure, MPa."""
     rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}" if np.isfinite(x) else NONE)
             for n, x in answer.coordinates.items()]  # fmt: skip
     rows += [(f"Peak pressure, {n.replace('_', ' ')}", f"{x:.2f} MPa")
@@ -86,14 +80,7 @@ class Charts:
         self, gui: Any, tabs: Any, solver: Solver, measured: np.ndarray,
         asked: Callable[[str], None],
     ):  # fmt: skip
-        """Show nothing yet.
-
-        Args:
-            gui: viser's, of the page or of one client.
-            tabs: of it, where they stand.
-            solver: of the knee.
-            measured: poses behind the curves, `(n, 6)`, degrees and mm.
-            asked: called with the load of a laxity test that is chosen, empty for none.
+        """Show nothing yet; `asked` is called with the load of a chosen laxity test, or nothing.
         """
         self._solver, self._measured = solver, measured
         self._every: Mapping[str, Curves | None] = {"now": None}
@@ -160,14 +147,8 @@ class Charts:
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
-    """What moves a number, as HTML: its derivatives times what is not known of each parameter.
-
-    Args:
-        answer: of a pose.
-        of: a coordinate or a ligament.
-        names: of the parameters.
-        unknown: their prior standard deviations.
-    """
+    """What moves a coordinate or a ligament's force, as HTML: its derivatives by the parameters
+    times their prior standard deviations, `unknown`."""
     if answer.status is None:
         return WAITING
     if of not in answer.slopes or not np.isfinite(answer.slopes[of]).all():

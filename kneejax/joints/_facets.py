@@ -44,11 +44,6 @@ class TransverseAxis:
         center: of it, at `Z = 0`, shape `(3,)`, mm.
         direction: unit vector, to lateral.
         radius: of the cylinder, mm.
-
-    Example:
-        >>> axis = TransverseAxis(np.zeros(3), np.array([0.0, 0.0, 1.0]), 21.0)
-        >>> axis.radius
-        21.0
     """
 
     center: np.ndarray

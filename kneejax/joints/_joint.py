@@ -199,7 +199,8 @@ def hinge(femoral: ArrayLike, pose: Pose) -> Joint:
         90.0
     """
     femoral = jnp.asarray(femoral, float)
-    return _calibrated(femoral[None], jax.tree.map(lambda x: jnp.asarray(x)[None], pose), "linear")
+    at_it = jax.tree.map(lambda x: jnp.asarray(x)[None], pose)
+    return generalised_axis(femoral[None], at_it, "linear")
 
 
 def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
@@ -228,7 +229,7 @@ def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
     if jnp.shape(femoral) != (2, 2, 3) or jnp.shape(poses.flexion) != (2,):
         shapes = f"{jnp.shape(femoral)} and {jnp.shape(poses.flexion)}"
         raise ValueError(f"points and poses of shapes {shapes}; expected (2, 2, 3) and (2,)")
-    return _calibrated(femoral, poses, "linear")
+    return generalised_axis(femoral, poses, "linear")
 
 
 def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "monotone") -> Joint:
@@ -252,7 +253,13 @@ def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "mono
         >>> float(joint.pose([0.5]).to_table()[0, 1].round(3)) + 0.0
         0.0
     """
-    return _calibrated(jnp.asarray(femoral, float), poses, interpolation)
+    femoral, flexion = jnp.asarray(femoral, float), jnp.asarray(poses.flexion, float)
+    if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
+        shapes = f"{femoral.shape} and {flexion.shape}"
+        raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
+    joint = Joint(flexion, femoral, _in_the_tibia(femoral, poses), interpolation)
+    check_joint(joint)
+    return joint
 
 
 def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) -> Array:
@@ -284,16 +291,6 @@ def _in_the_tibia(femoral: Array, poses: Pose) -> Array:
     placement = poses.placement
     sides = [placement.apply_inverse(Vector.of(femoral[:, side].T)) for side in range(2)]
     return jnp.stack([jnp.stack([*side], axis=-1) for side in sides], axis=1)
-
-
-def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
-    flexion = jnp.asarray(poses.flexion, float)
-    if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
-        shapes = f"{femoral.shape} and {flexion.shape}"
-        raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
-    joint = Joint(flexion, femoral, _in_the_tibia(femoral, poses), interpolation)
-    check_joint(joint)
-    return joint
 
 
 def check_joint(joint: Joint) -> None:

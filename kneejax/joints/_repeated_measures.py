@@ -30,10 +30,6 @@ class Pair:
         p: of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1.
         lower: of the confidence interval, which is Bonferroni-adjusted too.
         upper: likewise.
-
-    Example:
-        >>> Pair("measured", "hinge", 1.2, 0.3, 0.01, 0.4, 2.0).difference
-        1.2
     """
 
     first: str

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from kneejax.planning._limits import intervals as intervals
     from kneejax.planning._limits import missed as missed
     from kneejax.planning._limits import on_knee as on_knee
-    from kneejax.planning._maps import Tolerance as Tolerance
     from kneejax.planning._maps import TunnelMap as TunnelMap
     from kneejax.planning._maps import tolerances as tolerances
     from kneejax.planning._maps import tunnel_map as tunnel_map
@@ -44,13 +43,10 @@ if TYPE_CHECKING:
     from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
     from kneejax.planning._plan import operated_knees as operated_knees
     from kneejax.planning._plan import run_plan as run_plan
-    from kneejax.planning._pretension import Fixed as Fixed
     from kneejax.planning._pretension import fix as fix
     from kneejax.planning._pretension import fixed_knee as fixed_knee
     from kneejax.planning._pretension import slack_length as slack_length
     from kneejax.planning._reconstruction import GRAFTS as GRAFTS
-    from kneejax.planning._reconstruction import GraftType as GraftType
-    from kneejax.planning._reconstruction import Operated as Operated
     from kneejax.planning._reconstruction import Reconstruction as Reconstruction
     from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
     from kneejax.planning._surgery import CHOICES as CHOICES

@@ -33,7 +33,9 @@ def missed(surgery: Surgery, outcome: Outcome) -> np.ndarray:
 
 def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
     """As `missed`, but negative where all limits are kept: by how much there is room, `(v,)`."""
-    worst = -_room(surgery, outcome).min(axis=1)
+    each = outcome.choices.reshape(len(outcome.choices), -1, len(CHOICES))
+    inside = (1.0 - foot.outside(each[..., own]) ** 2 for foot, own in _tunnels(surgery))
+    worst = -np.hstack([*inside, limits_room(surgery, outcome)]).min(axis=1)
     known = np.isfinite(outcome.total) & converged(outcome.status) & np.isfinite(worst)
     return np.where(known, worst, np.inf)
 
@@ -67,19 +69,9 @@ def bounds(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(np.r_[-wide, low], bundles), np.tile(np.r_[wide, high], bundles)
 
 
-def _room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """What is left of each limit, as a part of it, `(v, limits)`: negative where it is missed."""
-    count = len(outcome.choices)
-    each = outcome.choices.reshape(count, -1, len(CHOICES))
-    inside = [
-        1.0 - footprint.outside(each[..., columns]) ** 2
-        for footprint, columns in _tunnels(surgery)
-    ]
-    return np.hstack([*inside, limits_room(surgery, outcome)])
-
-
 def limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """The same of graft forces and laxity alone."""
+    """What is left of the limits of graft forces and laxity, as a part of each, `(v, limits)`:
+    negative where it is missed."""
     count, limits = len(outcome.choices), surgery.limits
     graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
     off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm

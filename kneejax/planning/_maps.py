@@ -36,11 +36,6 @@ class Tolerance:
             where it is still inside `checked_mm` away.
         checked_mm: the farthest distance that was evaluated.
         slope: change of the laxity per mm, mm.
-
-    Example:
-        >>> near = Tolerance("tibia", "graft", 20.0, np.array([1.0, 0.0]), 1.5, 1.4, 1.4, 0.8)
-        >>> near.bone, near.found_mm
-        ('tibia', 1.4)
     """
 
     bone: str

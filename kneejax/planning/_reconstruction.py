@@ -101,10 +101,6 @@ class Operated:
         torn: rows of the ligament's own fibres.
         grafts: rows of the grafts among the ligaments.
         pulls: rows of the grafts among the muscles.
-
-    Example:
-        >>> Operated(torn=(0,), grafts=(4,), pulls=(0,)).torn
-        (0,)
     """
 
     torn: tuple[int, ...]

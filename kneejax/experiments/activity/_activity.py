@@ -140,8 +140,25 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     """
     if PATELLA in knee.bodies:
         record = record.with_heads_on_patella()
-    muscles = muscles_over(knee, record)
-    body, load_cases = muscled(knee, record, muscles)
+    muscles, pulls, every = muscles_over(knee, record), [], knee.muscles
+    if PATELLA in knee.bodies:
+        assert every is not None
+        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
+        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
+    if muscles.names:
+        # In the knee they are at rest; each instant pulls.
+        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
+        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
+        every = at_rest if every is None else every.with_more(at_rest)
+        ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
+        pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
+    nothing = np.zeros((len(record.time_s), 6))
+    total = sum(record.acting.values(), nothing)
+    leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
+    load_cases = LoadCases.at(record.pose[:, 0], [*pulls, leg])
+    # What the record pulls by name, as a band from the pelvis, follows the hip there.
+    body = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
+    body = dataclasses.replace(body, lines=(), muscles=every)
     other = None if near is None else jax.lax.stop_gradient(near.motion.equilibrium)
     before = None if near is None else jax.lax.stop_gradient(near.motion.knee)
     found = Instants.of(*jax.lax.stop_gradient((body, load_cases)), other, before)
@@ -172,29 +189,6 @@ def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
     ends = jnp.broadcast_to(line.insertion, begins.shape)
     tension = record.quadriceps_N * np.interp(flexion, FLEXION_DEG, TENDON_BY_QUADRICEPS)
     return record.muscles.with_more(Muscles(begins[None], ends[None], tension[None], (TENDON,)))
-
-
-def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, LoadCases]:
-    """A knee with muscles (`muscles_over`) that are at rest, and the instants with what acts there.
-    """
-    pulls, every = [], knee.muscles
-    if PATELLA in knee.bodies:
-        assert every is not None
-        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
-        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
-    if muscles.names:
-        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
-        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
-        every = at_rest if every is None else every.with_more(at_rest)
-        ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
-        pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
-    nothing = np.zeros((len(record.time_s), 6))
-    total = sum(record.acting.values(), nothing)
-    leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
-    # What the record pulls by name, as a band from the pelvis, follows the hip there.
-    own = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
-    body = dataclasses.replace(own, lines=(), muscles=every)
-    return body, LoadCases.at(record.pose[:, 0], [*pulls, leg])
 
 
 @compiled()
