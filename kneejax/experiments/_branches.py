@@ -215,17 +215,30 @@ def branches(
     needs_numbers("branches", "passive_flexion", knee, flexion_deg, loads)
     motion = passive_flexion(knee, flexion_deg, loads)
     load_cases = LoadCases.at(flexion_deg, loads)
+    own = np.asarray(motion.to_table())
     found: list[list[Branch]] = [[] for _ in range(len(load_cases))]
     for load_case in np.flatnonzero(motion.stable).tolist():
-        pose, status = np.asarray(motion.to_table())[load_case], motion.status[load_case]
-        found[load_case].append(Branch(load_case, pose, Status(int(status)), True, 0.0, 0))
+        status = Status(int(motion.status[load_case]))
+        found[load_case].append(Branch(load_case, own[load_case], status, True, 0.0, 0))
     row, q = np.repeat(np.arange(len(load_cases)), starts), _around(knee, motion, starts)
     while len(row):
-        new = _add(found, motion, row, _searched(knee, load_cases, row, q))
+        equilibrium, new = _searched(knee, load_cases, row, q), []
+        table = np.asarray(equilibrium.pose.to_table())
+        for lane in np.flatnonzero(equilibrium.stable):
+            load_case, pose = int(row[lane]), table[lane]
+            here = found[load_case]
+            same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
+            if same:
+                again = here[same[0]]
+                here[same[0]] = dataclasses.replace(again, starts=again.starts + 1)
+                continue
+            apart, status = _distance_mm(own[load_case], pose), int(equilibrium.status[lane])
+            here.append(Branch(load_case, pose, Status(status), False, apart, 1))
+            new.append(here[-1])
         # What rests at one angle may rest at the others too.
         others = [(at, b) for b in new for at in range(len(load_cases)) if at != b.load_case]
         row = np.array([at for at, _ in others], int)
-        q = np.array([_coordinates(branch.pose) for _, branch in others])
+        q = np.array([branch.pose[1:] * _IN_TABLE for _, branch in others])
     return tuple(
         branch
         for here in found
@@ -268,30 +281,6 @@ def _search(knee: Knee, load_cases: LoadCases, q: jax.Array) -> Equilibrium:
     return dataclasses.replace(equilibrium, status=status)
 
 
-def _add(
-    found: list[list[Branch]], motion: Motion, row: np.ndarray, equilibrium: Equilibrium
-) -> list[Branch]:
-    """Add the stable balances that searches found to those of each load case; returns the new."""
-    table, own = np.asarray(equilibrium.pose.to_table()), np.asarray(motion.to_table())
-    new = []
-    for lane in np.flatnonzero(equilibrium.stable):
-        load_case, pose = int(row[lane]), table[lane]
-        here = found[load_case]
-        same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
-        if same:
-            here[same[0]] = dataclasses.replace(here[same[0]], starts=here[same[0]].starts + 1)
-            continue
-        apart = _distance_mm(own[load_case], pose)
-        here.append(Branch(load_case, pose, Status(int(equilibrium.status[lane])), False, apart, 1))
-        new.append(here[-1])
-    return new
-
-
-def _coordinates(pose: np.ndarray) -> np.ndarray:
-    """The free coordinates of a pose, rad and mm."""
-    return pose[1:] * _IN_TABLE
-
-
 def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:
     """Between two poses, rotations at 30 mm; NaN where one is not known."""
-    return float(np.abs(_coordinates(one - other) / _SCALES).max())
+    return float(np.abs((one - other)[1:] * _IN_TABLE / _SCALES).max())

@@ -21,14 +21,24 @@ from jax.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.experiments.extensor._mechanism import (
+    TENDON,
     ByPull,
     Shank,
     by_pull,
-    forces_on_tibia,
+    pulls,
     tendon_of,
+    tendon_rows,
     weight_of,
 )
-from kneejax.geometry import FEMUR, OTHER_COLUMNS, PATELLA, TIBIA, State, scales
+from kneejax.geometry import (
+    FEMUR,
+    FEMUR_AND_TIBIA,
+    OTHER_COLUMNS,
+    PATELLA,
+    TIBIA,
+    State,
+    scales,
+)
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import Named, compiled, numpy_for, traced
 from kneejax.statics import LoadCases, converged
@@ -227,7 +237,27 @@ class Extensor(Named):
         Ligaments by name, the patellar tendon as one, contacts, muscles, weights: they sum to
         zero where the knee balances.
         """
-        return forces_on_tibia(self.motion, self.mechanics)
+        motion, mechanics, knee = self.motion, self.mechanics, self.motion.knee
+        found = pulls(knee, motion.load_cases, motion.equilibrium)
+        muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
+        ligaments = np.asarray(mechanics.ligament_force).swapaxes(0, 1)
+        every = (knee.ligaments, ligaments), (knee.muscles, muscles)
+        answer = {
+            name: force
+            for parts, forces in every
+            if parts is not None
+            for name, pair, force in zip(parts.names, parts.bodies, forces, strict=True)
+            if pair == FEMUR_AND_TIBIA
+        }
+        answer[TENDON] = ligaments[tendon_rows(knee)].sum(axis=0)
+        for k, contact in enumerate(knee.contacts):
+            if contact.bodies == FEMUR_AND_TIBIA:
+                answer[knee.contact_names[k]] = np.asarray(mechanics.contact_force)[:, k]
+        every_load = (*knee.loads, *motion.load_cases.loads)
+        acting = [load for load in every_load if isinstance(load, Load)]
+        for load, force in zip(acting, loads, strict=True):
+            answer[load.name] = answer.get(load.name, 0.0) + force
+        return answer
 
 
 def needs_patella(knee: Knee) -> None:
