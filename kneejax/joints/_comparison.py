@@ -199,7 +199,23 @@ def compare_motions(
         ([0.5, 0.5, 0.5, 0.5, 0.5], [1.0, 1.0, 1.0, 1.0, 1.0])
     """
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    seen, given = _checked(flexion, measured, models)
+    seen = np.asarray(measured, float)
+    given = {name: np.asarray(one, float) for name, one in models.items()}
+    if not given:
+        raise UnsuitableMotions("no model to compare: expected at least one")
+    motions = {MEASURED: seen, **given}
+    for name, one in motions.items():
+        expected = (len(seen), len(flexion), len(MEASURES))
+        if one.shape != expected:
+            raise UnsuitableMotions(
+                f"{name} has the shape {one.shape}: expected (subjects, flexions, measures), "
+                f"{expected}"
+            )
+    if MEASURED in given:
+        raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
+    for what, values in (("flexion", flexion), ("measured value", seen)):
+        if not np.isfinite(values).all():
+            raise UnsuitableMotions(f"a {what} is missing: expected finite numbers")
     compared = np.ones(len(flexion), bool)
     for angle in calibrated_at_deg:
         own = np.isclose(flexion, angle, atol=1e-6)
@@ -216,7 +232,6 @@ def compare_motions(
             f"calibration: {int(compared.sum())}): expected at least {_FEWEST_POINTS}"
         )
     check_level(alpha)
-    motions = {MEASURED: seen, **given}
     tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
     return Comparison(
         flexion,
@@ -232,28 +247,6 @@ def compare_motions(
         tests,
         alpha,
     )
-
-
-def _checked(
-    flexion: np.ndarray, measured: ArrayLike, models: Mapping[str, ArrayLike]
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    seen = np.asarray(measured, float)
-    given = {name: np.asarray(one, float) for name, one in models.items()}
-    if not given:
-        raise UnsuitableMotions("no model to compare: expected at least one")
-    for name, one in {MEASURED: seen, **given}.items():
-        expected = (len(seen), len(flexion), len(MEASURES))
-        if one.shape != expected:
-            raise UnsuitableMotions(
-                f"{name} has the shape {one.shape}: expected (subjects, flexions, measures), "
-                f"{expected}"
-            )
-    if MEASURED in given:
-        raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
-    for what, values in (("flexion", flexion), ("measured value", seen)):
-        if not np.isfinite(values).all():
-            raise UnsuitableMotions(f"a {what} is missing: expected finite numbers")
-    return seen, given
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:

@@ -180,34 +180,24 @@ def follow(
     q, status, near = balanced(
         plan, values, protocol.load_cases, slopes=slopes, near=near, grid=grid, progress=progress
     )
-    read = read_balances(plan.knee, plan.vary, values, np.deg2rad(protocol.flexion_deg), q, slopes)
+    count, size = q.shape[:2]
+    flexion, nodes, parts = np.deg2rad(protocol.flexion_deg), np.arange(count * size), []
+    for first in range(0, len(nodes), _CHUNK):
+        own = nodes[first : first + _CHUNK]
+        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
+        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
+        reader = _read_with_slopes if slopes else _read
+        found, kept = reader(plan.vary, plan.knee, *here), slice(0, len(own))
+        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
+    read = jax.tree.map(
+        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
+    )
     by_value = None
     if near is not None:
         by_value = {
             name: own + by_pose @ near.jacobian for name, (own, by_pose) in read.pop("by").items()
         }
     return Followed(**read, status=status, slopes=by_value, near=near)
-
-
-def read_balances(
-    knee: Knee, vary: Operated, values: np.ndarray, flexion: np.ndarray, q: np.ndarray, by: bool
-) -> dict:
-    """Lengths, strains, tensions and the anterior place, `(variants, load_cases, ...)`, at
-    flexions, rad, and free coordinates `(v, s, free)`; under `by`, where asked, derivatives by
-    values and pose."""
-    count, size = q.shape[:2]
-    nodes = np.arange(count * size)
-    parts = []
-    for first in range(0, len(nodes), _CHUNK):
-        own = nodes[first : first + _CHUNK]
-        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
-        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
-        found = _read_with_slopes(vary, knee, *here) if by else _read(vary, knee, *here)
-        kept = slice(0, len(own))
-        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
-    return jax.tree.map(
-        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
-    )
 
 
 def _one(vary: Operated, knee: Knee, value: Array, flexion: Array, q: Array) -> dict[str, Array]:
