@@ -19,7 +19,6 @@ from kneejax.mechanics import (
     InertiaOfStep,
     Knee,
     Load,
-    Muscles,
     TimeStep,
     contact_damping_force,
     damping_force,
@@ -103,7 +102,14 @@ def flow(
     rates = dict(zip(names, rate, strict=True))
     coefficients = damping_of(moving, known.lengths)
     damping = damping_force(known.length_rates, *coefficients)
-    lost = jnp.sum(damping * known.length_rates, axis=0) + _lost_in_contacts(moving, known)
+    lost = jnp.sum(damping * known.length_rates, axis=0)
+    in_contacts = jnp.zeros(q.shape[1:])
+    for name, dissipation in moving.contact_dissipation.items():
+        faster = known.overlap_rates[name]
+        power = faster * contact_damping_force(faster, dissipation, known.pressing[name])
+        power = power if power.ndim == in_contacts.ndim else jnp.sum(power, axis=0)
+        in_contacts = in_contacts + power
+    lost = lost + in_contacts
     lost = lost + sum(c * rates[name] ** 2 for name, c in moving.coordinate_damping.items())
     kinetic = sum(m.kinetic_energy(known.velocities[bone]) for bone, m in moving.masses.items())
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
@@ -115,32 +121,17 @@ def flow(
         muscles = whole.muscles
         assert muscles is not None
         pull = holding[QUADRICEPS] = known.pull
-        driven = -pull * _rate_of(muscles, moving.knee.bodies, q, rate)
+
+        def length(x: Array) -> Array:
+            return muscles.quadriceps_length(State.of({}, x, moving.knee.bodies))
+
+        driven = -pull * jax.jvp(length, (q,), (rate,))[1]
         in_motion = dataclasses.replace(in_motion, muscles=muscles.pulling({QUADRICEPS: pull}))
     if still:
         holding |= zip(still, force_along(in_motion, state, contact_points, still), strict=True)
     driven = driven + sum((holding[name] * rates[name] for name in still), jnp.zeros(state.shape))
     by_loads = jnp.sum(forces.load * rate, axis=0)
     return Flow(kinetic, forces.energy, lost, by_loads, driven, damping, holding)
-
-
-def _rate_of(muscles: Muscles, bodies: tuple[str, ...], q: Array, rate: Array) -> Array:
-    """At which the quadriceps becomes longer, mm/s."""
-
-    def length(x: Array) -> Array:
-        return muscles.quadriceps_length(State.of({}, x, bodies))
-
-    return jax.jvp(length, (q,), (rate,))[1]
-
-
-def _lost_in_contacts(moving: MovingKnee, known: Moment) -> Array:
-    """Power that dampers of contacts take, N mm/s."""
-    lost = jnp.zeros(known.q.shape[1:])
-    for name, dissipation in moving.contact_dissipation.items():
-        rate = known.overlap_rates[name]
-        power = rate * contact_damping_force(rate, dissipation, known.pressing[name])
-        lost = lost + (power if power.ndim == lost.ndim else jnp.sum(power, axis=0))
-    return lost
 
 
 def _in_motion(
@@ -179,14 +170,13 @@ def account_of(time_s: Array, flow: Flow) -> Account:
     work, potential = by_loads + by_drives, flow.potential - flow.potential[0]
     missing = flow.kinetic - flow.kinetic[0] + potential + lost - work
     moved = [flow.kinetic, flow.potential]
-    turned = sum(_summed_changes(x) for x in (*moved, lost, by_loads, by_drives))
+    turned = sum(
+        jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])
+        for x in (*moved, lost, by_loads, by_drives)
+    )
     return Account(flow.kinetic, potential, lost, work, missing, 0.5 * turned + flow.kinetic[0])
 
 
 def _summed(time_s: Array, power: Array) -> Array:
     parts = 0.5 * jnp.diff(time_s) * (power[1:] + power[:-1])
     return jnp.concatenate([jnp.zeros(1), jnp.cumsum(parts)])
-
-
-def _summed_changes(x: Array) -> Array:
-    return jnp.concatenate([jnp.zeros(1), jnp.cumsum(jnp.abs(jnp.diff(x)))])

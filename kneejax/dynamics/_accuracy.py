@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,8 +42,13 @@ def move_within(
     def moved(within: NDArray[np.int64]) -> Trajectory:
         return move(moving, start, time_s, **options, within=within)
 
-    coarse = _as_far_as_it_goes(moved, np.ones(len(np.asarray(time_s)) - 1, int))
-    wanted = coarse.grid.within()
+    wanted = np.ones(len(np.asarray(time_s)) - 1, int)
+    # Steps that cannot be taken become as short as they may.
+    while True:
+        coarse = moved(wanted)
+        wanted = _shorter(coarse, float("inf"))
+        if np.array_equal(wanted, coarse.grid.within()):
+            break
     while True:
         fine = moved(np.maximum(2 * coarse.grid.within(), wanted))
         error = _error_of(coarse, fine)
@@ -57,18 +61,6 @@ def move_within(
         if (factor <= 1.0 and going_on) or np.array_equal(wanted, fine.grid.within()):
             return fine
         coarse = fine
-
-
-def _as_far_as_it_goes(
-    moved: Callable[[NDArray[np.int64]], Trajectory], within: NDArray[np.int64]
-) -> Trajectory:
-    """A motion in which steps that cannot be taken have become as short as they may."""
-    while True:
-        found = moved(within)
-        shorter = _shorter(found, float("inf"))
-        if np.array_equal(shorter, found.grid.within()):
-            return found
-        within = shorter
 
 
 def _error_of(coarse: Trajectory, fine: Trajectory) -> float:

@@ -39,11 +39,7 @@ def integrated(
     """Let a knee of which every bone has mass move.
 
     Args:
-        moving: as `kneejax.dynamics.move`; likewise the others.
-        start: likewise.
-        time_s: likewise.
-        rate: likewise.
-        loads: likewise.
+        moving: as `kneejax.dynamics.move`, and so are `start`, `time_s`, `rate` and `loads`.
         held: names of coordinates that stay where they are.
         tolerance: of a step, relative, and absolute in rad, mm, rad/s and mm/s.
 

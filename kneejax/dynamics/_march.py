@@ -39,6 +39,21 @@ _FIRST = (1, 1, 2, 4, 8)
 _LONGER = 2.0
 
 
+def rising(time_s: ArrayLike) -> np.ndarray:
+    """Times in s as numbers; raises `WrongValue` where one is not later than that before it.
+
+    Example:
+        >>> rising([0.0, 0.1, 0.3]).tolist()
+        [0.0, 0.1, 0.3]
+    """
+    times = np.asarray(time_s, float)
+    back = np.flatnonzero(~(np.diff(times) > 0.0))
+    if len(back):
+        at = back[0]
+        raise WrongValue("time_s", f"{times[at + 1]:g} s after {times[at]:g} s", "times that rise")
+    return times
+
+
 @dataclasses.dataclass(frozen=True)
 class Grid:
     """Steps through time.
@@ -70,11 +85,7 @@ class Grid:
         times = np.asarray(time_s, float)
         if times.ndim != 1 or len(times) < 2 or not np.isfinite(times).all():
             raise WrongValue("time_s", str(times), "two finite times at least")
-        back = np.flatnonzero(np.diff(times) <= 0.0)
-        if len(back):
-            at = back[0]
-            found = f"{times[at + 1]:g} s after {times[at]:g} s"
-            raise WrongValue("time_s", found, "times that rise")
+        rising(times)
         count = len(times) - 1
         parts = np.broadcast_to(np.asarray(within, int), (count,)).copy()
         if parts.min() < 1:
@@ -197,7 +208,12 @@ def march(
     equilibrium = searched(moving, given, progress)
     if traced((moving, given)):
         return followed(moving, given, equilibrium)
-    moments = _in_blocks(_followed, moving, (given.steps, equilibrium), begun(moving, given))
+
+    def without_tangents(*block):
+        return follow(*block, False)
+
+    rows = given.steps, equilibrium
+    moments = _in_blocks(without_tangents, moving, rows, begun(moving, given))
     return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
 
 
@@ -283,11 +299,16 @@ def _filled_up(rows, count: int) -> np.ndarray:
 def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilibrium]:
     """The balance of every step; the first axis counts them."""
 
+    names, bodies = coordinates_of(moving.knee.bodies), moving.knee.bodies
+
     def advance(before: Carry, step: Step):
         step, idle = _filled(step)
+        history = before.history
 
         def taken():
-            return _searched(moving, before.history, step)
+            rows = jnp.array([names.index(name) for name in free_of(step.held, bodies)])
+            guess = Guess(history.guess(step)[rows], history.contact_points)
+            return solve_equilibrium(history.knee_of(moving, step), step.held, guess, SEARCH)
 
         def rested():
             return jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(taken))
@@ -302,15 +323,8 @@ def found(moving: MovingKnee, steps: Step, carry: Carry) -> tuple[Carry, Equilib
 def follow(
     moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry, exactly: bool
 ) -> tuple[Carry, Moments]:
-    """The motion whose balances were found, as a function of all that it depends on.
-
-    Args:
-        moving: as in `march`.
-        steps: the first axis counts them.
-        equilibrium: their balances.
-        carry: what goes into the first.
-        exactly: whether tangents are computed anew where the balances are, for derivatives.
-    """
+    """The motion whose balances were found, as a function of all that it depends on; for its
+    derivatives tangents are computed anew where the balances are: `exactly`."""
     scale = jnp.array(scales(coordinates_of(moving.knee.bodies)))[:, None]
 
     @jax.checkpoint  # pyright: ignore[reportPrivateImportUsage]
@@ -337,10 +351,6 @@ def begun(moving: MovingKnee, given: Given) -> Carry:
     return Carry(history, jnp.zeros(lanes, bool), jnp.zeros(lanes, int))
 
 
-def _followed(moving: MovingKnee, steps: Step, equilibrium: Equilibrium, carry: Carry):
-    return follow(moving, steps, equilibrium, carry, False)
-
-
 #: The start of a motion, and where contacts meet there: `Moment.at_first`.
 first_moment = compiled()(Moment.at_first)
 
@@ -349,14 +359,6 @@ def _filled(step: Step) -> tuple[Step, Array]:
     """A step, and whether it only fills up a block: it has no length."""
     idle = step.length_s == 0.0
     return dataclasses.replace(step, length_s=jnp.where(idle, 1.0, step.length_s)), idle
-
-
-def _searched(moving: MovingKnee, history: History, step: Step) -> Equilibrium:
-    """The balance at the end of a step."""
-    names, free = coordinates_of(moving.knee.bodies), free_of(step.held, moving.knee.bodies)
-    rows = jnp.array([names.index(name) for name in free])
-    guess = Guess(history.guess(step)[rows], history.contact_points)
-    return solve_equilibrium(history.knee_of(moving, step), step.held, guess, SEARCH)
 
 
 def _moved_on(

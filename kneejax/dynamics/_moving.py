@@ -166,14 +166,18 @@ class MovingKnee(eqx.Module):
         return tuple(damped(name, contact) for name, contact in both)
 
     @property
-    def loads(self) -> tuple:
-        """What acts throughout: the knee's own loads and the weights of its bones."""
+    def weights(self) -> tuple[Load, ...]:
+        """Of its bones."""
         g, nothing = self.gravity_m_s2, jnp.zeros_like(self.gravity_m_s2)
-        weights = (
+        return tuple(
             Load(mass.mass_kg * g, nothing, mass.center_mm, point_in=bone, name=WEIGHT, bone=bone)
             for bone, mass in self.masses.items()
         )
-        return *self.knee.loads, *weights
+
+    @property
+    def loads(self) -> tuple:
+        """What acts throughout: the knee's own loads and the weights of its bones."""
+        return *self.knee.loads, *self.weights
 
 
 def gravity_of(femur_deg: float) -> tuple[float, float, float]:

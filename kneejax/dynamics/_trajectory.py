@@ -13,7 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._account import Account, Flow, account_of, flow
-from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, march
+from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, march, rising
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis
@@ -55,21 +55,6 @@ class LoadCurve(eqx.Module):
         """At other times, with arrays `(times, 3, 1)`."""
         columns = jax.vmap(lambda row: jnp.interp(time_s, self.time_s, row), 1, 1)
         return jax.tree.map(lambda x: columns(x)[..., None], self.loads)
-
-
-def rising(time_s: ArrayLike) -> np.ndarray:
-    """Times in s as numbers; raises `WrongValue` where one is not later than that before it.
-
-    Example:
-        >>> rising([0.0, 0.1, 0.3]).tolist()
-        [0.0, 0.1, 0.3]
-    """
-    times = np.asarray(time_s, float)
-    back = np.flatnonzero(~(np.diff(times) > 0.0))
-    if len(back):
-        at = back[0]
-        raise WrongValue("time_s", f"{times[at + 1]:g} s after {times[at]:g} s", "times that rise")
-    return times
 
 
 #: What does not move freely: names of coordinates, or name -> where it is over time;
@@ -180,7 +165,10 @@ class Trajectory(eqx.Module, Named):
         """Energies and powers at every moment."""
         known = self.moments.known
         rows = known, self.loads, self.moments.contact_points
-        lanes, loads, points = jax.tree.map(_last_first, rows)
+        # Moments as lanes.
+        lanes, loads, points = jax.tree.map(
+            lambda x: (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1), rows
+        )
         moving = add_lane_axis(self.moving)
         rows = loads, lanes, points
         held = tuple(self.held)
@@ -244,7 +232,11 @@ def move(
         >>> let_go.q.shape, bool(let_go.pose.flexion[-1] < 0.5)
         ((3, 6), True)
     """
-    grid, times = _steps(time_s, within)
+    if isinstance(time_s, Grid):
+        grid, begin_s = time_s, 0.0
+    else:
+        grid, begin_s = Grid.of(time_s, within), float(np.asarray(time_s)[0])
+    times = np.concatenate([[0.0], grid.time_s]) + begin_s
     acting, ways = _acting(loads, times), _ways(moving.knee, held, jnp.asarray(start, float), times)
     given = given_of(moving, start, grid, rate=rate, pull_N=pull_N, loads=loads, held=held)
     found = march(add_lane_axis(moving), given, progress)
@@ -267,14 +259,7 @@ def given_of(
 ) -> Given:
     """What `move` gives to `march`: for programs of one's own over many motions on the same steps.
 
-    Args:
-        moving: as in `move`; likewise the others.
-        start: likewise.
-        grid: the steps.
-        rate: likewise.
-        pull_N: likewise.
-        loads: likewise.
-        held: likewise.
+    Arguments as those of `move`, with `grid`, the steps.
 
     Returns:
         The start, and what acts and is held at the end of each step, in one lane.
@@ -290,7 +275,7 @@ def given_of(
         >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).length_s.shape
         (6,)
     """
-    _, times = _steps(grid, 1)
+    times = np.concatenate([[0.0], grid.time_s])
     q = jnp.asarray(start, float)
     ways = _ways(moving.knee, held, q, times)
     later, led = jax.tree.map(lambda x: x[1:], (_acting(loads, times), ways))
@@ -304,38 +289,20 @@ def _acting(loads: LoadCurve | None, times: np.ndarray) -> tuple[Load, ...]:
     return () if loads is None else loads.at(jnp.asarray(times))
 
 
-def _steps(time_s: ArrayLike | Grid, within: int) -> tuple[Grid, np.ndarray]:
-    """The steps, and the times of all moments, s."""
-    if isinstance(time_s, Grid):
-        return time_s, np.concatenate([[0.0], time_s.time_s])
-    grid = Grid.of(time_s, within)
-    return grid, np.concatenate([[0.0], grid.time_s]) + float(np.asarray(time_s)[0])
-
-
 def _ways(knee: Knee, held: Held, q: Array, times: np.ndarray) -> dict[str, Array]:
     """What does not move freely -> its value at all moments, `(moments, 1)`."""
-    led = held if isinstance(held, Mapping) else {name: None for name in held}
-    return {name: _way(lead, _where(knee, name, q), times) for name, lead in led.items()}
-
-
-def _where(knee: Knee, name: str, q: Array) -> Array:
-    """A coordinate, or the length of the quadriceps, in a pose."""
-    if name != QUADRICEPS:
-        return q[coordinates_of(knee.bodies).index(name)]
-    if knee.muscles is None or not knee.muscles.quadriceps:
-        raise WrongValue("path", QUADRICEPS, f"a knee with a quadriceps; {knee.name} has none")
-    return knee.muscles.quadriceps_length(State.of({}, q, knee.bodies))
-
-
-def _way(lead: Callable | None, there: Array, times: np.ndarray) -> Array:
-    """Of a held coordinate at all moments, `(moments, 1)`."""
-    after = there if lead is None else jnp.asarray(lead(times[1:]), float)
-    return jnp.concatenate([there[None], jnp.broadcast_to(after, times[1:].shape)])[:, None]
-
-
-def _last_first(x):
-    """Moments as lanes."""
-    return (jnp if traced(x) else np).moveaxis(x[..., 0], 0, -1)
+    ways = {}
+    for name, lead in (held if isinstance(held, Mapping) else dict.fromkeys(held)).items():
+        if name != QUADRICEPS:
+            there = q[coordinates_of(knee.bodies).index(name)]
+        elif knee.muscles is None or not knee.muscles.quadriceps:
+            raise WrongValue("path", QUADRICEPS, f"a knee with a quadriceps; {knee.name} has none")
+        else:
+            there = knee.muscles.quadriceps_length(State.of({}, q, knee.bodies))
+        after = there if lead is None else jnp.asarray(lead(times[1:]), float)
+        every = [there[None], jnp.broadcast_to(after, times[1:].shape)]
+        ways[name] = jnp.concatenate(every)[:, None]
+    return ways
 
 
 def _filled(x, first: int) -> np.ndarray:

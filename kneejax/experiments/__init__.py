@@ -30,7 +30,6 @@ from kneejax.experiments.extensor import leg_raise as leg_raise
 from kneejax.experiments.extensor import leg_raise_by_length as leg_raise_by_length
 from kneejax.experiments.extensor import patellar_tracking as patellar_tracking
 from kneejax.experiments.in_time import MOST_ERROR_MM as MOST_ERROR_MM
-from kneejax.experiments.in_time import Beginning as Beginning
 from kneejax.experiments.in_time import Frames as Frames
 from kneejax.experiments.in_time import RaisedLeg as RaisedLeg
 from kneejax.experiments.in_time import Transient as Transient

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +15,7 @@ from kneejax.geometry import COLUMNS, FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import Named, compiled, needs_numbers
 from kneejax.statics import (
+    Equilibria,
     Equilibrium,
     Guess,
     LoadCases,
@@ -38,35 +39,49 @@ _JUMP_MM = 2.0
 _MISSING = 0.1, 0.01, 0.0
 
 
+def guesses(equilibrium: Equilibrium) -> dict[str, np.ndarray]:
+    """Its `GUESSED`, arrays begin with the load case."""
+    return {x: np.moveaxis(np.asarray(getattr(equilibrium, x)), -1, 0) for x in GUESSED}
+
+
+def some_of(load_cases: LoadCases, rows: np.ndarray) -> LoadCases:
+    """Some load cases, without a program for each number of them."""
+    return jax.tree.map(lambda x: np.asarray(x)[rows], load_cases)
+
+
+def in_rows(found: Equilibria) -> dict[str, np.ndarray]:
+    """Fields of balances of one knee, arrays begin with the load case, and `reached`."""
+    return found.in_nodes() | {"reached": np.asarray(found.reached[0])}
+
+
+def balanced_near(knee: Knee, load_cases: LoadCases, begin: Iterable[np.ndarray]) -> Equilibria:
+    """Balances of one knee, each near where it is expected: `GUESSED`."""
+    q, contact_points = (np.asarray(x)[None] for x in begin)
+    return balance_near(knee, itself, np.zeros(1), load_cases, q, contact_points)
+
+
 def changed_in_steps(
     before: Knee, knee: Knee, load_cases: LoadCases, begin: Sequence[np.ndarray]
 ) -> dict[str, np.ndarray] | None:
-    """Balances of a knee under loads under which another one balances, whose numbers turn into its
-    own in steps: the cutting of a ligament, while the loads act.
+    """Balances, as `in_rows` has them, of a knee under loads under which another one balances,
+    whose numbers turn into its own in steps: the cutting of a ligament, while the loads act.
 
-    It begins at balances of the other knee: `GUESSED`, arrays begin with the load case. Gives
-    fields of the balances as `Equilibria.in_nodes` has them, and `reached`; None where the knees
-    are not of one structure. A stable balance is that which the knee comes to rest in when it is
-    changed so slowly; where that one vanishes on the way, the one that is found next.
+    It begins at `GUESSED` of the other knee; None where the knees are not of one structure. A
+    stable balance is that which the knee comes to rest in when it is changed so slowly; where that
+    one vanishes on the way, the one that is found next.
     """
-    if not _alike(before, knee):
+    (own, structure), (its, other) = jax.tree.flatten(before), jax.tree.flatten(knee)
+    if structure != other or [*map(np.shape, own)] != [*map(np.shape, its)]:
         return None
-    begin, nodes = [np.array(x) for x in begin], None
+    begin, found = [np.array(x) for x in begin], None
     for missing in _MISSING:
         part = jax.tree.map(lambda a, b, m=missing: _between(a, b, m), before, knee)
-        found = balance_near(part, itself, np.zeros(1), load_cases, *(x[None] for x in begin))
-        nodes = found.in_nodes() | {"reached": np.asarray(found.reached[0])}
+        found = in_rows(balanced_near(part, load_cases, begin))
         # What was lost is sought again from where it was last.
-        good = np.asarray(converged(nodes["status"]))
+        good = np.asarray(converged(found["status"]))
         for values, name in zip(begin, GUESSED, strict=True):
-            values[good] = nodes[name][good]
-    return nodes
-
-
-def _alike(one: Knee, other: Knee) -> bool:
-    leaves = [jax.tree.flatten(knee) for knee in (one, other)]
-    shapes = [[np.shape(x) for x in own] for own, _ in leaves]
-    return leaves[0][1] == leaves[1][1] and shapes[0] == shapes[1]
+            values[good] = found[name][good]
+    return found
 
 
 def _between(a, b, missing: float):
@@ -78,52 +93,59 @@ def _between(a, b, missing: float):
     return np.where(known, missing * np.where(known, a, 0.0) + (1.0 - missing) * b, b)
 
 
-def second_of(
-    load_cases: LoadCases, main: dict[str, np.ndarray], other: dict[str, np.ndarray]
-) -> np.ndarray:
-    """Where a stable balance, found in another way, lies apart from the one that is reported,
-    `(load_cases,)`, by the fields `q` and `status` of both."""
-    units = np.array(scales(load_cases.free))
-    apart = np.abs((main["q"] - other["q"]) / units).max(axis=-1)
-    known = np.asarray(sound(other["status"]))
-    return known & ~(np.asarray(converged(main["status"])) & (apart <= APART_MM))
+class SecondBalances:
+    """Stable balances beside those that are reported, as far as they are known.
 
-
-def follow_second(
-    knee: Knee,
-    load_cases: LoadCases,
-    main: Mapping[str, np.ndarray],
-    second: dict[str, np.ndarray],
-    lines: np.ndarray,
-) -> None:
-    """Follow second balances from neighbour to neighbour, as far as there are some. Where what is
-    reported jumps, each side is tried as the second balance of the other.
-
-    `main` has `GUESSED` and `status` of the balances that are reported, `second` those of the
-    second ones, NaN where none is known, and is written to; `lines` are rows of load cases that
-    follow each other, `(lines, length)`.
+    Attributes:
+        main: `GUESSED` and `status` of the balances that are reported, arrays begin with the load
+            case.
+        found: `GUESSED` of the second ones; NaN where none is known.
     """
-    units = np.array(scales(load_cases.free))
-    pairs = [(a, b) for line in lines for a, b in zip(line[:-1], line[1:], strict=True)]
-    pairs += [(b, a) for a, b in pairs]
-    untried = np.asarray(np.isnan(second["q"]).any(axis=1))
-    while True:
-        source: dict[int, dict[str, np.ndarray]] = {}
-        for row, by in pairs:
-            known = not np.isnan(second["q"][by]).any()
-            apart = np.abs((main["q"][by] - main["q"][row]) / units).max()
-            if untried[row] and row not in source and (known or apart > _JUMP_MM):
-                source[row] = {x: (second if known else main)[x][by] for x in GUESSED}
-        if not source:
-            return
-        rows = np.array([*source])
-        untried[rows] = False
-        begin = [np.stack([one[name] for one in source.values()])[None] for name in GUESSED]
-        at = jax.tree.map(lambda x, r=rows: np.asarray(x)[r], load_cases)
-        found = balance_near(knee, itself, np.zeros(1), at, *begin).in_nodes()
-        here = second_of(at, {name: main[name][rows] for name in ("q", "status")}, found)
-        for name, values in second.items():
-            values[rows[here]] = found[name][here]
+
+    def __init__(self, knee: Knee, load_cases: LoadCases, main: Mapping[str, np.ndarray]):
+        self._knee, self._load_cases, self.main = knee, load_cases, main
+        self._units = np.array(scales(load_cases.free))
+        self.found = {name: np.full_like(main[name], np.nan) for name in GUESSED}
+
+    @property
+    def known(self) -> np.ndarray:
+        """Where there is one, `(load_cases,)`."""
+        return ~np.isnan(self.found["q"]).any(axis=1)
+
+    def add(self, rows: np.ndarray, other: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Keep what was found in another way at some load cases where it is stable and lies apart
+        from what is reported, and say where that is, `(rows,)`."""
+        apart = np.abs((self.main["q"][rows] - other["q"]) / self._units).max(axis=-1)
+        same = np.asarray(converged(self.main["status"][rows])) & (apart <= APART_MM)
+        second = np.asarray(sound(other["status"])) & ~same
+        for name, values in self.found.items():
+            values[rows[second]] = other[name][second]
+        return second
+
+    def follow(self, lines: np.ndarray) -> None:
+        """Follow them from neighbour to neighbour, as far as there are some. Where what is reported
+        jumps, each side is tried as the second balance of the other.
+
+        Rows of `lines` are load cases that follow each other, `(lines, length)`.
+        """
+        main, q = self.main, self.found["q"]
+        pairs = [(a, b) for line in lines for a, b in zip(line[:-1], line[1:], strict=True)]
+        pairs += [(b, a) for a, b in pairs]
+        untried = ~self.known
+        while True:
+            source: dict[int, list[np.ndarray]] = {}
+            for row, by in pairs:
+                known = not np.isnan(q[by]).any()
+                apart = np.abs((main["q"][by] - main["q"][row]) / self._units).max()
+                if untried[row] and row not in source and (known or apart > _JUMP_MM):
+                    source[row] = [(self.found if known else main)[x][by] for x in GUESSED]
+            if not source:
+                return
+            rows = np.array([*source])
+            untried[rows] = False
+            begin = map(np.stack, zip(*source.values(), strict=True))
+            at = some_of(self._load_cases, rows)
+            self.add(rows, balanced_near(self._knee, at, begin).in_nodes())
 
 
 #: How far from the balance that a test finds searches begin, degrees twice and mm thrice.
@@ -193,27 +215,35 @@ def branches(
     needs_numbers("branches", "passive_flexion", knee, flexion_deg, loads)
     motion = passive_flexion(knee, flexion_deg, loads)
     load_cases = LoadCases.at(flexion_deg, loads)
-    found = [_of_test(motion, load_case) for load_case in range(len(load_cases))]
+    own = np.asarray(motion.to_table())
+    found: list[list[Branch]] = [[] for _ in range(len(load_cases))]
+    for load_case in np.flatnonzero(motion.stable).tolist():
+        status = Status(int(motion.status[load_case]))
+        found[load_case].append(Branch(load_case, own[load_case], status, True, 0.0, 0))
     row, q = np.repeat(np.arange(len(load_cases)), starts), _around(knee, motion, starts)
     while len(row):
-        new = _add(found, motion, row, _searched(knee, load_cases, row, q))
+        equilibrium, new = _searched(knee, load_cases, row, q), []
+        table = np.asarray(equilibrium.pose.to_table())
+        for lane in np.flatnonzero(equilibrium.stable):
+            load_case, pose = int(row[lane]), table[lane]
+            here = found[load_case]
+            same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
+            if same:
+                again = here[same[0]]
+                here[same[0]] = dataclasses.replace(again, starts=again.starts + 1)
+                continue
+            apart, status = _distance_mm(own[load_case], pose), int(equilibrium.status[lane])
+            here.append(Branch(load_case, pose, Status(status), False, apart, 1))
+            new.append(here[-1])
         # What rests at one angle may rest at the others too.
         others = [(at, b) for b in new for at in range(len(load_cases)) if at != b.load_case]
         row = np.array([at for at, _ in others], int)
-        q = np.array([_coordinates(branch.pose) for _, branch in others])
+        q = np.array([branch.pose[1:] * _IN_TABLE for _, branch in others])
     return tuple(
         branch
         for here in found
         for branch in sorted(here, key=lambda branch: (not branch.by_test, branch.apart_mm))
     )
-
-
-def _of_test(motion: Motion, load_case: int) -> list[Branch]:
-    """The balance that a test finds, if it is stable."""
-    if not motion.stable[load_case]:
-        return []
-    pose, status = np.asarray(motion.to_table())[load_case], Status(int(motion.status[load_case]))
-    return [Branch(load_case, pose, status, True, 0.0, 0)]
 
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:
@@ -251,30 +281,6 @@ def _search(knee: Knee, load_cases: LoadCases, q: jax.Array) -> Equilibrium:
     return dataclasses.replace(equilibrium, status=status)
 
 
-def _add(
-    found: list[list[Branch]], motion: Motion, row: np.ndarray, equilibrium: Equilibrium
-) -> list[Branch]:
-    """Add the stable balances that searches found to those of each load case; returns the new."""
-    table, own = np.asarray(equilibrium.pose.to_table()), np.asarray(motion.to_table())
-    new = []
-    for lane in np.flatnonzero(equilibrium.stable):
-        load_case, pose = int(row[lane]), table[lane]
-        here = found[load_case]
-        same = [i for i, b in enumerate(here) if _distance_mm(b.pose, pose) < _SAME_MM]
-        if same:
-            here[same[0]] = dataclasses.replace(here[same[0]], starts=here[same[0]].starts + 1)
-            continue
-        apart = _distance_mm(own[load_case], pose)
-        here.append(Branch(load_case, pose, Status(int(equilibrium.status[lane])), False, apart, 1))
-        new.append(here[-1])
-    return new
-
-
-def _coordinates(pose: np.ndarray) -> np.ndarray:
-    """The free coordinates of a pose, rad and mm."""
-    return pose[1:] * _IN_TABLE
-
-
 def _distance_mm(one: np.ndarray, other: np.ndarray) -> float:
     """Between two poses, rotations at 30 mm; NaN where one is not known."""
-    return float(np.abs(_coordinates(one - other) / _SCALES).max())
+    return float(np.abs((one - other)[1:] * _IN_TABLE / _SCALES).max())

@@ -305,8 +305,10 @@ def followed(knee: Knee, load_cases: LoadCases) -> Motion:
     """
     load_cases = load_cases.of(knee)
     still = jax.lax.stop_gradient((knee, load_cases))
-    found = _found_in_trace(*still) if traced(still) else _found(*still)
-    return again(knee, load_cases, *found)
+    if not traced(still):
+        return again(knee, load_cases, *_of_walk(still[1], balance_one(*still)))
+    equilibrium = continued_in_trace(*still)
+    return again(knee, load_cases, equilibrium, jnp.where(equilibrium.converged, 1.0, 0.0))
 
 
 def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: ArrayLike) -> Motion:
@@ -331,16 +333,6 @@ def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: 
 def _of_walk(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
     nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
     return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0])
-
-
-def _found(knee: Knee, load_cases: LoadCases) -> tuple[Equilibrium, Array]:
-    """The balances, and how much of the load was reached."""
-    return _of_walk(load_cases, balance_one(knee, load_cases))
-
-
-def _found_in_trace(knee: Knee, load_cases: LoadCases) -> tuple[Equilibrium, Array]:
-    equilibrium = continued_in_trace(knee, load_cases)
-    return equilibrium, jnp.where(equilibrium.converged, 1.0, 0.0)
 
 
 @compiled()

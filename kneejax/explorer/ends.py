@@ -19,26 +19,15 @@ class Ends:
     """Gizmos on the ends of one ligament, those on the femur and on the tibia."""
 
     def __init__(self, viser_scene: Any, subject: Subject, moved: Callable[[str, float], None]):
-        """None are shown.
-
-        Args:
-            viser_scene: of the page.
-            subject: the knee.
-            moved: called with the name of a coordinate of an end, and its value, mm.
-        """
+        """None are shown; `moved` is called with the name of an end's coordinate and its mm."""
         self._scene, self._subject, self._moved = viser_scene, subject, moved
         self._mirror = np.array([1.0, 1.0, -1.0 if subject.knee.side == "left" else 1.0])
         self._shown: dict[str, tuple[str, Any]] = {}
         self._places = Places({})
 
     def show(self, ligament: str, setting: Setting, answer: Answer) -> None:
-        """Put the gizmos on a ligament's ends; no name takes them away.
-
-        Args:
-            ligament: one of the subject's.
-            setting: says where its ends are on their bones.
-            answer: says where the bones are.
-        """
+        """Put the gizmos on a ligament's ends, where the bones of an answer are; no name takes them
+        away."""
         self._places = Places.of(answer.state)
         names = {end: [f"{ligament}.{end}.{axis}" for axis in AXES] for end in ENDS}
         names = {end: each for end, each in names.items() if each[0] in self._subject.limits}

@@ -22,12 +22,8 @@ class Latest:
     """
 
     def __init__(self, compute: Callable[[], None], failed: Callable[[], None]):
-        """Begin when something is wanted.
-
-        Args:
-            compute: called by the thread; it may raise `Superseded`.
-            failed: called where it has raised anything else, which the terminal shows.
-        """
+        """Compute in a thread when something is wanted; `failed` is called after any exception but
+        `Superseded`, which the terminal shows."""
         self.lock, self.settled = threading.Condition(), threading.Event()
         self._compute, self._failed = compute, failed
         self._wanted = self._begun = 0
@@ -62,16 +58,12 @@ class Latest:
         self.go_on()
 
     def meanwhile(self, work: Callable[..., Any], *given: Any) -> Any:
-        """Have something computed beside the thread, which waits for it unless something is wanted:
-        nothing that is wanted waits for the rest of it.
-
-        Args:
-            work: also takes `progress`, which it calls now and then.
-            given: other arguments.
-        """
+        """Have something computed that calls `progress` now and then; what is wanted meanwhile does
+        not wait for the rest of it."""
         begun = self._begun
 
         def go_on(*_: int) -> None:
+            # The thread may have begun anew by then.
             if self._ended or begun != self._wanted:
                 raise Superseded
 

@@ -183,29 +183,22 @@ class Page:
 
     def _pose(self, answer: Answer) -> None:
         if answer.found is not None or self._scene is None:
-            first, self._scene = self._scene is None, self._placed(answer)
+            first = self._scene is None
+            self._scene = scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
             if first:
                 look_at(self._server, self._scene)
                 for client in self._server.get_clients().values():
                     self._aim(client)
         self.answer = answer
+        setting, kept = answer.setting, None if self._kept is None else self._kept[2]
+        gone = self.subject.cut_in(setting)
         with self._server.atomic():
-            self._draw()
+            self._drawing.show(
+                self._scene, self.subject.loads(setting), kept, answer.found is None,
+                [fibre for fibre, owner in self._solver.owner.items() if owner in gone],
+            )  # fmt: skip
             self._show_answer()
         self._server.flush()
-
-    def _placed(self, answer: Answer) -> Any:
-        return scenes(answer.knee, answer.state, self.bones, _POINTS)[0]
-
-    def _draw(self) -> None:
-        if self._scene is None:
-            return
-        setting, kept = self.answer.setting, None if self._kept is None else self._kept[2]
-        gone = self.subject.cut_in(setting)
-        self._drawing.show(
-            self._scene, self.subject.loads(setting), kept, self.answer.found is None,
-            [fibre for fibre, owner in self._solver.owner.items() if owner in gone],
-        )  # fmt: skip
 
     # What the page shows.
 

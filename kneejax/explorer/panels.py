@@ -51,14 +51,8 @@ def title_of(name: str) -> str:
 
 
 def numbers(answer: Answer, strain: float, pressure: float, picked: Sequence[Fibre]) -> str:
-    """Coordinates and pressures of a pose as HTML, with what is wrong with it.
-
-    Args:
-        answer: of a pose.
-        strain: at the end of the scale of colours.
-        pressure: likewise, MPa.
-        picked: fibres that were clicked.
-    """
+    """Coordinates, pressures and clicked fibres of a pose as HTML, with what is wrong with it and
+    the scales of colours, up to a strain and a pressure, MPa."""
     rows = [(coordinate(n).label, f"{x:.2f} {unit_of(n)}" if np.isfinite(x) else NONE)
             for n, x in answer.coordinates.items()]  # fmt: skip
     rows += [(f"Peak pressure, {n.replace('_', ' ')}", f"{x:.2f} MPa")
@@ -86,14 +80,7 @@ class Charts:
         self, gui: Any, tabs: Any, solver: Solver, measured: np.ndarray,
         asked: Callable[[str], None],
     ):  # fmt: skip
-        """Show nothing yet.
-
-        Args:
-            gui: viser's, of the page or of one client.
-            tabs: of it, where they stand.
-            solver: of the knee.
-            measured: poses behind the curves, `(n, 6)`, degrees and mm.
-            asked: called with the load of a laxity test that is chosen, empty for none.
+        """Show nothing yet; `asked` is called with the load of a chosen laxity test, or nothing.
         """
         self._solver, self._measured = solver, measured
         self._every: Mapping[str, Curves | None] = {"now": None}
@@ -133,20 +120,35 @@ class Charts:
         self._bars.content = bars(answer, name, solver.names, solver.unknown)
 
     def _plots(self) -> list[dict[str, Any]]:
-        every, name = self._every, self._numbers[self._shown.value]
-        return [coordinate_plot(name, every, self._measured), force_plot(every["now"]),
-                laxity_plot(every["now"], every.get("A"))]  # fmt: skip
+        every, name, measured = self._every, self._numbers[self._shown.value], self._measured
+        now, kept = every["now"], every.get("A")
+        a, solid = _line(BLUE, [9, 4]), _line(NOW)
+        # A coordinate over flexion: of the knee as it was, of A, now, and as measured.
+        at = np.union1d(FLEXIONS, measured[:, 0])
+        seen = np.full(len(at), np.nan)
+        seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
+        how = {"A": a, "now": solid}
+        found = [(label, how.get(label, _line(GREY, [4, 4])),
+                  np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan))
+                 for label, x in every.items() if x]  # fmt: skip
+        dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
+        found += [("measured", dots, seen)] * bool(len(measured))
+        force = {} if now is None else now.force_N
+        styles = part_styles(force)
+        dash = {one: [] if style["linestyle"] == "-" else [6, 3] for one, style in styles.items()}
+        forces = [(one, _line(styles[one]["color"], dash[one]), x) for one, x in force.items()]
+        (test,) = now.laxity if now and now.laxity else ("anterior_N",)
+        both = ("A", a, kept), ("now", solid, now)
+        lax = [(label, line, x.laxity[test]) for label, line, x in both if x and test in x.laxity]
+        return [
+            _plot(title_of(name), at, found), _plot("Ligament force, N", FLEXIONS, forces),
+            _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, lax),
+        ]  # fmt: skip
 
 
 def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -> str:
-    """What moves a number, as HTML: its derivatives times what is not known of each parameter.
-
-    Args:
-        answer: of a pose.
-        of: a coordinate or a ligament.
-        names: of the parameters.
-        unknown: their prior standard deviations.
-    """
+    """What moves a coordinate or a ligament's force, as HTML: its derivatives by the parameters
+    times their prior standard deviations, `unknown`."""
     if answer.status is None:
         return WAITING
     if of not in answer.slopes or not np.isfinite(answer.slopes[of]).all():
@@ -163,40 +165,6 @@ def bars(answer: Answer, of: str, names: tuple[str, ...], unknown: np.ndarray) -
         )
     head = "<p style='margin:0 0 0.5em'>Change by one prior standard deviation of each.</p>"
     return f"<div style='{_SMALL}'>{head}{''.join(rows)}</div>"
-
-
-def coordinate_plot(
-    name: str, every: Mapping[str, Curves | None], measured: np.ndarray
-) -> dict[str, Any]:
-    """A coordinate over flexion: of the knee as it was, of A, now, and as measured, `(n, 6)`."""
-    at = np.union1d(FLEXIONS, measured[:, 0])
-    seen = np.full(len(at), np.nan)
-    seen[np.searchsorted(at, measured[:, 0])] = measured[:, 1 + FREE_COORDINATES.index(name)]
-    how = {"A": _line(BLUE, [9, 4]), "now": _line(NOW)}
-    found = [(label, how.get(label, _line(GREY, [4, 4])),
-              np.interp(at, FLEXIONS, x.coordinates[name], np.nan, np.nan))
-             for label, x in every.items() if x]  # fmt: skip
-    dots = {"stroke": GREY, "width": 0, "points": {"show": True, "size": 6, "fill": GREY}}
-    found += [("measured", dots, seen)] * bool(len(measured))
-    return _plot(title_of(name), at, found)
-
-
-def force_plot(now: Curves | None) -> dict[str, Any]:
-    """Every ligament's force over flexion."""
-    force = {} if now is None else now.force_N
-    styles = part_styles(force)
-    return _plot("Ligament force, N", FLEXIONS, [
-        (one, _line(styles[one]["color"], [] if styles[one]["linestyle"] == "-" else [6, 3]), x)
-        for one, x in force.items()])  # fmt: skip
-
-
-def laxity_plot(now: Curves | None, kept: Curves | None) -> dict[str, Any]:
-    """Laxity over flexion in the test that was asked for."""
-    (test,) = now.laxity if now and now.laxity else ("anterior_N",)
-    curves = ("A", _line(BLUE, [9, 4]), kept), ("now", _line(NOW), now)
-    return _plot(f"Laxity, {unit_of(MOVED[test])}", FLEXIONS, [
-        (label, line, x.laxity[test]) for label, line, x in curves if x and test in x.laxity
-    ])  # fmt: skip
 
 
 def _line(colour: str, dash: list[int] | None = None) -> dict[str, Any]:

@@ -16,19 +16,12 @@ from kneejax.files import restated, write_knee, write_poses
 
 @dataclasses.dataclass(frozen=True)
 class Folder:
-    """Where files go; a file that is there stays as it is, and the next number is taken.
+    """Where files go; a file that is there stays as it is, and the next number is taken."""
 
-    Attributes:
-        path: of the folder, made where the first file is written.
-        subject: the knee and what can be set of it.
-        document: of its knee file.
-        measured: poses of a study, `(n, 6)`, degrees and mm; without a row there is none.
-    """
-
-    path: Path
+    path: Path  # made where the first file is written
     subject: Subject
-    document: dict[str, Any]
-    measured: np.ndarray
+    document: dict[str, Any]  # of its knee file
+    measured: np.ndarray  # poses of a study, `(n, 6)`, degrees and mm; no row without a study
 
     def knee(self, setting: Setting) -> Path:
         """Write a setting as a knee file, without the flexion and the loads."""

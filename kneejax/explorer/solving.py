@@ -185,7 +185,22 @@ class Solver:
                 return self._lost(setting, knee, status)
             points = np.moveaxis(path.contact_points[0], 0, -1)
             found, *held = _sought(knee, cases, path.q[0].T, points)
-        answer = self._described(setting, own, knee, numbers, cases, found, held)
+        found = jax.tree.map(np.asarray, found)
+        status, q = Status(int(found.status[0])), found.q
+        if not status.converged:
+            return self._lost(setting, knee, status)
+        tension, strain, pressure = map(np.asarray, held)
+        owners, ligaments = np.array(self._owners), self.subject.ligaments
+        shown = zip(self._free, (q[:, 0] * table_units(self._free)).tolist(), strict=True)
+        answer = Answer(
+            setting, knee, status, {name: x for name, x in shown if name in FREE_COORDINATES},
+            jax.tree.map(np.asarray, found.state), found,
+            {one: float(tension[owners == i].sum()) for i, one in enumerate(ligaments)},
+            {one: float(strain[owners == i].max()) for i, one in enumerate(ligaments)},
+            dict(zip(knee.contact_names, pressure.tolist(), strict=True)),
+            lambda: {name: x[0] for name, x in self._derived(
+                own, found.status, q.T, np.moveaxis(found.tangent, -1, 0), numbers, cases).items()},
+        )  # fmt: skip
         if not sure:
             self.go_on_from(answer)
         return answer
@@ -260,27 +275,6 @@ class Solver:
             return "", 0.0
         (name,) = names
         return name, self.subject.value(other, name) - self.subject.value(one, name)
-
-    def _described(
-        self, setting: Setting, own: Knee, knee: Knee, numbers: np.ndarray, cases: LoadCases,
-        found: Equilibrium, held: Sequence[Any],
-    ) -> Answer:  # fmt: skip
-        found = jax.tree.map(np.asarray, found)
-        status, q = Status(int(found.status[0])), found.q
-        if not status.converged:
-            return self._lost(setting, knee, status)
-        tension, strain, pressure = map(np.asarray, held)
-        owners, ligaments = np.array(self._owners), self.subject.ligaments
-        shown = zip(self._free, (q[:, 0] * table_units(self._free)).tolist(), strict=True)
-        return Answer(
-            setting, knee, status, {name: x for name, x in shown if name in FREE_COORDINATES},
-            jax.tree.map(np.asarray, found.state), found,
-            {one: float(tension[owners == i].sum()) for i, one in enumerate(ligaments)},
-            {one: float(strain[owners == i].max()) for i, one in enumerate(ligaments)},
-            dict(zip(knee.contact_names, pressure.tolist(), strict=True)),
-            lambda: {name: x[0] for name, x in self._derived(
-                own, found.status, q.T, np.moveaxis(found.tangent, -1, 0), numbers, cases).items()},
-        )  # fmt: skip
 
     def _lost(self, setting: Setting, knee: Knee, status: Status | None) -> Answer:
         """What is shown where nothing balances: the last pose that did, without coordinates."""

@@ -1,20 +1,15 @@
 """Simplified joints: a tibia that turns about an axis, fixed or moving with flexion."""
 
 from kneejax.joints._clinical import MEASURES as MEASURES
-from kneejax.joints._clinical import ClinicalMeasure as ClinicalMeasure
 from kneejax.joints._clinical import clinical_measures as clinical_measures
 from kneejax.joints._clinical import poses_from_clinical as poses_from_clinical
 from kneejax.joints._comparison import MEASURED as MEASURED
 from kneejax.joints._comparison import Comparison as Comparison
-from kneejax.joints._comparison import Difference as Difference
-from kneejax.joints._comparison import Prediction as Prediction
-from kneejax.joints._comparison import Summary as Summary
 from kneejax.joints._comparison import compare_motions as compare_motions
 from kneejax.joints._facets import EXTENSION_DEG as EXTENSION_DEG
 from kneejax.joints._facets import FLEXION_DEG as FLEXION_DEG
 from kneejax.joints._facets import CondyleAxes as CondyleAxes
 from kneejax.joints._facets import Facet as Facet
-from kneejax.joints._facets import TransverseAxis as TransverseAxis
 from kneejax.joints._facets import at_distance as at_distance
 from kneejax.joints._facets import condyle_axes as condyle_axes
 from kneejax.joints._facets import touching_rows as touching_rows
@@ -39,8 +34,6 @@ from kneejax.joints._joint import generalised_axis as generalised_axis
 from kneejax.joints._joint import hinge as hinge
 from kneejax.joints._joint import moving_axis as moving_axis
 from kneejax.joints._repeated_measures import FEWEST_SUBJECTS as FEWEST_SUBJECTS
-from kneejax.joints._repeated_measures import Pair as Pair
-from kneejax.joints._repeated_measures import RepeatedMeasures as RepeatedMeasures
 from kneejax.joints._repeated_measures import UnsuitableMotions as UnsuitableMotions
 from kneejax.joints._repeated_measures import is_tested as is_tested
 from kneejax.joints._repeated_measures import repeated_measures as repeated_measures

@@ -36,12 +36,6 @@ class Summary:
         mean: shape `(conditions, 5)`, mm and degrees, in the order of `MEASURES`.
         sd: likewise. As in the paper, that of an average is the mean of its rows'. NaN of a single
             subject.
-
-    Example:
-        >>> measured = np.arange(15.0).reshape(1, 3, 5)
-        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
-        >>> found.summaries[0].motion, found.summaries[0].conditions
-        ('measured', ('0', '30', '60', 'average', 'min', 'max', 'ROM'))
     """
 
     motion: str
@@ -61,12 +55,6 @@ class Difference:
         mean: shape `(conditions, 5)`, mm and degrees: first - second over the subjects.
         standard_error: likewise; that of the average is of the subjects' own averages. NaN of a
             single subject.
-
-    Example:
-        >>> measured = np.arange(15.0).reshape(1, 3, 5)
-        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
-        >>> found.differences[0].second, found.differences[0].mean[-1].tolist()
-        ('model', [-0.5, -0.5, -0.5, -0.5, -0.5])
     """
 
     first: str
@@ -89,12 +77,6 @@ class Prediction:
         adjusted_r2: `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor.
         rmse: shape `(5,)`, mm and degrees: root mean square of measured - modelled, which no line
             adjusts.
-
-    Example:
-        >>> measured = np.arange(15.0).reshape(1, 3, 5)
-        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
-        >>> found.predictions[0].model, found.predictions[0].r2.round(3).tolist()
-        ('model', [1.0, 1.0, 1.0, 1.0, 1.0])
     """
 
     model: str
@@ -119,12 +101,6 @@ class Comparison(Named):
         tests: one per measure and compared flexion, measure by measure; None where a model has no
             pose. Empty where there is no analysis of variance.
         alpha: level of the tests.
-
-    Example:
-        >>> measured = np.arange(15.0).reshape(1, 3, 5)
-        >>> found = compare_motions([0.0, 30.0, 60.0], measured, {"model": measured + 0.5})
-        >>> list(found.models), found.compared.tolist()
-        (['model'], [True, True, True])
     """
 
     flexion_deg: np.ndarray
@@ -213,12 +189,42 @@ def compare_motions(
         >>> flexion = [0.0, 30.0, 60.0]
         >>> measured = np.arange(15.0).reshape(1, 3, 5)
         >>> found = compare_motions(flexion, measured, {"model": measured + 0.5})
-        >>> found.predictions[0].rmse.tolist()
-        [0.5, 0.5, 0.5, 0.5, 0.5]
+        >>> list(found.models), found.compared.tolist()
+        (['model'], [True, True, True])
+        >>> found.summaries[0].motion, found.summaries[0].conditions
+        ('measured', ('0', '30', '60', 'average', 'min', 'max', 'ROM'))
+        >>> found.differences[0].second, found.differences[0].mean[-1].tolist()
+        ('model', [-0.5, -0.5, -0.5, -0.5, -0.5])
+        >>> found.predictions[0].rmse.tolist(), found.predictions[0].r2.round(3).tolist()
+        ([0.5, 0.5, 0.5, 0.5, 0.5], [1.0, 1.0, 1.0, 1.0, 1.0])
     """
     flexion = np.atleast_1d(np.asarray(flexion_deg, float))
-    seen, given = _checked(flexion, measured, models)
-    compared = _compared(flexion, calibrated_at_deg)
+    seen = np.asarray(measured, float)
+    given = {name: np.asarray(one, float) for name, one in models.items()}
+    if not given:
+        raise UnsuitableMotions("no model to compare: expected at least one")
+    motions = {MEASURED: seen, **given}
+    for name, one in motions.items():
+        expected = (len(seen), len(flexion), len(MEASURES))
+        if one.shape != expected:
+            raise UnsuitableMotions(
+                f"{name} has the shape {one.shape}: expected (subjects, flexions, measures), "
+                f"{expected}"
+            )
+    if MEASURED in given:
+        raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
+    for what, values in (("flexion", flexion), ("measured value", seen)):
+        if not np.isfinite(values).all():
+            raise UnsuitableMotions(f"a {what} is missing: expected finite numbers")
+    compared = np.ones(len(flexion), bool)
+    for angle in calibrated_at_deg:
+        own = np.isclose(flexion, angle, atol=1e-6)
+        if not own.any():
+            known = ", ".join(f"{x:g}" for x in flexion)
+            raise UnsuitableMotions(
+                f"calibrated at {angle:g} degrees, which was not measured: expected some of {known}"
+            )
+        compared &= ~own
     subjects, points = len(seen), len(seen) * int(compared.sum())
     if points < _FEWEST_POINTS:
         raise UnsuitableMotions(
@@ -226,7 +232,6 @@ def compare_motions(
             f"calibration: {int(compared.sum())}): expected at least {_FEWEST_POINTS}"
         )
     check_level(alpha)
-    motions = {MEASURED: seen, **given}
     tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
     return Comparison(
         flexion,
@@ -242,41 +247,6 @@ def compare_motions(
         tests,
         alpha,
     )
-
-
-def _checked(
-    flexion: np.ndarray, measured: ArrayLike, models: Mapping[str, ArrayLike]
-) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    seen = np.asarray(measured, float)
-    given = {name: np.asarray(one, float) for name, one in models.items()}
-    if not given:
-        raise UnsuitableMotions("no model to compare: expected at least one")
-    for name, one in {MEASURED: seen, **given}.items():
-        expected = (len(seen), len(flexion), len(MEASURES))
-        if one.shape != expected:
-            raise UnsuitableMotions(
-                f"{name} has the shape {one.shape}: expected (subjects, flexions, measures), "
-                f"{expected}"
-            )
-    if MEASURED in given:
-        raise UnsuitableMotions(f"a model is called {MEASURED}: expected another name")
-    for what, values in (("flexion", flexion), ("measured value", seen)):
-        if not np.isfinite(values).all():
-            raise UnsuitableMotions(f"a {what} is missing: expected finite numbers")
-    return seen, given
-
-
-def _compared(flexion: np.ndarray, calibrated_at: Sequence[float]) -> np.ndarray:
-    compared = np.ones(len(flexion), bool)
-    for angle in calibrated_at:
-        own = np.isclose(flexion, angle, atol=1e-6)
-        if not own.any():
-            known = ", ".join(f"{x:g}" for x in flexion)
-            raise UnsuitableMotions(
-                f"calibrated at {angle:g} degrees, which was not measured: expected some of {known}"
-            )
-        compared &= ~own
-    return compared
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
@@ -331,18 +301,16 @@ def _prediction(
 ) -> Prediction:
     x, y = (part[:, compared].reshape(-1, len(MEASURES)) for part in (one, measured))
     known = np.isfinite(x).all(axis=1)
-    x, y = x[known], y[known]
-    r2 = np.array([_r2(*columns) for columns in zip(x.T, y.T, strict=True)])
-    count = len(x)
-    adjusted = 1.0 - (1.0 - r2) * (count - 1) / (count - 2) if count > 2 else np.full(5, np.nan)
-    rmse = np.sqrt(((y - x) ** 2).mean(axis=0)) if count else np.full(5, np.nan)
+    x, y, count = x[known], y[known], int(known.sum())
+    r2, adjusted, rmse = np.full((3, len(MEASURES)), np.nan)
+    for k in range(len(MEASURES)) if count >= _FEWEST_POINTS else ():
+        if min(np.ptp(x[:, k]), np.ptp(y[:, k])) >= 1e-9:
+            r2[k] = np.corrcoef(x[:, k], y[:, k])[0, 1] ** 2
+    if count > 2:
+        adjusted = 1.0 - (1.0 - r2) * (count - 1) / (count - 2)
+    if count:
+        rmse = np.sqrt(((y - x) ** 2).mean(axis=0))
     return Prediction(name, count, r2, adjusted, rmse)
-
-
-def _r2(x: np.ndarray, y: np.ndarray) -> float:
-    if len(x) < _FEWEST_POINTS or np.ptp(x) < 1e-9 or np.ptp(y) < 1e-9:
-        return float("nan")
-    return float(np.corrcoef(x, y)[0, 1] ** 2)
 
 
 def _tests(

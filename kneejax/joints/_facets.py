@@ -44,11 +44,6 @@ class TransverseAxis:
         center: of it, at `Z = 0`, shape `(3,)`, mm.
         direction: unit vector, to lateral.
         radius: of the cylinder, mm.
-
-    Example:
-        >>> axis = TransverseAxis(np.zeros(3), np.array([0.0, 0.0, 1.0]), 21.0)
-        >>> axis.radius
-        21.0
     """
 
     center: np.ndarray
@@ -264,12 +259,24 @@ def _strip(axis, p, normals, region, side, width) -> np.ndarray:
     """Numbers of the points of a region along a condyle's crest."""
     _, radius, along = axis.place(p)
     sign = -1.0 if side == "medial" else 1.0
-    rows = region & (sign * along > _NOTCH_MM) & (radius < _FARTHEST_MM)
-    rows = np.flatnonzero(rows & _faces_out(axis, p, normals))
+    inside = region & (sign * along > _NOTCH_MM) & (radius < _FARTHEST_MM)
+    if normals is not None:
+        away = p - axis.center
+        away = away - np.outer(away @ axis.direction, axis.direction)
+        faces_out = np.einsum("ij,ij->i", away, normals)
+        inside &= faces_out > _OUTWARD * np.linalg.norm(away, axis=1)
+    rows = np.flatnonzero(inside)
     if len(rows) == 0:
         return rows
-    crest = _crest(along[rows], radius[rows])
-    return rows[np.abs(along[rows] - crest) < 0.5 * width]
+    # The crest is where points are farthest from the axis, in the mean over the condyle's arc.
+    along, radius = along[rows], radius[rows]
+    cell = np.floor((along - along.min()) / _BIN_MM).astype(int)
+    count = np.bincount(cell)
+    mean = np.bincount(cell, radius) / np.maximum(count, 1)
+    # Cells with few points are the condyle's rim.
+    mean[count < 0.25 * np.median(count[count > 0])] = -np.inf
+    crest = float(along.min() + (np.argmax(mean) + 0.5) * _BIN_MM)
+    return rows[np.abs(along - crest) < 0.5 * width]
 
 
 def _facet(side, name, p, normals, axis, region, width_mm, words) -> Facet:
@@ -286,22 +293,3 @@ def _facet(side, name, p, normals, axis, region, width_mm, words) -> Facet:
     except ValueError as error:
         raise UnsuitableMesh(f"{side} {name} facet", str(error), "part of a cylinder") from None
     return Facet(side, name, rows, kept, False)
-
-
-def _faces_out(axis: TransverseAxis, p: np.ndarray, normals: np.ndarray | None) -> np.ndarray:
-    if normals is None:
-        return np.ones(len(p), bool)
-    away = p - axis.center
-    away = away - np.outer(away @ axis.direction, axis.direction)
-    size = np.linalg.norm(away, axis=1)
-    return np.einsum("ij,ij->i", away, normals) > _OUTWARD * size
-
-
-def _crest(along: np.ndarray, radius: np.ndarray) -> float:
-    """Where across a condyle its points are farthest from the axis, in the mean over its arc."""
-    cell = np.floor((along - along.min()) / _BIN_MM).astype(int)
-    count = np.bincount(cell)
-    mean = np.bincount(cell, radius) / np.maximum(count, 1)
-    # Cells with few points are the condyle's rim.
-    mean[count < 0.25 * np.median(count[count > 0])] = -np.inf
-    return float(along.min() + (np.argmax(mean) + 0.5) * _BIN_MM)

@@ -127,7 +127,18 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
     flexion = table[:, 0]
     if len(known) < 2:
         raise UnsuitablePoses("poses", str(len(known)), "two or more")
-    rows = _nearest(flexion, known, at_deg) if len(at_deg) else known
+    rows = known
+    if len(at_deg):
+        if len(at_deg) < 2:
+            raise UnsuitablePoses("flexion", f"{at_deg[0]:g} degrees alone", "two flexions or more")
+        rows = np.array([known[np.argmin(np.abs(flexion[known] - angle))] for angle in at_deg])
+        for angle, row in zip(at_deg, rows, strict=True):
+            if not abs(flexion[row] - angle) <= FARTHEST_DEG:  # nothing is near NaN
+                raise UnsuitablePoses(
+                    f"pose at {angle:g} degrees",
+                    f"the nearest is at {flexion[row]:.1f}",
+                    f"one within {FARTHEST_DEG:g} degrees",
+                )
     rows = rows[np.argsort(flexion[rows], kind="stable")]
     rows = rows if len(at_deg) else rows[[0, -1]]
     for one, other in zip(rows, rows[1:], strict=False):
@@ -145,18 +156,4 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
             f"{span:.3g} degrees apart",
             f"at least {LEAST_SPAN_DEG:g} from the first to the last; are angles in radians?",
         )
-    return rows
-
-
-def _nearest(flexion: np.ndarray, known: np.ndarray, at_deg: Sequence[float]) -> np.ndarray:
-    if len(at_deg) < 2:
-        raise UnsuitablePoses("flexion", f"{at_deg[0]:g} degrees alone", "two flexions or more")
-    rows = np.array([known[np.argmin(np.abs(flexion[known] - angle))] for angle in at_deg])
-    for angle, row in zip(at_deg, rows, strict=True):
-        if not abs(flexion[row] - angle) <= FARTHEST_DEG:  # nothing is near NaN
-            raise UnsuitablePoses(
-                f"pose at {angle:g} degrees",
-                f"the nearest is at {flexion[row]:.1f}",
-                f"one within {FARTHEST_DEG:g} degrees",
-            )
     return rows

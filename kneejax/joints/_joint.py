@@ -199,7 +199,8 @@ def hinge(femoral: ArrayLike, pose: Pose) -> Joint:
         90.0
     """
     femoral = jnp.asarray(femoral, float)
-    return _calibrated(femoral[None], jax.tree.map(lambda x: jnp.asarray(x)[None], pose), "linear")
+    at_it = jax.tree.map(lambda x: jnp.asarray(x)[None], pose)
+    return generalised_axis(femoral[None], at_it, "linear")
 
 
 def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
@@ -228,7 +229,7 @@ def moving_axis(femoral: ArrayLike, poses: Pose) -> Joint:
     if jnp.shape(femoral) != (2, 2, 3) or jnp.shape(poses.flexion) != (2,):
         shapes = f"{jnp.shape(femoral)} and {jnp.shape(poses.flexion)}"
         raise ValueError(f"points and poses of shapes {shapes}; expected (2, 2, 3) and (2,)")
-    return _calibrated(femoral, poses, "linear")
+    return generalised_axis(femoral, poses, "linear")
 
 
 def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "monotone") -> Joint:
@@ -252,7 +253,13 @@ def generalised_axis(femoral: ArrayLike, poses: Pose, interpolation: str = "mono
         >>> float(joint.pose([0.5]).to_table()[0, 1].round(3)) + 0.0
         0.0
     """
-    return _calibrated(jnp.asarray(femoral, float), poses, interpolation)
+    femoral, flexion = jnp.asarray(femoral, float), jnp.asarray(poses.flexion, float)
+    if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
+        shapes = f"{femoral.shape} and {flexion.shape}"
+        raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
+    joint = Joint(flexion, femoral, _in_the_tibia(femoral, poses), interpolation)
+    check_joint(joint)
+    return joint
 
 
 def axis_between(extension: ArrayLike, flexed: ArrayLike, flexion: ArrayLike) -> Array:
@@ -286,16 +293,6 @@ def _in_the_tibia(femoral: Array, poses: Pose) -> Array:
     return jnp.stack([jnp.stack([*side], axis=-1) for side in sides], axis=1)
 
 
-def _calibrated(femoral: Array, poses: Pose, interpolation: str) -> Joint:
-    flexion = jnp.asarray(poses.flexion, float)
-    if femoral.shape != (*flexion.shape, 2, 3) or flexion.ndim != 1:
-        shapes = f"{femoral.shape} and {flexion.shape}"
-        raise ValueError(f"points and poses of shapes {shapes}; expected (k, 2, 3) and (k,)")
-    joint = Joint(flexion, femoral, _in_the_tibia(femoral, poses), interpolation)
-    check_joint(joint)
-    return joint
-
-
 def check_joint(joint: Joint) -> None:
     """Refuse calibration angles or axes that no knee has; numbers being traced pass.
 
@@ -313,13 +310,7 @@ def check_joint(joint: Joint) -> None:
     """
     if traced(joint):
         return
-    _check_flexion(joint.flexion)
-    for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):
-        _check_axis(bone, points)
-
-
-def _check_flexion(flexion: Array) -> None:
-    angles = np.rad2deg(np.asarray(flexion))
+    angles = np.rad2deg(np.asarray(joint.flexion))
     part, expected = "flexion of the calibration poses", "finite angles, each larger than the last"
     if not np.isfinite(angles).all():
         raise UnsuitableAxis(part, "not finite", expected)
@@ -330,26 +321,23 @@ def _check_flexion(flexion: Array) -> None:
     if (steps < 0).any():
         i = int(np.argmin(steps))
         raise UnsuitableAxis(part, f"{angles[i]:g}, then {angles[i + 1]:g} degrees", expected)
-
-
-def _check_axis(bone: str, points: Array) -> None:
-    part = f"axis in the {bone}"
-    axis = np.asarray(points[:, 1] - points[:, 0])
-    if not np.isfinite(axis).all():
-        raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
-    if (axis[:, 2] <= 0).any():
-        raise UnsuitableAxis(
-            part,
-            "the lateral point is not lateral of the medial one",
-            "points of a right knee, or of a left one mirrored; have they changed places?",
-        )
-    tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
-    if tilt.max() > _STEEPEST_DEG:
-        raise UnsuitableAxis(
-            part,
-            f"{tilt.max():.0f} degrees off the medial-lateral direction",
-            f"at most {_STEEPEST_DEG:g}",
-        )
+    for bone, points in (("femur", joint.femoral), ("tibia", joint.tibial)):
+        part, axis = f"axis in the {bone}", np.asarray(points[:, 1] - points[:, 0])
+        if not np.isfinite(axis).all():
+            raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
+        if (axis[:, 2] <= 0).any():
+            raise UnsuitableAxis(
+                part,
+                "the lateral point is not lateral of the medial one",
+                "points of a right knee, or of a left one mirrored; have they changed places?",
+            )
+        tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
+        if tilt.max() > _STEEPEST_DEG:
+            raise UnsuitableAxis(
+                part,
+                f"{tilt.max():.0f} degrees off the medial-lateral direction",
+                f"at most {_STEEPEST_DEG:g}",
+            )
 
 
 def _untwisted(points: Array) -> Matrix:

@@ -30,10 +30,6 @@ class Pair:
         p: of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1.
         lower: of the confidence interval, which is Bonferroni-adjusted too.
         upper: likewise.
-
-    Example:
-        >>> Pair("measured", "hinge", 1.2, 0.3, 0.01, 0.4, 2.0).difference
-        1.2
     """
 
     first: str
@@ -117,7 +113,17 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
     (`rm_anova`).
     """
     groups = {name: np.asarray(values, float) for name, values in groups.items()}
-    _check_groups(groups, alpha)
+    if len(groups) < 2:
+        raise UnsuitableMotions(f"{len(groups)} group to compare: expected at least two")
+    shapes = {values.shape for values in groups.values()}
+    if len(shapes) > 1 or len(shape := shapes.pop()) != 1:
+        found = ", ".join(f"{name} {values.shape}" for name, values in groups.items())
+        raise UnsuitableMotions(f"groups of the shapes {found}: expected (subjects,), all alike")
+    is_tested(*shape, anova=True)
+    for name, values in groups.items():
+        if not np.isfinite(values).all():
+            raise UnsuitableMotions(f"a value of {name} is missing: expected finite numbers")
+    check_level(alpha)
     pingouin = _pingouin()
     import pandas
     from scipy import stats
@@ -129,7 +135,11 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
         warnings.simplefilter("ignore")
         normality = {name: float(stats.shapiro(x).pvalue) for name, x in groups.items()}
         pairs = _pairs(groups, alpha)
-        if not _any_error(np.stack(list(groups.values()))):
+        values = np.stack(list(groups.values()))
+        of_groups, of_subjects = values.mean(axis=1, keepdims=True), values.mean(axis=0)
+        error = values - of_groups - of_subjects + values.mean()
+        # Subjects that differ by constants of their own alone leave no error to judge by.
+        if not np.abs(error).max() > 1e-12 * np.abs(values).max():
             nan = float("nan")
             return RepeatedMeasures(normality, nan, df, nan, nan, nan, pairs)
         table = pingouin.rm_anova(pandas.DataFrame(dict(groups)), correction=True, detailed=True)
@@ -147,31 +157,10 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
     )
 
 
-def _check_groups(groups: Mapping[str, np.ndarray], alpha: float) -> None:
-    if len(groups) < 2:
-        raise UnsuitableMotions(f"{len(groups)} group to compare: expected at least two")
-    shapes = {values.shape for values in groups.values()}
-    if len(shapes) > 1 or len(shape := shapes.pop()) != 1:
-        found = ", ".join(f"{name} {values.shape}" for name, values in groups.items())
-        raise UnsuitableMotions(f"groups of the shapes {found}: expected (subjects,), all alike")
-    is_tested(*shape, anova=True)
-    for name, values in groups.items():
-        if not np.isfinite(values).all():
-            raise UnsuitableMotions(f"a value of {name} is missing: expected finite numbers")
-    check_level(alpha)
-
-
 def check_level(alpha: float) -> None:
     """Refuse a level of tests that is no probability, between 0 and 1."""
     if not 0.0 < alpha < 1.0:
         raise UnsuitableMotions(f"alpha is {alpha:g}: expected a number between 0 and 1")
-
-
-def _any_error(values: np.ndarray) -> bool:
-    """Whether subjects differ in more than a constant of their own, `(groups, subjects)`."""
-    of_groups, of_subjects = values.mean(axis=1, keepdims=True), values.mean(axis=0)
-    error = values - of_groups - of_subjects + values.mean()
-    return bool(np.abs(error).max() > 1e-12 * np.abs(values).max())
 
 
 def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:

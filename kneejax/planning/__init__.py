@@ -15,22 +15,20 @@ if TYPE_CHECKING:
     from kneejax.planning._footprints import Footprint as Footprint
     from kneejax.planning._footprints import footprint_of as footprint_of
     from kneejax.planning._footprints import octagon as octagon
-    from kneejax.planning._footprints import warped as warped
+    from kneejax.planning._footprints import offsets as offsets
     from kneejax.planning._footprints import warped_distances as warped_distances
     from kneejax.planning._front import GENERATIONS as GENERATIONS
     from kneejax.planning._front import POPULATION as POPULATION
     from kneejax.planning._front import Front as Front
-    from kneejax.planning._front import criteria_of as criteria_of
     from kneejax.planning._front import pareto_front as pareto_front
     from kneejax.planning._front import undominated as undominated
     from kneejax.planning._limits import Intervals as Intervals
     from kneejax.planning._limits import best_of as best_of
+    from kneejax.planning._limits import criteria_of as criteria_of
     from kneejax.planning._limits import intervals as intervals
     from kneejax.planning._limits import missed as missed
     from kneejax.planning._limits import on_knee as on_knee
-    from kneejax.planning._maps import Tolerance as Tolerance
     from kneejax.planning._maps import TunnelMap as TunnelMap
-    from kneejax.planning._maps import over_tension as over_tension
     from kneejax.planning._maps import tolerances as tolerances
     from kneejax.planning._maps import tunnel_map as tunnel_map
     from kneejax.planning._optimum import MOST_EVALUATIONS as MOST_EVALUATIONS
@@ -45,13 +43,10 @@ if TYPE_CHECKING:
     from kneejax.planning._plan import knee_of_outcome as knee_of_outcome
     from kneejax.planning._plan import operated_knees as operated_knees
     from kneejax.planning._plan import run_plan as run_plan
-    from kneejax.planning._pretension import Fixed as Fixed
     from kneejax.planning._pretension import fix as fix
     from kneejax.planning._pretension import fixed_knee as fixed_knee
     from kneejax.planning._pretension import slack_length as slack_length
     from kneejax.planning._reconstruction import GRAFTS as GRAFTS
-    from kneejax.planning._reconstruction import GraftType as GraftType
-    from kneejax.planning._reconstruction import Operated as Operated
     from kneejax.planning._reconstruction import Reconstruction as Reconstruction
     from kneejax.planning._reconstruction import reconstruction_of as reconstruction_of
     from kneejax.planning._surgery import CHOICES as CHOICES

@@ -16,7 +16,6 @@ from kneejax.mechanics import Knee, load_of
 from kneejax.numerics import lanes_for
 from kneejax.planning._reconstruction import Operated, Reconstruction
 from kneejax.statics import (
-    Equilibria,
     LoadCases,
     Progress,
     Slopes,
@@ -53,39 +52,20 @@ def balanced(
     """
     if slopes:
         found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
+        q, status = found.q, found.status
     elif grid is None:
         near = None
         found = balance_many(plan.knee, plan.vary, values, load_cases, progress=progress)
+        q, status = found.q, found.status
     else:
-        found, near = _on_grid(plan, values, load_cases, grid, progress), None
-    known = converged(found.status)[..., None]
-    return Poses(np.where(known, found.q, np.nan), found.status, near)
-
-
-def _on_grid(
-    plan: Reconstruction,
-    values: np.ndarray,
-    load_cases: LoadCases,
-    grid: tuple[int, int],
-    progress: Progress | None,
-) -> Equilibria:
-    rows, columns = grid
-    lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
-
-    def along(lines: np.ndarray, begin: np.ndarray, near: Equilibria | None, report) -> Equilibria:
-        return balance_lines(
-            plan.knee, plan.vary, lines, load_cases, begin, near=near, progress=report
-        )
-
-    spine = along(lines[None, :, column], np.array([row]), None, None)
-    found = along(lines, np.full(rows, column), spine.at(0), progress)
-    size = len(load_cases)
-    return Equilibria(
-        *(x.reshape(rows * columns, size, *x.shape[3:]) for x in (
-            found.q, found.contact_points, found.status, found.steps, found.reached, found.fault,
-            found.softness)),
-        free=found.free,
-    )  # fmt: skip
+        near, (rows, columns) = None, grid
+        along = functools.partial(balance_lines, plan.knee, plan.vary)
+        lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
+        spine = along(lines[None, :, column], load_cases, np.array([row])).at(0)
+        begin = np.full(rows, column)
+        found = along(lines, load_cases, begin, near=spine, progress=progress)
+        q, status = (x.reshape(-1, *x.shape[2:]) for x in (found.q, found.status))
+    return Poses(np.where(converged(status)[..., None], q, np.nan), status, near)
 
 
 #: Nodes whose readings are computed in one call.
@@ -131,10 +111,12 @@ class Protocol:
         """Load cases of the motion."""
         return slice(0, len(self.extension_deg))
 
-    def test(self, number: int) -> np.ndarray:
-        """Load cases of a test, from no load to the full one."""
+    @property
+    def ends_of_tests(self) -> np.ndarray:
+        """Load cases of each test without load, and under the full one, `(2, tests)`."""
         each = self.steps + 1
-        return len(self.extension_deg) + each * number + np.arange(each)
+        first = len(self.extension_deg) + each * np.arange(len(self.lachman_deg))
+        return np.stack([first, first + self.steps])
 
     @functools.cached_property
     def load_cases(self) -> LoadCases:
@@ -198,34 +180,24 @@ def follow(
     q, status, near = balanced(
         plan, values, protocol.load_cases, slopes=slopes, near=near, grid=grid, progress=progress
     )
-    read = read_balances(plan.knee, plan.vary, values, np.deg2rad(protocol.flexion_deg), q, slopes)
+    count, size = q.shape[:2]
+    flexion, nodes, parts = np.deg2rad(protocol.flexion_deg), np.arange(count * size), []
+    for first in range(0, len(nodes), _CHUNK):
+        own = nodes[first : first + _CHUNK]
+        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
+        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
+        reader = _read_with_slopes if slopes else _read
+        found, kept = reader(plan.vary, plan.knee, *here), slice(0, len(own))
+        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
+    read = jax.tree.map(
+        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
+    )
     by_value = None
     if near is not None:
         by_value = {
             name: own + by_pose @ near.jacobian for name, (own, by_pose) in read.pop("by").items()
         }
     return Followed(**read, status=status, slopes=by_value, near=near)
-
-
-def read_balances(
-    knee: Knee, vary: Operated, values: np.ndarray, flexion: np.ndarray, q: np.ndarray, by: bool
-) -> dict:
-    """Lengths, strains, tensions and the anterior place, `(variants, load_cases, ...)`, at
-    flexions, rad, and free coordinates `(v, s, free)`; under `by`, where asked, derivatives by
-    values and pose."""
-    count, size = q.shape[:2]
-    nodes = np.arange(count * size)
-    parts = []
-    for first in range(0, len(nodes), _CHUNK):
-        own = nodes[first : first + _CHUNK]
-        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
-        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
-        found = _read_with_slopes(vary, knee, *here) if by else _read(vary, knee, *here)
-        kept = slice(0, len(own))
-        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
-    return jax.tree.map(
-        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
-    )
 
 
 def _one(vary: Operated, knee: Knee, value: Array, flexion: Array, q: Array) -> dict[str, Array]:

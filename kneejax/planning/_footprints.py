@@ -20,19 +20,20 @@ from kneejax.parameters import fibre_rows
 WINDOW = 5
 
 
-def warped(
-    curve: np.ndarray, reference: np.ndarray, window: int = WINDOW
-) -> tuple[float, np.ndarray]:
-    """Distance of a curve from a reference, and its derivative.
+def offsets(
+    curves: np.ndarray, slopes: np.ndarray, reference: np.ndarray, window: int = WINDOW
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets of curves from others along the best alignment of each pair, and their derivative.
 
     Args:
-        curve: `(n,)`.
-        reference: `(m,)`.
+        curves: `(n, k)`, finite.
+        slopes: their derivative by some numbers, `(n, k, numbers)`.
+        reference: `(m, k)`.
         window: places by which one may run ahead of the other.
 
     Returns:
-        The sum of absolute offsets along the best alignment, and its derivative by the curve,
-        `(n,)`. Both are NaN where a number is not finite.
+        Offsets of all pairs of places, curve by curve, `(pairs,)`, whose absolute values add up to
+        the distance, and their derivative, `(pairs, numbers)`.
 
     Raises:
         MissingPackage: dtaidistance is not installed.
@@ -41,40 +42,33 @@ def warped(
 
     Example:
         >>> import pytest; _ = pytest.importorskip("dtaidistance")
-        >>> warped(np.array([0.0, 1.0, 0.0]), np.array([0.0, 3.0, 0.0]))[0]
+        >>> curve, other = np.array([[0.0], [1.0], [0.0]]), np.array([[0.0], [3.0], [0.0]])
+        >>> float(np.abs(offsets(curve, np.ones((3, 1, 1)), other)[0]).sum())
         2.0
     """
-    if not (np.isfinite(curve).all() and np.isfinite(reference).all()):
-        return np.nan, np.full(len(curve), np.nan)
-    path = alignment(curve, reference, window)
-    offset = curve[path[:, 0]] - reference[path[:, 1]]
-    # Of many alignments the best one stays the best under a small change, so the derivative is
-    # that of the sum along it.
-    slope = np.bincount(path[:, 0], np.sign(offset), minlength=len(curve))
-    return float(np.abs(offset).sum()), slope
-
-
-def alignment(curve: np.ndarray, reference: np.ndarray, window: int = WINDOW) -> np.ndarray:
-    """Places of a curve `(n,)` and of the reference `(m,)` that belong together, `(pairs, 2)`; the
-    window is that of `warped`."""
     dtw = imported("dtaidistance.dtw", "dtaidistance", "planning")
-    curve, reference = (np.ascontiguousarray(x, float) for x in (curve, reference))
-    # dtaidistance counts the place itself as within the window.
-    path = dtw.warping_path(curve, reference, window=window + 1, inner_dist="euclidean")
-    return np.array(path, int)
+    found, by = [], []
+    for k, (curve, wanted) in enumerate(zip(curves.T, reference.T, strict=True)):
+        pair = (np.ascontiguousarray(x, float) for x in (curve, wanted))
+        # dtaidistance counts the place itself as within the window.
+        path = dtw.warping_path(*pair, window=window + 1, inner_dist="euclidean")
+        here, there = np.array(path, int).T
+        found.append(curve[here] - wanted[there])
+        # Of many alignments the best one stays the best under a small change.
+        by.append(slopes[here, k])
+    return np.concatenate(found), np.concatenate(by)
 
 
 def warped_distances(curves: np.ndarray, reference: np.ndarray, window: int = WINDOW) -> np.ndarray:
-    """Distances of many curves from one, `(k,)`; arguments as in `warped`, curves `(k, n)`."""
+    """Distances of many curves `(k, n)` from one, `(k,)`, by their `offsets` from it; NaN where a
+    number is not finite."""
     dtw = imported("dtaidistance.dtw", "dtaidistance", "planning")
     fast = dtw.distance_fast if dtw.try_import_c() else dtw.distance
-    found, reference = np.full(len(curves), np.nan), np.ascontiguousarray(reference, float)
-    for k, curve in enumerate(curves):
-        if np.isfinite(curve).all():
-            found[k] = fast(
-                np.ascontiguousarray(curve, float), reference, window=window + 1,
-                inner_dist="euclidean",
-            )  # fmt: skip
+    curves, reference = (np.ascontiguousarray(x, float) for x in (curves, reference))
+    found = np.full(len(curves), np.nan)
+    known = np.isfinite(curves).all(axis=1) & np.isfinite(reference).all()
+    for k in np.flatnonzero(known):
+        found[k] = fast(curves[k], reference, window=window + 1, inner_dist="euclidean")
     return found
 
 

@@ -11,21 +11,12 @@ import itertools
 from collections.abc import Callable
 
 import numpy as np
-from scipy.optimize import linprog
 
 from kneejax.numerics import Named, imported
-from kneejax.planning._limits import (
-    TOLERANCE,
-    bounds,
-    excess,
-    limits_room,
-    missed,
-    polygons,
-    room_slopes,
-)
-from kneejax.planning._optimum import STEP, offsets_of, spread_over
-from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
-from kneejax.statics import Progress, Slopes
+from kneejax.planning._limits import TOLERANCE, bounds, criteria_names, criteria_of, excess, missed
+from kneejax.planning._optimum import STEP, Linear, spread_over
+from kneejax.planning._surgery import CHOICES, Outcome, Surgery
+from kneejax.statics import Progress
 
 #: Choices that live at a time, and how often they are renewed.
 POPULATION, GENERATIONS = 40, 16
@@ -75,11 +66,6 @@ class Front(Named):
         of its extent."""
         part = (self.criteria - self.criteria.min(axis=0)) / _extent(self.criteria)
         return int(np.argmin(np.sum(part**2, axis=1)))
-
-
-def criteria_of(outcome: Outcome) -> np.ndarray:
-    """What is to be small, `(v, criteria)`, see `Front`."""
-    return np.column_stack([outcome.laxity_mm, outcome.peak_N, outcome.total])
 
 
 def undominated(criteria: np.ndarray) -> np.ndarray:
@@ -153,11 +139,8 @@ def pareto_front(
     best = np.flatnonzero(kept[rows])
     best = best[undominated(criteria[rows[best]])]
     best = best[np.argsort(criteria[rows[best], -1])]
-    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
-    return Front(
-        (*tests, "graft_peak_N", "strain_distance"), again.taken(rows[best]),
-        criteria[rows[best]], before[best], done,
-    )  # fmt: skip
+    best, before = rows[best], before[best]
+    return Front(criteria_names(surgery), again.taken(best), criteria[best], before, done)
 
 
 def _extent(criteria: np.ndarray) -> np.ndarray:
@@ -213,7 +196,9 @@ def _polished(
 ) -> np.ndarray:
     """Choices from which no step betters some criteria and worsens none, each begun at a row."""
     found = told(surgery.try_out(choices, slopes=True))
-    here = [found.taken([row]) for row in range(len(choices))]
+    rows = np.arange(len(choices))
+    here, near = [found.taken([row]) for row in rows], found.taken(rows).near
+    assert near is not None
     radius = np.full(len(choices), _BELIEVED)
     # Of a single point all criteria are to become better.
     extent = np.ptp(criteria_of(found), axis=0)
@@ -228,19 +213,18 @@ def _polished(
         if not radius.any():
             break
         away = np.stack([step for step, _ in steps]) * (radius > 0.0)[:, None]
-        there = told(
-            surgery.try_out(
-                np.vstack([one.choices for one in here]) + away, slopes=True,
-                near=_together([one.near for one in here if one.near is not None]),
-            )
-        )  # fmt: skip
+        moved = np.vstack([one.choices for one in here]) + away
+        there = told(surgery.try_out(moved, slopes=True, near=near))
         before = np.vstack([criteria_of(one) for one in here])
         gained = _gain(before, criteria_of(there), extent) / np.maximum(promised, _GAINED)
         gained[missed(surgery, there) > TOLERANCE] = -np.inf
         size = np.abs(away / np.tile(STEP, away.shape[1] // len(CHOICES))).max(axis=1)
+        taken = np.flatnonzero((radius > 0.0) & (gained > _TAKEN))
+        for row in taken:
+            here[row] = there.taken([row])
+        for mine, theirs in zip(near, there.taken(taken).near or (), strict=True):
+            mine.put(taken, theirs)
         for row in np.flatnonzero(radius):
-            if gained[row] > _TAKEN:
-                here[row] = there.taken([row])
             if gained[row] > _LONGER:
                 radius[row] = max(radius[row], 2.0 * size[row])
             elif not gained[row] > _TAKEN:
@@ -263,23 +247,15 @@ def _step(
     surgery: Surgery, outcome: Outcome, free: np.ndarray, extent: np.ndarray, radius: float
 ) -> tuple[np.ndarray, float]:
     """The step that betters all criteria most by their linear models, `(choices,)`, and what it
-    promises, see `_gain`.
-
-    Strain distance and largest force have corners, so the best step is a linear programme.
-    """
+    promises, see `_gain`."""
     assert outcome.slopes is not None
-    offset, by = offsets_of(surgery, outcome)
-    count, size = len(offset), int(free.sum())
-    scale = np.tile(STEP, len(free) // len(CHOICES))[free]
-    room, room_by = limits_room(surgery, outcome)[0], room_slopes(surgery, outcome)
-    sides, inside = polygons(surgery, len(free))
-    laxity = outcome.slopes["laxity_mm"][0]
-    graft = outcome.slopes["graft_N"][0].reshape(-1, len(free))
-    slack = outcome.graft_N.ravel() - outcome.peak_N[0]
-    by, room_by, sides_by, laxity, graft = (
-        x[:, free] * scale for x in (by, room_by, sides, laxity, graft)
+    model = Linear.of(surgery, outcome, free)
+    laxity, graft = (
+        outcome.slopes[name][0].reshape(-1, len(free))[:, free] * model.scale
+        for name in ("laxity_mm", "graft_N")
     )
-    tests, criteria = len(laxity), len(extent)
+    slack = outcome.graft_N.ravel() - outcome.peak_N[0]
+    (count, size), tests, criteria = model.by.shape, len(laxity), len(extent)
     # Columns: the step, the absolute offsets, what each criterion gains, what all of them gain.
     parts = np.cumsum([0, size, count, criteria, 1])
 
@@ -294,37 +270,18 @@ def _step(
         rows(laxity, None, by_gain[:tests]),
         rows(graft, None, by_gain[-2]),
         rows(None, 1.0, by_gain[-1:]),
-        rows(by, -np.eye(count)),
-        rows(-by, -np.eye(count)),
+        rows(model.by, -np.eye(count)),
+        rows(-model.by, -np.eye(count)),
         rows(None, None, -np.eye(criteria)[extent > 0.0], 1.0),
-        rows(-room_by),
-        rows(sides_by),
+        rows(-model.room_by),
+        rows(model.sides),
     ])  # fmt: skip
     limits = np.r_[
-        np.zeros(tests), -slack, outcome.total[0], -offset, offset, np.zeros((extent > 0.0).sum()),
-        np.maximum(room, 0.0), np.maximum(inside - sides @ outcome.choices[0], 0.0),
+        np.zeros(tests), -slack, outcome.total[0], -model.offset, model.offset,
+        np.zeros((extent > 0.0).sum()), np.maximum(model.room, 0.0), model.inside,
     ]  # fmt: skip
-    ends = [(x - outcome.choices[0])[free] / scale for x in bounds(surgery, len(free))]
-    low, high = np.maximum(ends[0], -radius), np.minimum(ends[1], radius)
-    each = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
+    costs = np.r_[np.zeros(count), np.full(criteria, -_BESIDE), -1.0]
     gains = [(0.0, 1e3 if wide > 0.0 else 0.0) for wide in extent]
-    wanted = np.r_[np.zeros(size + count), np.full(criteria, -_BESIDE), -1.0]
-    found = linprog(
-        wanted, A_ub=above, b_ub=limits,
-        bounds=[*each, *[(0.0, None)] * count, *gains, (0.0, 1e3)],
-    )  # fmt: skip
-    step = np.zeros(len(free))
-    if found.x is None:
-        return step, 0.0
-    step[free] = found.x[:size] * scale
-    return step, -float(found.fun)
-
-
-def _together(parts: list[Near]) -> Near:
-    """Balances of several choices as those of one question."""
-
-    def joined(every: list[Slopes]) -> Slopes:
-        names = [field.name for field in dataclasses.fields(Slopes)]
-        return Slopes(*(np.concatenate([getattr(x, name) for x in every]) for name in names))
-
-    return Near(joined([x.fixed for x in parts]), joined([x.followed for x in parts]))
+    more = [*[(0.0, None)] * count, *gains, (0.0, 1e3)]
+    step, cost = model.best_step(radius, costs, above, limits, more)
+    return step, -(cost or 0.0)

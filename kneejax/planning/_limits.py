@@ -33,9 +33,23 @@ def missed(surgery: Surgery, outcome: Outcome) -> np.ndarray:
 
 def excess(surgery: Surgery, outcome: Outcome) -> np.ndarray:
     """As `missed`, but negative where all limits are kept: by how much there is room, `(v,)`."""
-    worst = -_room(surgery, outcome).min(axis=1)
+    each = outcome.choices.reshape(len(outcome.choices), -1, len(CHOICES))
+    inside = (1.0 - foot.outside(each[..., own]) ** 2 for foot, own in _tunnels(surgery))
+    worst = -np.hstack([*inside, limits_room(surgery, outcome)]).min(axis=1)
     known = np.isfinite(outcome.total) & converged(outcome.status) & np.isfinite(worst)
     return np.where(known, worst, np.inf)
+
+
+def criteria_names(surgery: Surgery) -> tuple[str, ...]:
+    """Of the criteria of `criteria_of`."""
+    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
+    return *tests, "graft_peak_N", "strain_distance"
+
+
+def criteria_of(outcome: Outcome) -> np.ndarray:
+    """What is to be small, `(v, criteria)`: laxity at each test, mm, largest graft force, N, and
+    strain distance."""
+    return np.column_stack([outcome.laxity_mm, outcome.peak_N, outcome.total])
 
 
 def best_of(surgery: Surgery, outcome: Outcome) -> int:
@@ -55,19 +69,9 @@ def bounds(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:
     return np.tile(np.r_[-wide, low], bundles), np.tile(np.r_[wide, high], bundles)
 
 
-def _room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """What is left of each limit, as a part of it, `(v, limits)`: negative where it is missed."""
-    count = len(outcome.choices)
-    each = outcome.choices.reshape(count, -1, len(CHOICES))
-    inside = [
-        1.0 - footprint.outside(each[..., columns]) ** 2
-        for footprint, columns in _tunnels(surgery)
-    ]
-    return np.hstack([*inside, limits_room(surgery, outcome)])
-
-
 def limits_room(surgery: Surgery, outcome: Outcome) -> np.ndarray:
-    """The same of graft forces and laxity alone."""
+    """What is left of the limits of graft forces and laxity, as a part of each, `(v, limits)`:
+    negative where it is missed."""
     count, limits = len(outcome.choices), surgery.limits
     graft = 1.0 - outcome.graft_N.reshape(count, -1) / limits.graft_N
     off = (outcome.laxity_mm - surgery.laxity(surgery.before)[0]) / limits.band_mm
@@ -145,19 +149,17 @@ def intervals(
         choices: name -> what is done, `(choices,)`.
         progress: called with draws done and asked for.
     """
-    tests = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
-    quantities = (*tests, "graft_peak_N", "strain_distance")
+    quantities, tests = criteria_names(surgery), len(surgery.protocol.lachman_deg)
     names = ("intact", "deficient", *choices)
     every = np.full((len(knees), len(names), len(quantities)), np.nan)
     within = np.full((len(knees), len(names)), np.nan)
     for row, knee in enumerate(knees):
         own = on_knee(surgery, knee)
         before = own.before
-        every[row, :2, : len(tests)] = own.laxity(before)
+        every[row, :2, :tests] = own.laxity(before)
         found = own.try_out(np.stack(list(choices.values())))
         sound = converged(found.status) | (found.status == Status.GIVES_WAY)
-        told = np.column_stack([found.laxity_mm, found.peak_N, found.total])
-        every[row, 2:] = np.where(sound[:, None], told, np.nan)
+        every[row, 2:] = np.where(sound[:, None], criteria_of(found), np.nan)
         within[row, 2:] = missed(own, found) <= 0.0
         if progress is not None:
             progress(row + 1, len(knees))

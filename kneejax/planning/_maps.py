@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,11 +36,6 @@ class Tolerance:
             where it is still inside `checked_mm` away.
         checked_mm: the farthest distance that was evaluated.
         slope: change of the laxity per mm, mm.
-
-    Example:
-        >>> near = Tolerance("tibia", "graft", 20.0, np.array([1.0, 0.0]), 1.5, 1.4, 1.4, 0.8)
-        >>> near.bone, near.found_mm
-        ('tibia', 1.4)
     """
 
     bone: str
@@ -79,9 +75,16 @@ def tolerances(surgery: Surgery, outcome: Outcome) -> tuple[Tolerance, ...]:
             test, edge = np.unravel_index(np.argmin(ways), ways.shape)
             sign = 1.0 if edge == 0 else -1.0
             direction = sign * by[test] / max(steep[test], 1e-12)
-            line = _Line(surgery, outcome, columns, direction, int(test), sign)
+            away = np.zeros(slopes.shape[1])
+            away[columns] = direction
+
+            def outside(one: Outcome, test=test, sign=sign) -> float:
+                return sign * (one.laxity_mm[0, test] - own[test]) - band
+
             expected = float(ways[test, edge])
-            reached, checked = line.to_edge(expected, float(steep[test]))
+            reached, checked = _to_edge(
+                surgery, outcome, away, outside, expected, float(steep[test])
+            )
             found.append(
                 Tolerance(
                     bone, name, surgery.protocol.lachman_deg[test], direction, expected, reached,
@@ -91,47 +94,29 @@ def tolerances(surgery: Surgery, outcome: Outcome) -> tuple[Tolerance, ...]:
     return tuple(found)
 
 
-@dataclasses.dataclass(frozen=True)
-class _Line:
-    """A tunnel moved along a direction, and the edge of the band that is looked for."""
-
-    surgery: Surgery
-    outcome: Outcome
-    columns: np.ndarray
-    direction: np.ndarray
-    test: int
-    sign: float
-
-    def excess(self, outcome: Outcome) -> float:
-        """By how much the laxity of one variant is outside of the band, mm."""
-        own = self.surgery.laxity(self.surgery.before)[0, self.test]
-        return self.sign * (outcome.laxity_mm[0, self.test] - own) - self.surgery.limits.band_mm
-
-    def at(self, distance: float, near: Outcome | None) -> Outcome:
-        """The outcome there, predicted from a near one."""
-        choices = self.outcome.choices[0].copy()
-        choices[self.columns] += distance * self.direction
-        return self.surgery.try_out(choices, slopes=True, near=near and near.near)
-
-    def to_edge(self, expected: float, steep: float) -> tuple[float, float]:
-        """The distance at which the laxity is at the edge (NaN if farther than asked), and the
-        farthest that was evaluated."""
-        last, left, known = 0.0, self.excess(self.outcome), self.outcome
-        distance, farthest = min(expected, _FARTHEST_MM), 0.0
-        for _ in range(_STEPS):
-            there = self.at(distance, known if abs(distance - last) <= _NEAR_MM else None)
-            now, farthest = self.excess(there), max(farthest, distance)
-            if not np.isfinite(now):
-                distance = 0.5 * (last + distance)
-                continue
-            if abs(now) < _NEAR_ENOUGH_MM * steep:
-                return distance, farthest
-            change = (now - left) / (distance - last) if distance != last else steep
-            last, left, known = distance, now, there
-            if change <= 0.0 or (distance >= _FARTHEST_MM and now < 0.0):
-                return np.nan, farthest
-            distance = float(np.clip(distance - now / change, 0.0, _FARTHEST_MM))
-        return np.nan, farthest
+def _to_edge(
+    surgery: Surgery, outcome: Outcome, away: np.ndarray, outside: Callable[[Outcome], float],
+    expected: float, steep: float,
+) -> tuple[float, float]:
+    """The distance along `away` at which the laxity is at the edge of the band (NaN if farther than
+    asked), and the farthest that was evaluated; `outside` says by how much it is beyond, mm."""
+    last, left, known = 0.0, outside(outcome), outcome
+    distance, farthest = min(expected, _FARTHEST_MM), 0.0
+    for _ in range(_STEPS):
+        near = known.near if abs(distance - last) <= _NEAR_MM else None
+        there = surgery.try_out(outcome.choices[0] + distance * away, slopes=True, near=near)
+        now, farthest = outside(there), max(farthest, distance)
+        if not np.isfinite(now):
+            distance = 0.5 * (last + distance)
+            continue
+        if abs(now) < _NEAR_ENOUGH_MM * steep:
+            return distance, farthest
+        change = (now - left) / (distance - last) if distance != last else steep
+        last, left, known = distance, now, there
+        if change <= 0.0 or (distance >= _FARTHEST_MM and now < 0.0):
+            return np.nan, farthest
+        distance = float(np.clip(distance - now / change, 0.0, _FARTHEST_MM))
+    return np.nan, farthest
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,16 +222,3 @@ def tunnel_map(
         total, np.moveaxis(found.laxity_mm, 0, -1).reshape(-1, *shape), peak, isometry, far, off,
         status, surgery.protocol.lachman_deg,
     )  # fmt: skip
-
-
-def over_tension(surgery: Surgery, base: np.ndarray, tension_N: np.ndarray) -> Outcome:
-    """All bundles fixed under other tensions, everything else kept.
-
-    Args:
-        surgery: the reconstruction.
-        base: choices that are kept, `(choices,)`.
-        tension_N: of every bundle, `(n,)`.
-    """
-    choices = np.tile(np.asarray(base, float), (len(tension_N), 1))
-    choices[:, len(CHOICES) - 1 :: len(CHOICES)] = tension_N[:, None]
-    return surgery.try_out(choices)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 from scipy.optimize import linprog
 
-from kneejax.planning._footprints import alignment
+from kneejax.planning._footprints import offsets
 from kneejax.planning._limits import (
     TOLERANCE,
     bounds,
@@ -126,6 +126,62 @@ def spread_over(
     return spread
 
 
+@dataclasses.dataclass(frozen=True)
+class Linear:
+    """What one variant does as a linear model of a step of its free choices, in units of `STEP`.
+
+    Its strain distance has corners where curves cross, and its limits have others, so the best step
+    is a linear programme.
+    """
+
+    free: np.ndarray
+    scale: np.ndarray
+    offset: np.ndarray  # of all strain curves along their alignments, `(pairs,)`
+    by: np.ndarray  # its derivative, `(pairs, free)`
+    room: np.ndarray  # of graft forces and laxity, `(limits,)`
+    room_by: np.ndarray
+    sides: np.ndarray  # of polygons for the footprints: `sides @ step <= inside`
+    inside: np.ndarray
+    ends: tuple[np.ndarray, np.ndarray]  # the smallest and the largest step
+
+    @classmethod
+    def of(cls, surgery: Surgery, outcome: Outcome, free: np.ndarray) -> Linear:
+        """Of an outcome with derivatives."""
+        assert outcome.slopes is not None
+        here, scale = outcome.choices[0], np.tile(STEP, len(free) // len(CHOICES))[free]
+        strain = surgery.strain(outcome.followed)[0]
+        by_strain = outcome.slopes["strain"][0]
+        offset, by = offsets(strain, by_strain, surgery.intact_strain, surgery.window)
+        sides, inside = polygons(surgery, len(free))
+        by, room_by, along = (
+            x[:, free] * scale for x in (by, room_slopes(surgery, outcome), sides)
+        )
+        lower, upper = ((x - here)[free] / scale for x in bounds(surgery, len(free)))
+        return cls(
+            free, scale, offset, by, limits_room(surgery, outcome)[0], room_by, along,
+            np.maximum(inside - sides @ here, 0.0), (lower, upper),
+        )  # fmt: skip
+
+    def best_step(
+        self, radius: float, costs: np.ndarray, above: np.ndarray, limits: np.ndarray, more: list
+    ) -> tuple[np.ndarray, float | None]:
+        """The step within a radius that costs least, `(choices,)`, and what it costs; no step and
+        None where there is none.
+
+        Columns of `above`, whose products are at most `limits`, are those of the step and of the
+        further unknowns that have costs, between the pairs of `more`.
+        """
+        low, high = np.maximum(self.ends[0], -radius), np.minimum(self.ends[1], radius)
+        own = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
+        every = np.r_[np.zeros(len(own)), costs]
+        found = linprog(every, A_ub=above, b_ub=limits, bounds=[*own, *more])
+        step = np.zeros(len(self.free))
+        if found.x is None:
+            return step, None
+        step[self.free] = found.x[: len(own)] * self.scale
+        return step, float(found.fun)
+
+
 class _Search:
     """Evaluations of one search, each made once."""
 
@@ -196,35 +252,18 @@ class _Search:
 
     def _step(self, outcome: Outcome, radius: float) -> tuple[np.ndarray, float]:
         """The best step of the linear model `(choices,)`, and how much it promises."""
-        offset, by = offsets_of(self.surgery, outcome)
-        room, room_by = limits_room(self.surgery, outcome)[0], room_slopes(self.surgery, outcome)
-        sides, inside = polygons(self.surgery, len(self.base))
-        inside = inside - sides @ outcome.choices[0]
-        scale = self.step[self.free]
-        by, room_by, sides = (x[:, self.free] * scale for x in (by, room_by, sides))
-        rows, size = by.shape
+        model = Linear.of(self.surgery, outcome, self.free)
+        (rows, _), room = model.by.shape, len(model.room)
         above = np.block([
-            [by, -np.eye(rows), np.zeros((rows, 1))],
-            [-by, -np.eye(rows), np.zeros((rows, 1))],
-            [-room_by, np.zeros((len(room), rows)), -np.ones((len(room), 1))],
-            [sides, np.zeros((len(sides), rows + 1))],
+            [model.by, -np.eye(rows), np.zeros((rows, 1))],
+            [-model.by, -np.eye(rows), np.zeros((rows, 1))],
+            [-model.room_by, np.zeros((room, rows)), -np.ones((room, 1))],
+            [model.sides, np.zeros((len(model.sides), rows + 1))],
         ])  # fmt: skip
-        lower, upper = (
-            (x - outcome.choices[0])[self.free] / scale
-            for x in bounds(self.surgery, len(self.base))
-        )
-        low, high = np.maximum(lower, -radius), np.minimum(upper, radius)
-        limits = [*zip(np.minimum(low, 0.0), np.maximum(high, 0.0), strict=True)]
-        found = linprog(
-            np.r_[np.zeros(size), np.ones(rows), _PRICE],
-            A_ub=above, b_ub=np.r_[-offset, offset, room, np.maximum(inside, 0.0)],
-            bounds=[*limits, *[(0.0, None)] * (rows + 1)],
-        )  # fmt: skip
-        if found.x is None:
-            return np.zeros(len(self.base)), 0.0
-        step = np.zeros(len(self.base))
-        step[self.free] = found.x[:size] * scale
-        return step, self._merit(outcome) - float(found.fun)
+        limits = np.r_[-model.offset, model.offset, model.room, model.inside]
+        costs = np.r_[np.ones(rows), _PRICE]
+        step, cost = model.best_step(radius, costs, above, limits, [(0.0, None)] * (rows + 1))
+        return step, 0.0 if cost is None else self._merit(outcome) - cost
 
     def best(self) -> Outcome:
         """The best of all that is known, found again by the way that a test takes."""
@@ -240,16 +279,3 @@ class _Search:
             if same:
                 return again
         return again  # pyright: ignore[reportPossiblyUnboundVariable]
-
-
-def offsets_of(surgery: Surgery, outcome: Outcome) -> tuple[np.ndarray, np.ndarray]:
-    """Offsets of all strain curves of one variant along their alignments `(pairs,)`, and their
-    derivative by the choices, `(pairs, choices)`."""
-    assert outcome.slopes is not None
-    strain, intact = surgery.strain(outcome.followed)[0], surgery.intact_strain
-    offsets, slopes = [], []
-    for k in range(strain.shape[1]):
-        path = alignment(strain[:, k], intact[:, k], surgery.window)
-        offsets.append(strain[path[:, 0], k] - intact[path[:, 1], k])
-        slopes.append(outcome.slopes["strain"][0, path[:, 0], k])
-    return np.concatenate(offsets), np.concatenate(slopes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from kneejax.parameters import UnsuitableData
 from kneejax.planning._footprints import octagon
 from kneejax.planning._front import GENERATIONS, Front, pareto_front
 from kneejax.planning._limits import Intervals, intervals
-from kneejax.planning._maps import Tolerance, TunnelMap, over_tension, tolerances, tunnel_map
+from kneejax.planning._maps import Tolerance, TunnelMap, tolerances, tunnel_map
 from kneejax.planning._optimum import MOST_EVALUATIONS, STARTS, Optimum, optimise
 from kneejax.planning._pretension import fix
 from kneejax.planning._reconstruction import GraftType
@@ -81,6 +82,13 @@ class AclPlan:
         one = np.isin(np.arange(len(CHOICES)), columns)
         return np.tile(one, len(self.surgery.plan.bundles))
 
+    @property
+    def corners(self) -> np.ndarray:
+        """Choices with the first bundle's tibial tunnel in the octagon, `(8, choices)`."""
+        every = np.tile(self.base, (8, 1))
+        every[:, :2] = octagon(self.octagon_mm)
+        return every
+
 
 #: What the knees are called that have no graft, and the one with the graft where it is planned.
 INTACT, PLANNED = "intact", "planned"
@@ -114,8 +122,7 @@ def operated_knees(plan: AclPlan) -> dict[str, Knee]:
         UnsuitableData: no knee holds the tension of fixation with the graft in some place.
     """
     surgery, one = plan.surgery, plan.surgery.plan
-    choices = np.tile(plan.base, (9, 1))
-    choices[1:, :2] = octagon(plan.octagon_mm)
+    choices = np.vstack([plan.base, plan.corners])
     names = [PLANNED, *(f"octagon {corner}" for corner in range(1, 9))]
     ends, _ = surgery.ends(choices)
     tension = choices.reshape(*ends.shape[:2], -1)[..., 4]
@@ -259,50 +266,34 @@ def run_plan(plan: AclPlan, show: Show | None = None) -> PlanResult:
             f"{plan.file}: fixation.tension_N: {tension}: expected a tension under which the knee "
             f"balances at {surgery.fixation_deg:g} degrees; without one no zero-load length follows"
         )
-    corners = np.tile(plan.base, (8, 1))
-    corners[:, :2] = octagon(plan.octagon_mm)
-    around = timed("octagon", lambda: surgery.try_out(corners))
+    around = timed("octagon", lambda: surgery.try_out(plan.corners))
+    tightened = np.tile(plan.base, (_TENSIONS, 1))
     tensions = np.linspace(*surgery.limits.tension_N, _TENSIONS)
-    by_tension = timed("tension", lambda: over_tension(surgery, plan.base, tensions))
+    tightened[:, len(CHOICES) - 1 :: len(CHOICES)] = tensions[:, None]
+    by_tension = timed("tension", lambda: surgery.try_out(tightened))
     optimum = None
     if plan.free:
-        optimum = timed(
-            "optimum",
-            lambda: optimise(surgery, plan.base, plan.free_choices, most=plan.evaluations,
-                             starts=plan.starts),
-        )  # fmt: skip
+        optimum = timed("optimum", lambda: optimise(
+            surgery, plan.base, plan.free_choices, most=plan.evaluations, starts=plan.starts,
+        ))  # fmt: skip
     best = planned if optimum is None else optimum.outcome
     allowed = timed("tolerance", lambda: tolerances(surgery, best))
     done = {"planned": plan.base} | ({} if optimum is None else {"optimum": best.choices[0]})
     front = None
     if plan.population and plan.free:
-        known = best.choices if optimum is not None else None
-        front = timed("front", lambda: _front(plan, known, show))
+        front = timed("front", lambda: pareto_front(
+            surgery, plan.base, plan.free_choices, known=best.choices if optimum else None,
+            population=plan.population, generations=plan.generations,
+            progress=partial(show, "front")))  # fmt: skip
     open_ = None
     if plan.drawn:
         open_ = timed("intervals", lambda: intervals(surgery, plan.drawn, done))
-    maps = [
-        timed(f"map of the {bone}", lambda bone=bone: _map(plan, bone, show))
-        for bone in ((TIBIA, FEMUR) if plan.map_points else ())
-    ]
+    maps = []
+    for bone in (TIBIA, FEMUR) if plan.map_points else ():
+        half, stage = plan.map_half_mm[bone], f"map of the {bone}"
+        along = np.linspace(-half, half, plan.map_points)
+        moved = partial(tunnel_map, surgery, plan.base, bone, along, along)
+        maps.append(timed(stage, partial(moved, progress=partial(show, stage))))
     return PlanResult(
-        plan, planned, around, by_tension, tuple(maps), optimum, front, open_, allowed,
-        seconds,
-    )  # fmt: skip
-
-
-def _front(plan: AclPlan, known: np.ndarray | None, show: Show) -> Front:
-    return pareto_front(
-        plan.surgery, plan.base, plan.free_choices, known=known, population=plan.population,
-        generations=plan.generations, progress=lambda done, total: show("front", done, total),
-    )  # fmt: skip
-
-
-def _map(plan: AclPlan, bone: str, show: Show) -> TunnelMap:
-    half = plan.map_half_mm[bone]
-    along = np.linspace(-half, half, plan.map_points)
-
-    def progress(done: int, total: int) -> None:
-        show(f"map of the {bone}", done, total)
-
-    return tunnel_map(plan.surgery, plan.base, bone, along, along, progress=progress)
+        plan, planned, around, by_tension, tuple(maps), optimum, front, open_, allowed, seconds
+    )

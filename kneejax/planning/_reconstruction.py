@@ -101,10 +101,6 @@ class Operated:
         torn: rows of the ligament's own fibres.
         grafts: rows of the grafts among the ligaments.
         pulls: rows of the grafts among the muscles.
-
-    Example:
-        >>> Operated(torn=(0,), grafts=(4,), pulls=(0,)).torn
-        (0,)
     """
 
     torn: tuple[int, ...]
@@ -243,13 +239,31 @@ def reconstruction_of(
         ('aPCL', 'pPCL')
     """
     rows = fibre_rows(knee, ligament)
-    own = knee.ligaments
+    own, row = knee.ligaments, rows[0]
     names = ("graft",) if bundles == 1 else tuple(f"graft{k + 1}" for k in range(bundles))
     stiffness, failure = stiffness_N / bundles, failure_N / bundles
-    with_grafts = _with_fibres(own, names, rows[0], failure / stiffness + 0.5 * TRANSITION_STRAIN)
-    pulls = _with_muscles(knee.muscles, own, names, rows[0])
+
+    def more(x: Array, value: float | None = None) -> Array:
+        """With rows of the grafts at the end: those of the ligament's first fibre, or a value."""
+        new = x[row] if value is None else jnp.full_like(x[row], value)
+        return jnp.concatenate([x, jnp.broadcast_to(new, (bundles, *jnp.shape(x)[1:]))])
+
+    with_grafts = Ligaments(
+        more(own.femoral_attachment), more(own.tibial_attachment), more(own.stiffness, 0.0),
+        more(own.slack_length), more(own.transition_strain, TRANSITION_STRAIN),
+        more(own.transition_width, TRANSITION_WIDTH), (*own.names, *names), own.courses,
+        more(own.failure_strain, failure / stiffness + 0.5 * TRANSITION_STRAIN),
+        (*own.bodies, *(FEMUR_AND_TIBIA,) * bundles), more(own.damping, 0.0), own.dampers,
+        more(own.area, 0.0), (*own.laws, *(BLANKEVOORT,) * bundles),
+    )  # fmt: skip
+    femoral, tibial = (
+        jnp.tile(x[row], (bundles, 1)) for x in (own.femoral_attachment, own.tibial_attachment)
+    )
+    pulls = Muscles(femoral, tibial, jnp.zeros(bundles), names)
+    first, pulled = len(own.names), 0
+    if knee.muscles is not None:
+        pulls, pulled = knee.muscles.with_more(pulls), len(knee.muscles.names)
     groups = (*knee.groups, ("graft", names)) if bundles > 1 else knee.groups
-    first, pulled = len(own.names), len(pulls.names) - bundles
     return Reconstruction(
         dataclasses.replace(knee, ligaments=with_grafts, muscles=pulls, groups=groups),
         Operated(
@@ -262,42 +276,4 @@ def reconstruction_of(
         names,
         (stiffness,) * bundles,
         (failure,) * bundles,
-    )
-
-
-def _with_fibres(own: Ligaments, names: tuple[str, ...], row: int, tears: float) -> Ligaments:
-    """Ligaments and, at the end, fibres that begin where one of them does."""
-
-    def more(x: Array, value: float | None = None) -> Array:
-        new = x[row] if value is None else jnp.full_like(x[row], value)
-        return jnp.concatenate([x, jnp.broadcast_to(new, (len(names), *jnp.shape(x)[1:]))])
-
-    return Ligaments(
-        more(own.femoral_attachment), more(own.tibial_attachment), more(own.stiffness, 0.0),
-        more(own.slack_length), more(own.transition_strain, TRANSITION_STRAIN),
-        more(own.transition_width, TRANSITION_WIDTH), (*own.names, *names), own.courses,
-        more(own.failure_strain, tears), (*own.bodies, *(FEMUR_AND_TIBIA,) * len(names)),
-        more(own.damping, 0.0), own.dampers, more(own.area, 0.0),
-        (*own.laws, *(BLANKEVOORT,) * len(names)),
-    )  # fmt: skip
-
-
-def _with_muscles(
-    muscles: Muscles | None, own: Ligaments, names: tuple[str, ...], row: int
-) -> Muscles:
-    """Muscles and, at the end, lines of no tension along a fibre."""
-    count = len(names)
-    femoral, tibial = (
-        jnp.tile(x[row], (count, 1)) for x in (own.femoral_attachment, own.tibial_attachment)
-    )
-    nothing = jnp.zeros(count)
-    if muscles is None:
-        return Muscles(femoral, tibial, nothing, names)
-    return Muscles(
-        jnp.concatenate([muscles.femoral_attachment, femoral]),
-        jnp.concatenate([muscles.tibial_attachment, tibial]),
-        jnp.concatenate([muscles.tension, nothing]),
-        (*muscles.names, *names),
-        muscles.courses,
-        (*muscles.bodies, *(FEMUR_AND_TIBIA,) * count),
     )

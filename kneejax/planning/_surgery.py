@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 import functools
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.numerics import Named
 from kneejax.planning._followed import Followed, Protocol, follow
-from kneejax.planning._footprints import Footprint, warped, warped_distances
+from kneejax.planning._footprints import Footprint, offsets, warped_distances
 from kneejax.planning._pretension import Fixed, fix
 from kneejax.planning._reconstruction import BUNDLE_NUMBERS, Reconstruction
 from kneejax.statics import Progress, Slopes, Status, converged
@@ -42,8 +43,7 @@ class Limits:
     tension_N: tuple[float, float]
 
 
-@dataclasses.dataclass(frozen=True)
-class Near:
+class Near(NamedTuple):
     """Balances of some choices, from which those of near ones are predicted."""
 
     fixed: Slopes
@@ -170,8 +170,8 @@ class Surgery:
 
     def laxity(self, followed: Followed) -> np.ndarray:
         """How far the full force draws the tibia forwards, `(v, tests)`, mm."""
-        ends = [self.protocol.test(k)[[0, -1]] for k in range(len(self.protocol.lachman_deg))]
-        return np.stack([np.diff(followed.anterior_mm[:, rows])[:, 0] for rows in ends], axis=1)
+        begin, end = self.protocol.ends_of_tests
+        return followed.anterior_mm[:, end] - followed.anterior_mm[:, begin]
 
     def ends(self, choices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Where tunnels are.
@@ -229,21 +229,7 @@ class Surgery:
             self.plan, self.plan.value(ends, slack), self.protocol, slopes=slopes,
             near=near and near.followed, grid=grid, progress=progress,
         )  # fmt: skip
-        worst = np.maximum(fixed.status, followed.status.max(axis=1))
-        outcome = self._judged(choices, fixed.slack_mm, followed, worst)
-        if not slopes:
-            return outcome
-        assert fixed.slope is not None and fixed.near is not None and followed.near is not None
-        turn = _by_choices(ends_slope, fixed.slope)
-        return dataclasses.replace(
-            outcome, slopes=self._slopes(outcome, turn), near=Near(fixed.near, followed.near)
-        )
-
-    def _judged(
-        self, choices: np.ndarray, slack: np.ndarray, followed: Followed, worst: np.ndarray
-    ) -> Outcome:
-        grafts = self.plan.rows(self.plan.bundles)
-        motion = self.protocol.motion
+        grafts, motion = self.plan.rows(self.plan.bundles), self.protocol.motion
         strain = self.strain(followed)
         distance = np.stack(
             [
@@ -254,15 +240,23 @@ class Surgery:
         )
         length = followed.length_mm[:, motion][..., grafts]
         # Of grafts that were not fixed nothing is known.
-        fixed = np.where(np.isnan(slack).any(axis=1), np.nan, 1.0)[:, None]
+        counts = np.where(known.all(axis=1), 1.0, np.nan)[:, None]
         # Where a Lachman test gives way, the motion stands all the same.
         moves = np.array(converged(followed.status[:, motion].max(axis=1)))
-        distance[~moves | np.isnan(fixed[:, 0])] = np.nan
-        return Outcome(
-            choices, slack, distance, self.laxity(followed) * fixed,
-            followed.tension_N[..., grafts] * fixed[..., None],
-            (length.max(axis=1) - length.min(axis=1)) * fixed, worst, followed,
+        distance[~moves | np.isnan(counts[:, 0])] = np.nan
+        outcome = Outcome(
+            choices, fixed.slack_mm, distance, self.laxity(followed) * counts,
+            followed.tension_N[..., grafts] * counts[..., None],
+            (length.max(axis=1) - length.min(axis=1)) * counts,
+            np.maximum(fixed.status, followed.status.max(axis=1)), followed,
         )  # fmt: skip
+        if not slopes:
+            return outcome
+        assert fixed.slope is not None and fixed.near is not None and followed.near is not None
+        turn = _by_choices(ends_slope, fixed.slope)
+        return dataclasses.replace(
+            outcome, slopes=self._slopes(outcome, turn), near=Near(fixed.near, followed.near)
+        )
 
     def _slopes(self, outcome: Outcome, turn: np.ndarray) -> dict[str, np.ndarray]:
         """Derivatives by the choices; `turn` is that of the numbers, `(v, numbers, choices)`."""
@@ -271,13 +265,12 @@ class Surgery:
         grafts, rows = self.plan.rows(self.plan.bundles), self.plan.rows(self.ligaments)
         strain = self.strain(outcome.followed)
         by_strain = by["strain"][:, self.protocol.motion][:, :, rows] @ turn[:, None]
-        total = np.zeros(turn.shape[::2])
-        for v in range(len(total)):
-            for k in range(len(rows)):
-                _, slope = warped(strain[v, :, k], self.intact_strain[:, k], self.window)
-                total[v] += slope @ by_strain[v, :, k]
-        tests = [self.protocol.test(k)[[0, -1]] for k in range(outcome.laxity_mm.shape[1])]
-        drawn = np.stack([np.diff(by["anterior_mm"][:, r, 0], axis=1)[:, 0] for r in tests], axis=1)
+        total = np.full(turn.shape[::2], np.nan)
+        for v in np.flatnonzero(np.isfinite(strain).all(axis=(1, 2))):
+            offset, by_offset = offsets(strain[v], by_strain[v], self.intact_strain, self.window)
+            total[v] = np.sign(offset) @ by_offset
+        begin, end = self.protocol.ends_of_tests
+        drawn = by["anterior_mm"][:, end, 0] - by["anterior_mm"][:, begin, 0]
         return {
             "total": total,
             "strain": by_strain,

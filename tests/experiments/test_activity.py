@@ -10,7 +10,7 @@ import pytest
 import kneejax as kj
 from kneejax.experiments import TENDON, activity, cycle_of
 from kneejax.experiments.activity import _instants
-from kneejax.experiments.activity._activity import muscles_over, tendon_of_quadriceps
+from kneejax.experiments.activity._activity import muscles_over
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
 from kneejax.statics import Status
@@ -103,9 +103,14 @@ def test_where_no_quadriceps_pulls_the_tendon_is_no_muscle(knee):
     assert both.names == ("hams_r", TENDON)
 
 
-def test_the_tendon_is_straight_between_the_records_angles():
-    found = tendon_of_quadriceps(np.full(3, 200.0), np.array([-5.0, 15.0, 120.0]))
-    assert found.tolist() == pytest.approx([226.0, 190.0, 120.0])
+def test_the_tendon_is_straight_between_the_records_angles(knee):
+    told = record(np.zeros((COUNT, 6)))
+    pose = np.zeros((4, 6))
+    pose[:, 0] = -5.0, 15.0, 65.0, 120.0
+    bent = dataclasses.replace(told, pose=pose, quadriceps_N=np.full(4, 200.0), muscles=Muscles(
+        *np.zeros((2, 0, 3, 4)), np.zeros((0, 4)), ()))  # fmt: skip
+    tension = muscles_over(knee, bent).tension[0]
+    assert tension.tolist() == pytest.approx([226.0, 190.0, 102.0, 120.0])
 
 
 def test_a_knee_without_a_tendon_is_refused(knee):

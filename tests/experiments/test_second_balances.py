@@ -9,7 +9,7 @@ import pytest
 import kneejax as kj
 from kneejax.experiments import _branches as second
 from kneejax.experiments import activity, lab_tests, load_curves, second_balances
-from kneejax.experiments._branches import changed_in_steps, follow_second
+from kneejax.experiments._branches import SecondBalances, changed_in_steps
 from kneejax.experiments.activity import _instants
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
@@ -62,10 +62,11 @@ def test_a_second_balance_is_followed_as_far_as_it_exists(two_wells, knee):
     load = np.linspace(-2.0, 2.0, 21)
     main = guessed([double_well(f, -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "contact_points")}
+    known = SecondBalances(knee, load_cases(load), main)
+    other = known.found
     other["q"][10], other["contact_points"][10] = 0.0, 0.0
     other["q"][10, ANTERIOR] = 3.0
-    follow_second(knee, load_cases(load), main, other, np.arange(len(load))[None])
+    known.follow(np.arange(len(load))[None])
     known = np.isfinite(other["q"]).all(axis=1)
     limit = 2.0 / np.sqrt(3.0)
     assert known.tolist() == (np.abs(load) < limit).tolist()
@@ -78,8 +79,9 @@ def test_a_jump_of_what_is_reported_is_looked_at_from_both_sides(two_wells, knee
     load = np.linspace(-0.5, 0.5, 6)
     main = guessed([double_well(f, 3.0 if f > 0 else -3.0) for f in load])
     main["status"] = np.full(len(load), int(Status.BALANCED))
-    other = {name: np.full_like(main[name], np.nan) for name in ("q", "contact_points")}
-    follow_second(knee, load_cases(load), main, other, np.arange(len(load))[None])
+    known = SecondBalances(knee, load_cases(load), main)
+    known.follow(np.arange(len(load))[None])
+    other = known.found
     assert np.isfinite(other["q"]).all()
     assert (np.sign(other["q"][:, ANTERIOR]) == -np.sign(main["q"][:, ANTERIOR])).all()
 
@@ -108,7 +110,6 @@ def test_the_balance_on_the_path_from_the_unloaded_knee_is_reported(two_wells, k
         begin = guessed(np.sign(force))
         return near(knee, None, None, at, begin["q"][None], begin["contact_points"][None])
 
-    monkeypatch.setattr(_instants, "balance_near", near)
     monkeypatch.setattr(_instants, "balance_one", one)
     found = _instants.Instants.of(knee, load_cases(load))
     x, other = found.nodes["q"][:, ANTERIOR], found.other[:, ANTERIOR]

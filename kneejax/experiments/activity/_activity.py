@@ -42,24 +42,6 @@ from kneejax.statics import LoadCases, converged
 #: Engineering 43, 2015; Apache-2.0); constant beyond.
 FLEXION_DEG = np.arange(0.0, 91.0, 10.0)
 TENDON_BY_QUADRICEPS = np.array([1.13, 1.04, 0.86, 0.77, 0.68, 0.59, 0.50, 0.52, 0.55, 0.60])
-
-
-def tendon_of_quadriceps(quadriceps_N: np.ndarray, flexion_deg: np.ndarray) -> np.ndarray:
-    """Tension of the patellar tendon under a pull of the quadriceps, N.
-
-    Args:
-        quadriceps_N: of all heads together, `(n,)`.
-        flexion_deg: of the tibia, `(n,)`.
-
-    Source: as `TENDON_BY_QUADRICEPS`.
-
-    Example:
-        >>> tendon_of_quadriceps(np.array([100.0, 100.0]), np.array([0.0, 65.0])).round(6).tolist()
-        [113.0, 51.0]
-    """
-    return quadriceps_N * np.interp(flexion_deg, FLEXION_DEG, TENDON_BY_QUADRICEPS)
-
-
 #: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
 
@@ -138,7 +120,7 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     knee, quasi-statically: weight, inertia and ground as a wrench that follows the tibia, whose
     place in space was recorded, and muscles of the recorded tension along their paths, which move
     with the balance. In a knee of two bones the quadriceps pulls by its line `patellar_tendon`
-    (`tendon_of_quadriceps`); in one of three, on the patella.
+    (`TENDON_BY_QUADRICEPS`); in one of three, on the patella.
 
     Args:
         knee: of two bones, or of three (`KneeFile.with_patella`).
@@ -158,8 +140,25 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     """
     if PATELLA in knee.bodies:
         record = record.with_heads_on_patella()
-    muscles = muscles_over(knee, record)
-    body, load_cases = muscled(knee, record, muscles)
+    muscles, pulls, every = muscles_over(knee, record), [], knee.muscles
+    if PATELLA in knee.bodies:
+        assert every is not None
+        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
+        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
+    if muscles.names:
+        # In the knee they are at rest; each instant pulls.
+        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
+        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
+        every = at_rest if every is None else every.with_more(at_rest)
+        ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
+        pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
+    nothing = np.zeros((len(record.time_s), 6))
+    total = sum(record.acting.values(), nothing)
+    leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
+    load_cases = LoadCases.at(record.pose[:, 0], [*pulls, leg])
+    # What the record pulls by name, as a band from the pelvis, follows the hip there.
+    body = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
+    body = dataclasses.replace(body, lines=(), muscles=every)
     other = None if near is None else jax.lax.stop_gradient(near.motion.equilibrium)
     before = None if near is None else jax.lax.stop_gradient(near.motion.knee)
     found = Instants.of(*jax.lax.stop_gradient((body, load_cases)), other, before)
@@ -188,31 +187,8 @@ def muscles_over(knee: Knee, record: LegRecord) -> Muscles:
     # Where the line's upper end is at an instant is known: the patella's path, which does no work.
     begins = line.upper_end(jnp.deg2rad(flexion))
     ends = jnp.broadcast_to(line.insertion, begins.shape)
-    tension = tendon_of_quadriceps(record.quadriceps_N, flexion)
+    tension = record.quadriceps_N * np.interp(flexion, FLEXION_DEG, TENDON_BY_QUADRICEPS)
     return record.muscles.with_more(Muscles(begins[None], ends[None], tension[None], (TENDON,)))
-
-
-def muscled(knee: Knee, record: LegRecord, muscles: Muscles) -> tuple[Knee, LoadCases]:
-    """A knee with muscles (`muscles_over`) that are at rest, and the instants with what acts there.
-    """
-    pulls, every = [], knee.muscles
-    if PATELLA in knee.bodies:
-        assert every is not None
-        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
-        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
-    if muscles.names:
-        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
-        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
-        every = at_rest if every is None else every.with_more(at_rest)
-        ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
-        pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
-    nothing = np.zeros((len(record.time_s), 6))
-    total = sum(record.acting.values(), nothing)
-    leg = Load(total[:, :3], total[:, 3:], nothing[:, :3], axes=TIBIA, name="leg")
-    # What the record pulls by name, as a band from the pelvis, follows the hip there.
-    own = cut(knee, [name for name in muscles.names if name in knee.ligaments.names])
-    body = dataclasses.replace(own, lines=(), muscles=every)
-    return body, LoadCases.at(record.pose[:, 0], [*pulls, leg])
 
 
 @compiled()

@@ -10,6 +10,7 @@ a knee that was cut is sought also where the intact one balances, cut while the 
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
@@ -19,23 +20,23 @@ from scipy.interpolate import PchipInterpolator
 from kneejax.experiments._branches import (
     APART_MM,
     GUESSED,
+    SecondBalances,
+    balanced_near,
     changed_in_steps,
-    follow_second,
-    second_of,
+    guesses,
+    in_rows,
+    some_of,
 )
 from kneejax.experiments._motion import Motion, again
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics import (
-    Equilibria,
     Equilibrium,
     LoadCases,
     Status,
-    balance_near,
     balance_one,
     converged,
     equilibrium_of,
-    itself,
     sound,
 )
 
@@ -52,10 +53,10 @@ class Instants:
 
     knee: Knee  # that balances
     load_cases: LoadCases  # the instants, in order of time
-    nodes: dict[str, np.ndarray]  # fields of the balances, arrays begin with the instant
-    reached: np.ndarray  # as in `Motion`
     # Balances of a like knee at the same instants, see `activity`; or none.
     near: Equilibrium | None = None
+    # Fields of the balances, and `reached` as in `Motion`; arrays begin with the instant.
+    nodes: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
     # Coordinates of a second stable balance, `(n, free)`; NaN where none is known.
     other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
@@ -70,8 +71,7 @@ class Instants:
         """Find them all: of a knee without a lane axis, its numbers known; `before` is the knee
         that balances at `near`."""
         count = len(load_cases)
-        load_cases = jax.tree.map(np.asarray, load_cases.of(knee))
-        found = cls(knee, load_cases, {}, np.full(count, np.nan), near)
+        found = cls(knee, jax.tree.map(np.asarray, load_cases.of(knee)), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
         found._by_own_path(anchors)
         found._between(anchors)
@@ -80,40 +80,53 @@ class Instants:
         lost = np.flatnonzero(~found._known(np.arange(count)))
         if len(lost):
             found._by_own_path(lost)
-        found.other = np.full_like(found.nodes["q"], np.nan)
+        second = SecondBalances(knee, found.load_cases, found.nodes)
+        found.other = second.found["q"]
         if near is not None and before is not None:
-            found._from_before(before)
+            found._from_before(before, second)
         elif near is None:
-            found._from_unloaded(anchors)
+            found._from_unloaded(anchors, second)
         return found
 
     def motion(self, knee: Knee, load_cases: LoadCases) -> Motion:
         """All of them as one motion of a knee and load cases of equal numbers, of which derivatives
         are asked."""
-        nodes = {name: np.moveaxis(x, 0, -1) for name, x in self.nodes.items()}
-        return again(
-            knee, load_cases, equilibrium_of(self.load_cases, nodes), jnp.asarray(self.reached)
-        )
+        nodes = {x: np.moveaxis(y, 0, -1) for x, y in self.nodes.items() if x != "reached"}
+        reached = jnp.asarray(self.nodes["reached"])
+        return again(knee, load_cases, equilibrium_of(self.load_cases, nodes), reached)
 
     def _known(self, rows: np.ndarray) -> np.ndarray:
         return converged(self.nodes["status"][rows])
 
-    def _at(self, rows: np.ndarray) -> LoadCases:
-        return jax.tree.map(lambda x: x[rows], self.load_cases)
+    def _path(self, rows: np.ndarray) -> dict[str, np.ndarray]:
+        """Balances of some instants, to each of which a path of its own leads."""
+        return in_rows(balance_one(self.knee, some_of(self.load_cases, rows)))
+
+    def _take(self, rows: np.ndarray, found: dict[str, np.ndarray]) -> None:
+        """Write down what was found."""
+        for name, values in found.items():
+            if name not in self.nodes:
+                shape, dtype = (len(self.load_cases), *values.shape[1:]), values.dtype
+                self.nodes[name] = np.full(shape, 0 if dtype.kind in "biu" else np.nan, dtype)
+            self.nodes[name][rows] = values
+
+    def _near(self, rows: np.ndarray, begin: Iterable[np.ndarray]) -> None:
+        """Find some near where they are expected."""
+        at = some_of(self.load_cases, rows)
+        self._take(rows, in_rows(balanced_near(self.knee, at, begin)))
 
     def _by_own_path(self, rows: np.ndarray) -> None:
         """Some instants, each by a path of its own; what was not found at all is sought where the
         other knee balances. Where the knee was found to give way, it does."""
-        self._take(rows, balance_one(self.knee, self._at(rows)))
+        self._take(rows, self._path(rows))
         if self.near is None:
             return
         lost = self.nodes["status"][rows] == Status.NOT_CONVERGED
         rows = rows[lost & np.asarray(converged(self.near.status))[rows]]
         if len(rows):
-            begin = (np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0) for x in GUESSED)
-            self._near(rows, [values[rows] for values in begin])
+            self._near(rows, [values[rows] for values in guesses(self.near).values()])
 
-    def _from_before(self, before: Knee) -> None:
+    def _from_before(self, before: Knee, second: SecondBalances) -> None:
         """Take the balances that the knee before has when it is changed in steps, where they are
         stable; what was found on the other way is a second one where it is another.
 
@@ -121,87 +134,49 @@ class Instants:
         """
         assert self.near is not None
         rows = np.flatnonzero(np.asarray(converged(self.near.status)))
-        begin = [np.moveaxis(np.asarray(getattr(self.near, x)), -1, 0)[rows] for x in GUESSED]
-        at = self._at(rows)
+        begin = [values[rows] for values in guesses(self.near).values()]
+        at = some_of(self.load_cases, rows)
         found = changed_in_steps(before, self.knee, at, begin) if len(rows) else None
         if found is None:
             return
-        apart = second_of(at, {name: values[rows] for name, values in self.nodes.items()}, found)
-        second = {x: np.full_like(self.nodes[x], np.nan) for x in GUESSED}
-        for name, values in second.items():
-            values[rows[apart]] = found[name][apart]
-        taken = apart & self._known(rows)
+        taken = second.add(rows, found) & self._known(rows)
         self._exchange(rows[taken], {x: values[taken] for x, values in found.items()}, second)
-        self._follow(second)
+        second.follow(np.arange(len(self.load_cases))[None])
 
-    def _from_unloaded(self, anchors: np.ndarray) -> None:
+    def _from_unloaded(self, anchors: np.ndarray, second: SecondBalances) -> None:
         """Report the balances to which the path from the unloaded knee leads where two are known.
 
         A second one is looked for where that path leads elsewhere than the neighbours in time,
         half-way between anchors, and on both sides of each jump in time.
         """
-        second = {x: np.full_like(self.nodes[x], np.nan) for x in GUESSED}
         own = np.setdiff1d((anchors[:-1] + anchors[1:]) // 2, anchors)
-        path = self._by_unloaded_path(own)
-        apart = second_of(self._at(own), {x: self.nodes[x][own] for x in ("q", "status")}, path)
-        for name, values in second.items():
-            values[own[apart]] = path[name][apart]
-        self._follow(second)
-        rows = np.flatnonzero(~np.isnan(second["q"]).any(axis=1))
-        units = np.array(scales(self.load_cases.free))
-        path = self._by_unloaded_path(rows)
+        if len(own):
+            second.add(own, self._path(own))
+        second.follow(np.arange(len(self.load_cases))[None])
+        rows = np.flatnonzero(second.known)
+        if not len(rows):
+            return
+        path, units = self._path(rows), np.array(scales(self.load_cases.free))
         to_main, to_second = (
             np.abs((path["q"] - x["q"][rows]) / units).max(axis=1)
-            for x in (self.nodes, second)
+            for x in (self.nodes, second.found)
         )
         ends = converged(path["status"]) & (to_second < np.minimum(to_main, APART_MM))
         self._exchange(rows[ends], {x: values[ends] for x, values in path.items()}, second)
 
-    def _by_unloaded_path(self, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """Balances to which paths of their own lead, and `reached`."""
-        if not len(rows):
-            return {name: values[:0] for name, values in self.nodes.items()} | {"reached": rows}
-        path = balance_one(self.knee, self._at(rows))
-        return path.in_nodes() | {"reached": np.asarray(path.reached[0])}
-
     def _exchange(
-        self, rows: np.ndarray, found: dict[str, np.ndarray], second: dict[str, np.ndarray]
+        self, rows: np.ndarray, found: dict[str, np.ndarray], second: SecondBalances
     ) -> None:
         """Report what was found at some instants; what was reported there is second if stable."""
         stable = np.asarray(sound(self.nodes["status"][rows]))
-        for name, values in second.items():
+        for name, values in second.found.items():
             values[rows] = np.nan
             values[rows[stable]] = self.nodes[name][rows[stable]]
-        for name, values in self.nodes.items():
-            values[rows] = found[name]
-        self.reached[rows] = found["reached"]
-
-    def _follow(self, second: dict[str, np.ndarray]) -> None:
-        """Follow second balances in time, from both sides of each jump too, and keep them."""
-        in_time = np.arange(len(self.reached))[None]
-        follow_second(self.knee, self.load_cases, self.nodes, second, in_time)
-        self.other = second["q"]
-
-    def _near(self, rows: np.ndarray, begin: list[np.ndarray]) -> None:
-        """Find some near where they are expected."""
-        self._take(rows, self._searched(rows, begin))
-
-    def _searched(self, rows: np.ndarray, begin: list[np.ndarray]) -> Equilibria:
-        q, contact_points = (np.asarray(x)[None] for x in begin)
-        return balance_near(self.knee, itself, np.zeros(1), self._at(rows), q, contact_points)
-
-    def _take(self, rows: np.ndarray, found: Equilibria) -> None:
-        """Write down what was found."""
-        for name, values in found.in_nodes().items():
-            if name not in self.nodes:
-                shape, dtype = (len(self.reached), *values.shape[1:]), values.dtype
-                self.nodes[name] = np.full(shape, 0 if dtype.kind in "biu" else np.nan, dtype)
-            self.nodes[name][rows] = values
-        self.reached[rows] = found.reached[0]
+        self._take(rows, found)
 
     def _between(self, known: np.ndarray) -> None:
         """Find what lies between instants that are known, half-way first."""
-        while len(known) < len(self.reached):
+        while len(known) < len(self.load_cases):
             first, last = known[:-1], known[1:]
             apart = last - first > 1
             rows = (first[apart] + last[apart]) // 2
@@ -228,11 +203,8 @@ class Instants:
             known, before = self._known(np.array([row, row - way]))
             if not before or is_near(row) or (way < 0 and known):
                 continue
-            here, kept = np.array([row]), [x[row].copy() for x in self._every()]
-            self._near(here, [self.nodes[x][[row - way]] for x in GUESSED])
+            kept = [x[row].copy() for x in self.nodes.values()]
+            self._near(np.array([row]), [self.nodes[x][[row - way]] for x in GUESSED])
             if not is_near(row):
-                for values, old in zip(self._every(), kept, strict=True):
+                for values, old in zip(self.nodes.values(), kept, strict=True):
                     values[row] = old
-
-    def _every(self) -> list[np.ndarray]:
-        return [*self.nodes.values(), self.reached]

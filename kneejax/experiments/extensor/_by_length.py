@@ -206,17 +206,15 @@ def extension_by_length(
     weightless = weight_of(np.zeros(3), np.zeros(3))
     acting = (weightless, *loads)
 
-    def load_cases_of(flexion: Array) -> LoadCases:
-        return LoadCases.at(flexion, acting)
-
     known = jax.lax.stop_gradient((knee, flexion, longer))
     resting = followed(known[0], pulled_at(known[0], known[1], at_rest(known[0]), acting))
     rest = np.asarray(_length(resting))
     start = OnCable(resting.equilibrium, jnp.zeros(len(rest)))
-    found = drawn_to(known[0], load_cases_of(known[1]), rest, np.asarray(known[2]), start)
+    found = drawn_to(known[0], LoadCases.at(known[1], acting), rest, np.asarray(known[2]), start)
     if traced(knee, flexion, longer):
         still = again(knee, resting.load_cases, resting.equilibrium, resting.reached)
-        found = with_derivatives(knee, load_cases_of(flexion), _length(still) + longer, found)
+        load_cases = LoadCases.at(flexion, acting)
+        found = with_derivatives(knee, load_cases, _length(still) + longer, found)
     return _driven(knee, flexion, np.asarray(known[2]), found, acting)
 
 

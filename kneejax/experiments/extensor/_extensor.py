@@ -21,14 +21,24 @@ from jax.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.experiments.extensor._mechanism import (
+    TENDON,
     ByPull,
     Shank,
     by_pull,
-    forces_on_tibia,
+    pulls,
     tendon_of,
+    tendon_rows,
     weight_of,
 )
-from kneejax.geometry import FEMUR, OTHER_COLUMNS, PATELLA, TIBIA, State, scales
+from kneejax.geometry import (
+    FEMUR,
+    FEMUR_AND_TIBIA,
+    OTHER_COLUMNS,
+    PATELLA,
+    TIBIA,
+    State,
+    scales,
+)
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import Named, compiled, numpy_for, traced
 from kneejax.statics import LoadCases, converged
@@ -92,15 +102,30 @@ def held_leg(knee: Knee, flexion: Array, weight: Load) -> Held:
             "and jax.grad take it"
         )
     found = _searched(*still)
-    if traced(knee, flexion, weight):
-        found = _differentiable(knee, flexion, weight, found)
-    return found
+    if not traced(knee, flexion, weight):
+        return found
+    # The pull makes the moment vanish, and the pose balances under it. From the root a step by the
+    # slope there has the root's first derivative, and two have the second as well.
+    equilibrium, reached = found.motion.equilibrium, found.motion.reached
+    arm = by_pull(found.motion.knee, found.motion.load_cases, equilibrium).arm
+    rest = at_rest(knee)
+    moves = (found.pull > jax.lax.stop_gradient(rest)) & (found.pull < STRONGEST_N)
+    limit = jnp.where(found.pull < STRONGEST_N, rest, STRONGEST_N)
+    pull = found.pull
+    for _ in range(2):
+        held = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
+        pull = jnp.where(moves, pull - held.reaction("flexion") / arm, limit)
+    motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
+    return found._replace(motion=motion, pull=pull)
 
 
 def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
     rest = float(at_rest(knee))
     # A leg that hangs from a slack quadriceps may have no balance: begin where it carries.
-    first = np.clip(_bending(knee, flexion, weight) / _ARM_MM, rest, STRONGEST_N)
+    # As if the tibia only bent.
+    bent = dataclasses.replace(knee.reference_pose, flexion=jnp.deg2rad(flexion))
+    bending = np.asarray(weight.work(State({TIBIA: bent}), ("flexion",))[0])
+    first = np.clip(bending / _ARM_MM, rest, STRONGEST_N)
     pull, good, walked = first, np.full(first.shape, np.nan), np.zeros(first.shape, bool)
     motion = followed(knee, pulled_at(knee, flexion, pull, (weight,)))
     for _ in range(_MOST_TRIES):
@@ -142,30 +167,6 @@ def _moved(
         )
         motion = again(before.knee, load_cases, equilibrium, reached)
     return motion, astray
-
-
-def _bending(knee: Knee, flexion: Array, weight: Load) -> np.ndarray:
-    """Moment of a weight about the flexion axis of a tibia that only bends, N mm."""
-    reference, turned = knee.reference_pose, jnp.deg2rad(flexion)
-    bent = State({TIBIA: dataclasses.replace(reference, flexion=turned)})
-    return np.asarray(weight.work(bent, ("flexion",))[0])
-
-
-def _differentiable(knee: Knee, flexion: Array, weight: Load, found: Held) -> Held:
-    """The same leg as a function of all numbers: the pull makes the moment vanish, the pose
-    balances under it. From the root a step by the slope there has the root's first derivative, and
-    two have the second as well."""
-    equilibrium, reached = found.motion.equilibrium, found.motion.reached
-    arm = by_pull(found.motion.knee, found.motion.load_cases, equilibrium).arm
-    rest = at_rest(knee)
-    moves = (found.pull > jax.lax.stop_gradient(rest)) & (found.pull < STRONGEST_N)
-    limit = jnp.where(found.pull < STRONGEST_N, rest, STRONGEST_N)
-    pull = found.pull
-    for _ in range(2):
-        held = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
-        pull = jnp.where(moves, pull - held.reaction("flexion") / arm, limit)
-    motion = again(knee, pulled_at(knee, flexion, pull, (weight,)), equilibrium, reached)
-    return found._replace(motion=motion, pull=pull)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -236,7 +237,27 @@ class Extensor(Named):
         Ligaments by name, the patellar tendon as one, contacts, muscles, weights: they sum to
         zero where the knee balances.
         """
-        return forces_on_tibia(self.motion, self.mechanics)
+        motion, mechanics, knee = self.motion, self.mechanics, self.motion.knee
+        found = pulls(knee, motion.load_cases, motion.equilibrium)
+        muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
+        ligaments = np.asarray(mechanics.ligament_force).swapaxes(0, 1)
+        every = (knee.ligaments, ligaments), (knee.muscles, muscles)
+        answer = {
+            name: force
+            for parts, forces in every
+            if parts is not None
+            for name, pair, force in zip(parts.names, parts.bodies, forces, strict=True)
+            if pair == FEMUR_AND_TIBIA
+        }
+        answer[TENDON] = ligaments[tendon_rows(knee)].sum(axis=0)
+        for k, contact in enumerate(knee.contacts):
+            if contact.bodies == FEMUR_AND_TIBIA:
+                answer[knee.contact_names[k]] = np.asarray(mechanics.contact_force)[:, k]
+        every_load = (*knee.loads, *motion.load_cases.loads)
+        acting = [load for load in every_load if isinstance(load, Load)]
+        for load, force in zip(acting, loads, strict=True):
+            answer[load.name] = answer.get(load.name, 0.0) + force
+        return answer
 
 
 def needs_patella(knee: Knee) -> None:
@@ -273,7 +294,10 @@ def patellar_tracking(
     """
     needs_patella(knee)
     flexion, pull = np.broadcast_arrays(np.asarray(flexion_deg, float), quadriceps_N)
-    _check_pull(pull)
+    wrong = pull[~((pull > 0.0) & (pull <= STRONGEST_N))]
+    if wrong.size:
+        expected = f"above 0 and up to {STRONGEST_N:g} N"
+        raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
     weightless = weight_of(np.zeros(3), np.zeros(3))
     motion = followed(knee, pulled_at(knee, flexion, pull, (weightless, *loads)))
     nowhere = np.zeros(len(motion.status), bool)
@@ -330,13 +354,6 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank | Load) -> Extens
     weight = shank.load() if isinstance(shank, Shank) else shank
     flexion = jnp.atleast_1d(jnp.asarray(flexion_deg, float))
     return described(*held_leg(knee, flexion, weight), weight)
-
-
-def _check_pull(pull: np.ndarray) -> None:
-    wrong = pull[~((pull > 0.0) & (pull <= STRONGEST_N))]
-    if wrong.size:
-        expected = f"above 0 and up to {STRONGEST_N:g} N"
-        raise ValueError(f"the quadriceps pulls with {wrong[0]:g} N: expected {expected}")
 
 
 def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:

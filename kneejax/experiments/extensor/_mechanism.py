@@ -11,15 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from kneejax.dynamics import gravity_of
 from kneejax.experiments._evaluate import Mechanics
-from kneejax.experiments._motion import Motion
-from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Vector
+from kneejax.geometry import PATELLA, TIBIA, Vector
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import compiled, numpy_for, traced
 from kneejax.statics import Equilibrium, LoadCases, differentiable, force_along
 
-#: m/s^2.
-GRAVITY = 9.80665
 #: Of body mass, and of the shank's length from the knee: shank with foot (Winter, Biomechanics and
 #: Motor Control of Human Movement, 4th ed. 2009, Table 4.1: leg and foot).
 MASS_SHARE, CENTER_SHARE = 0.061, 0.606
@@ -76,11 +74,10 @@ class Shank:
 
     def load(self) -> Load:
         """Both weights as one force in the direction that it keeps in the femur's frame."""
-        turn = np.deg2rad(self.femur_deg)
-        down = np.array([-np.cos(turn), np.sin(turn), 0.0])
         mass = self.mass_kg + self.ankle_kg
         moments = self.mass_kg * np.array(self.center_mm) + self.ankle_kg * np.array(self.ankle_mm)
-        return weight_of(GRAVITY * mass * down, moments / mass if mass else np.zeros(3))
+        force = mass * np.array(gravity_of(self.femur_deg))
+        return weight_of(force, moments / mass if mass else np.zeros(3))
 
 
 def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
@@ -89,33 +86,6 @@ def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
 
 
 TENDON = "patellar tendon"
-
-
-def forces_on_tibia(motion: Motion, mechanics: Mechanics) -> dict[str, np.ndarray]:
-    """Part -> what it does to the tibia along the tibia's own axes, `(poses, 3)`, N: ligaments by
-    name, the patellar tendon as one, the contacts, muscles and loads, whose sum is zero in balance.
-    """
-    knee = motion.knee
-    found = _pulls(knee, motion.load_cases, motion.equilibrium)
-    muscles, loads = (np.moveaxis(np.asarray(x), 0, -1) for x in found)
-    ligaments = np.asarray(mechanics.ligament_force).swapaxes(0, 1)
-    every = (knee.ligaments, ligaments), (knee.muscles, muscles)
-    answer = {
-        name: force
-        for parts, forces in every
-        if parts is not None
-        for name, pair, force in zip(parts.names, parts.bodies, forces, strict=True)
-        if pair == FEMUR_AND_TIBIA
-    }
-    answer[TENDON] = ligaments[tendon_rows(knee)].sum(axis=0)
-    for k, contact in enumerate(knee.contacts):
-        if contact.bodies == FEMUR_AND_TIBIA:
-            answer[knee.contact_names[k]] = np.asarray(mechanics.contact_force)[:, k]
-    every_load = (*knee.loads, *motion.load_cases.loads)
-    acting = [load for load in every_load if isinstance(load, Load)]
-    for load, force in zip(acting, loads, strict=True):
-        answer[load.name] = answer.get(load.name, 0.0) + force
-    return answer
 
 
 def tendon_of(knee: Knee, mechanics: Mechanics) -> Array:
@@ -131,7 +101,7 @@ def tendon_rows(knee: Knee) -> np.ndarray:
 
 
 @compiled()
-def _pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple[Array, Array]:
+def pulls(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> tuple[Array, Array]:
     """Forces of muscles and loads in tibia axes, `(3, parts, poses)` each."""
     lanes, state = load_cases.load(add_lane_axis(knee)), equilibrium.state
     tibia = state.tibia.placement

@@ -129,9 +129,8 @@ def raised_leg(
     if (np.diff(flexions) >= 0.0).any():
         found = ", ".join(f"{x:g}" for x in flexions)
         raise WrongValue("flexion_deg", found, "flexions that fall, from the hanging leg on")
-    weights = moving.loads[len(moving.knee.loads) :]
-    others = tuple(load for load in weights if load.bone != TIBIA)
-    (weight,) = (load for load in weights if load.bone == TIBIA)
+    others = tuple(load for load in moving.weights if load.bone != TIBIA)
+    (weight,) = (load for load in moving.weights if load.bone == TIBIA)
     knee = dataclasses.replace(moving.knee, loads=(*moving.knee.loads, *others))
     ahead = leg_raise(knee, flexions, weight)
     first, last = _ends(ahead)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,12 +15,9 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, passive_flexion
 from kneejax.experiments.extensor import at_rest
 from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
-from kneejax.mechanics import QUADRICEPS, Load, load_of
+from kneejax.mechanics import QUADRICEPS, load_of
 from kneejax.numerics import Named, WrongValue
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    pass
 
 #: mm, at any time: what is left of the error of a motion's steps.
 MOST_ERROR_MM = 0.01
@@ -136,8 +133,7 @@ def transient(
         >>> leg_of_person(75.0, 1.75).mass_kg.round(3).item()
         4.575
     """
-    times, load_s = np.asarray(time_s, float), np.asarray(load_s, float)
-    sizes = {name: np.asarray(size, float) for name, size in (sizes or {}).items()}
+    times, load_s, sizes = np.asarray(time_s, float), np.asarray(load_s, float), sizes or {}
     begin = beginning(
         moving, flexion_deg, times[0], load_s=load_s, sizes=sizes, led=led, offset=offset,
         flexion_is_free=flexion_is_free,
@@ -147,8 +143,8 @@ def transient(
     )
     rest, far = None, float("nan")
     if not flexion_is_free and set(begin.held) == {"flexion"}:
-        weights, names = _weights(moving), coordinates_of(moving.knee.bodies)
-        rest = _balance(moving, flexion_deg, weights, sizes, load_s, times[-1], check=False)
+        names = coordinates_of(moving.knee.bodies)
+        rest = _balance(moving, flexion_deg, sizes, load_s, times[-1])
         off = np.asarray(found.q[-1]) - np.asarray(rest.equilibrium.state.at(names))[:, 0]
         far = float(np.abs(off / np.array(scales(names))).max())
     at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
@@ -183,15 +179,7 @@ def beginning(
 ) -> Beginning:
     """Where a motion begins: in balance, or moved from there by an offset.
 
-    Args:
-        moving: as in `transient`; likewise the others.
-        flexion_deg: likewise.
-        start_s: time of the start.
-        load_s: likewise.
-        sizes: likewise.
-        led: likewise.
-        offset: likewise.
-        flexion_is_free: likewise.
+    Arguments as those of `transient`, with `start_s`, the time of the start.
 
     Raises:
         ValueError: as `transient`.
@@ -199,27 +187,19 @@ def beginning(
     times = np.asarray(load_s, float)
     sized = {name: np.asarray(size, float) for name, size in (sizes or {}).items()}
     curve = LoadCurve.of(times, load_of(**{k: jnp.asarray(v) for k, v in sized.items()}))
-    balance = _balance(moving, flexion_deg, _weights(moving), sized, times, start_s)
+    balance = _balance(moving, flexion_deg, sized, times, start_s)
+    if not bool(balance.equilibrium.converged[0]):
+        found = f"{flexion_deg:g}: {Status(int(balance.status[0])).sentence}"
+        raise WrongValue("flexion_deg", found, "a balance that the motion can begin from")
     names = coordinates_of(moving.knee.bodies)
     start = np.array(balance.equilibrium.state.at(names))[:, 0]
     for name, more in prescribed_of(offset or {}).items():
         start[names.index(name)] += float(more)
     held = {} if flexion_is_free else {"flexion": lambda t, x=start[0]: np.full_like(t, x)}
-    held |= _led(led or {}, dict(zip(names, start, strict=True)))
-    return Beginning(start, curve, held)
-
-
-def _weights(moving: MovingKnee) -> tuple[Load, ...]:
-    return moving.loads[len(moving.knee.loads) :]
-
-
-def _led(led: Mapping[str, tuple[ArrayLike, ArrayLike]], start: Mapping[str, float]):
-    """Coordinate -> its way over time, rad or mm, from where it is."""
-    ways = {}
-    for column, (at_s, values) in led.items():
+    for column, (at_s, values) in (led or {}).items():
         ((name, way),) = prescribed_of({column: values}).items()
-        ways[name] = smooth_way(at_s, np.asarray(way), start[name])
-    return ways
+        held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
+    return Beginning(start, curve, held)
 
 
 def described(
@@ -246,23 +226,11 @@ def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
     return lambda t: through(np.clip(t, times[0], times[-1]))
 
 
-def _balance(
-    moving: MovingKnee,
-    flexion_deg: float,
-    weights: tuple[Load, ...],
-    sizes,
-    load_s,
-    at_s,
-    check=True,
-) -> Motion:
+def _balance(moving: MovingKnee, flexion_deg: float, sizes, load_s, at_s) -> Motion:
     """Where the knee balances under what acts at a time."""
     acting = {
         k: float(np.interp(at_s, load_s, np.broadcast_to(v, load_s.shape)))
         for k, v in sizes.items()
     }
-    loads = [*weights, *([load_of(**acting)] if acting else [])]
-    motion = passive_flexion(moving.knee, [flexion_deg], loads)
-    if check and not bool(motion.equilibrium.converged[0]):
-        found = f"{flexion_deg:g}: {Status(int(motion.status[0])).sentence}"
-        raise WrongValue("flexion_deg", found, "a balance that the motion can begin from")
-    return motion
+    loads = [*moving.weights, *([load_of(**acting)] if acting else [])]
+    return passive_flexion(moving.knee, [flexion_deg], loads)

@@ -18,6 +18,5 @@ from kneejax.experiments.laboratory._measured_test import counts_like_poses as c
 from kneejax.experiments.laboratory._measured_test import reading_unit as reading_unit
 from kneejax.experiments.laboratory._measured_test import weights_by_load as weights_by_load
 from kneejax.experiments.laboratory._ready import READY as READY
-from kneejax.experiments.laboratory._ready import AgainstLoad as AgainstLoad
 from kneejax.experiments.laboratory._ready import against_load as against_load
 from kneejax.experiments.laboratory._ready import lab_tests as lab_tests

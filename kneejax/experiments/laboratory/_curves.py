@@ -15,7 +15,7 @@ from kneejax.experiments._evaluate import Mechanics, evaluate
 from kneejax.experiments._motion import Motion, followed, passive_flexion, with_flips
 from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, table_units
-from kneejax.mechanics import Knee, Load
+from kneejax.mechanics import Knee
 from kneejax.numerics import Named, numpy_for
 from kneejax.statics import LoadCases, Status, converged
 
@@ -208,76 +208,49 @@ def load_curves(
     tests = (tests,) if isinstance(tests, LabTest) else tuple(tests)
     if not tests:
         raise ValueError("tests is empty; expected at least one")
-    laid = _laid_out(tests)
-    flexion = np.concatenate([np.repeat(test.flexion_deg, len(part)) for test, _, part, _ in laid])
-    machine = {test.machine for test in tests}
-    if len(machine) > 1:
-        kinds = "; ".join(", ".join(names) or "nothing" for names in sorted(machine))
+    machines = {test.machine for test in tests}
+    if len(machines) > 1:
+        kinds = "; ".join(", ".join(names) or "nothing" for names in sorted(machines))
         raise ValueError(f"tests prescribe different coordinates ({kinds}); expected one call each")
-    constant, grows = _loads(laid)
-    first = [constant] if any(test.constant for test in tests) else []
-    before = None if intact is None else _neutral(intact, laid, first)
-    if machine == {()}:
-        motion = passive_flexion(knee, flexion, [*first, grows])
+    # Rows are loads of curves; each curve, at one flexion of one test, has a neutral pose.
+    flexion = np.concatenate([test.flexion_deg for test in tests])
+    paths = [np.unique(np.r_[0.0, test.path], return_inverse=True) for test in tests]
+    parts = [np.tile(x, (len(y.flexion_deg), 1)) for (x, _), y in zip(paths, tests, strict=True)]
+    curve = np.repeat(np.arange(len(flexion)), [len(row) for each in parts for row in each])
+    first = np.flatnonzero(np.diff(curve, prepend=-1))
+    loads = [test.loads(each.ravel()) for test, each in zip(tests, parts, strict=True)]
+    both = zip(*loads, strict=True)
+    constant, grows = (jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in both)
+    constant = [constant] if any(test.constant for test in tests) else []
+
+    def neutral_of(some: Knee) -> Motion:
+        """A knee under what acts throughout."""
+        return passive_flexion(some, flexion, jax.tree.map(lambda x: x[first], constant))
+
+    before = None if intact is None else neutral_of(intact)
+    (machine,) = machines
+    if not machine:
+        motion = passive_flexion(knee, flexion[curve], [*constant, grows])
     else:
-        neutral = _neutral(knee, laid, first) if before is None else before
-        motion = _by_machine(knee, laid, neutral, first, grows)
-    ends = np.cumsum([len(nodes) for _, nodes, *_ in laid])
-    rows = np.split(np.arange(ends[-1]), ends[:-1])
+        neutral = neutral_of(knee) if before is None else before
+        moved = np.zeros((len(machine), len(curve)))
+        moved[0] = np.concatenate([
+            (test.displacement or 0.0) * each.ravel() / table_units([test.observed])
+            for test, each in zip(tests, parts, strict=True)
+        ])  # fmt: skip
+        taken = neutral.equilibrium.state.at(machine)[:, curve] + moved
+        acting, later = (*constant, grows), 1
+        if constant and all(test.displacement is not None for test in tests):
+            # A machine that moves the tibia adds no load: the search of the neutral pose serves.
+            acting, later = tuple(constant), 0
+        prescribed = {"flexion": jnp.deg2rad(jnp.asarray(flexion, float))[curve]}
+        prescribed |= zip(machine, taken, strict=True)
+        motion = followed(knee, LoadCases(prescribed, acting, later=later))
+    rows = np.split(np.arange(len(curve)), np.cumsum([each.size for each in parts])[:-1])
+    own = np.split(np.arange(len(flexion)), np.cumsum([len(each) for each in parts])[:-1])
     return tuple(
-        Curves(test, motion, nodes, part, steps, before, own)
-        for (test, nodes, part, steps), own in zip(laid, rows, strict=True)
+        Curves(test, motion, nodes.reshape(each.shape), part, back[1:], before, neutrals)
+        for test, nodes, each, (part, back), neutrals in zip(
+            tests, rows, parts, paths, own, strict=True
+        )
     )
-
-
-def _laid_out(tests: Sequence[LabTest]):
-    """Of each test its rows, `(flexions, loads)`, the parts of its load, and which comes when."""
-    laid, first = [], 0
-    for test in tests:
-        part, back = np.unique(np.r_[0.0, test.path], return_inverse=True)
-        nodes = first + np.arange(len(test.flexion_deg) * len(part)).reshape(-1, len(part))
-        first += nodes.size
-        laid.append((test, nodes, part, back[1:]))
-    return laid
-
-
-def _loads(laid) -> list[Load]:
-    """What acts at every row: what does not change, and what grows."""
-    each = [test.loads(np.tile(part, len(nodes))) for test, nodes, part, _ in laid]
-    both = zip(*each, strict=True)
-    return [jax.tree.map(lambda *x: jnp.concatenate(x), *kind) for kind in both]
-
-
-def _neutral(knee: Knee, laid, constant: list[Load]) -> Motion:
-    """A knee under what acts throughout, at each flexion of each test."""
-    begin = np.concatenate([nodes[:, 0] for _, nodes, *_ in laid])
-    held = [jax.tree.map(lambda x: x[begin], load) for load in constant]
-    return passive_flexion(knee, np.concatenate([test.flexion_deg for test, *_ in laid]), held)
-
-
-def _by_machine(knee: Knee, laid, neutral: Motion, constant: list[Load], grows: Load) -> Motion:
-    """Tests in which a machine takes hold of the tibia in a neutral pose."""
-    # Of each row its flexion, by the first rows of each.
-    begin = np.concatenate([nodes[:, 0] for _, nodes, *_ in laid])
-    own = np.searchsorted(begin, np.arange(laid[-1][1][-1, -1] + 1), "right") - 1
-    names = laid[0][0].machine
-    moved = np.concatenate(
-        [np.tile(_displaced(test, part), len(nodes)) for test, nodes, part, _ in laid], axis=1
-    )
-    prescribed = dict(zip(names, neutral.equilibrium.state.at(names)[:, own] + moved, strict=True))
-    flexion = np.concatenate([test.flexion_deg for test, *_ in laid])
-    bent = jnp.deg2rad(jnp.asarray(flexion, float))[own]
-    acting, later = (*constant, grows), 1
-    if constant and all(test.displacement is not None for test, *_ in laid):
-        # A machine that moves the tibia adds no load: the search of the neutral pose serves.
-        acting, later = tuple(constant), 0
-    load_cases = LoadCases({"flexion": bent, **prescribed}, acting, later=later)
-    return followed(knee, load_cases)
-
-
-def _displaced(test: LabTest, part: np.ndarray) -> np.ndarray:
-    """How far a machine moves each coordinate that it has hold of, `(names, loads)`, rad or mm."""
-    moved = np.zeros((len(test.machine), len(part)))
-    if test.displacement is not None:
-        moved[0] = test.displacement * part / table_units([test.observed])
-    return moved

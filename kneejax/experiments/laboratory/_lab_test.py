@@ -82,9 +82,6 @@ class LabTest:
         if self.displacement is not None and self.observed not in MOVED_BY_MACHINE:
             known = ", ".join(MOVED_BY_MACHINE)
             raise WrongValue("displacement", f"of {self.observed}", f"one of {known}")
-        self._check_held()
-
-    def _check_held(self) -> None:
         for name in self.held:
             if name not in HELD:
                 known = ", ".join(HELD)

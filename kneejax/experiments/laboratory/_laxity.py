@@ -4,15 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 
-import jax
 import numpy as np
 
-from kneejax.experiments._branches import GUESSED, changed_in_steps, follow_second, second_of
+from kneejax.experiments._branches import (
+    GUESSED,
+    SecondBalances,
+    balanced_near,
+    changed_in_steps,
+    guesses,
+    some_of,
+)
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units
 from kneejax.mechanics import Knee, load_called
 from kneejax.numerics import Named, needs_numbers
-from kneejax.statics import Status, balance_near, balance_one, converged, itself
+from kneejax.statics import Status, balance_one, converged
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,60 +98,43 @@ def laxity(curves: Curves, status: np.ndarray | None = None) -> tuple[Laxity, ..
         (True, 'mm')
     """
     needs_numbers("laxity", "load_curves(...).displacement", curves.motion)
-    status = curves.searched if status is None else status
+    test, status = curves.test, curves.searched if status is None else status
     reached = np.asarray(curves.motion.reached)[curves.nodes]
     moved, neutral = np.asarray(curves.displacement_by_load), np.asarray(curves.neutral)
     load = np.asarray(curves.driving_load)
-    order = np.argsort(curves.test.size * curves.part)  # a test may begin with the negative sense
-    rows = zip(
-        curves.test.flexion_deg, load[:, order], moved[:, order], reached[:, order],
-        status[:, order], neutral, strict=True,
-    )  # fmt: skip
+    order = np.argsort(test.size * curves.part)  # a test may begin with the negative sense
     zero = int(np.argmin(np.abs(curves.part[order])))
-    return tuple(_of_flexion(curves, zero, *row) for row in rows)
-
-
-def _of_flexion(curves: Curves, zero, flexion, load, moved, reached, status, neutral) -> Laxity:
-    by_load = curves.test.displacement is None
-    up, down = (_arm(way, zero, load, moved, reached, status, by_load) for way in (1, -1))
-    ways = [arm for arm in (up, down) if arm.asked]
-    span = ways[0].end - ways[1].end if len(ways) == 2 else abs(ways[0].end) if ways else np.nan
-    name = curves.test.observed
-    if load_called(name) != curves.test.driven_by:
-        ways = []
-    return Laxity(
-        curves.test.name, float(flexion), name, float(span), up.end, down.end, float(neutral),
-        _mean([arm.first for arm in ways]), _mean([arm.last for arm in ways]),
-        coordinate(name).unit, up.held, down.held, curves.counted_from,
-        Status(int(status.max())),
-    )  # fmt: skip
-
-
-@dataclasses.dataclass(frozen=True)
-class _Arm:
-    """One way of a curve: displacement at its end, slopes of its ends, the largest load held."""
-
-    asked: bool
-    end: float
-    first: float
-    last: float
-    held: float
-
-
-def _arm(way: int, zero: int, load, moved, reached, status, by_load: bool) -> _Arm:
-    rows = np.arange(zero, len(load)) if way > 0 else np.arange(zero, -1, -1)
-    if len(rows) < 2:
-        return _Arm(False, np.nan, np.nan, np.nan, np.nan)
-    good = converged(status[rows])
-    count = len(rows) if good.all() else int(np.argmin(good))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope = np.diff(load[rows[:count]]) / np.diff(moved[rows[:count]])
-    first, last = (float(slope[k]) if len(slope) else np.nan for k in (0, -1))
-    end = float(moved[rows[-1]]) if count == len(rows) else np.nan
-    held = load[rows[count - 1]] if count else np.nan
-    if by_load and count < len(rows):
-        held = load[rows[count]] * reached[rows[count]]
-    return _Arm(True, end, first, last, float(held))
+    ways = order[zero:], order[zero::-1]
+    works = load_called(test.observed) == test.driven_by
+    answer = []
+    for row, flexion in enumerate(test.flexion_deg):
+        ends, held, first, last = [], [], [], []
+        for way in ways:
+            if len(way) < 2:
+                ends.append(np.nan)
+                held.append(np.nan)
+                continue
+            good = converged(status[row, way])
+            count = len(way) if good.all() else int(np.argmin(good))
+            known = way[:count]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                slope = np.diff(load[row, known]) / np.diff(moved[row, known])
+            if works and len(slope):
+                first.append(slope[0])
+                last.append(slope[-1])
+            ends.append(moved[row, way[-1]] if count == len(way) else np.nan)
+            held.append(load[row, known[-1]] if count else np.nan)
+            if test.displacement is None and count < len(way):
+                held[-1] = load[row, way[count]] * reached[row, way[count]]
+        both = [end for end, way in zip(ends, ways, strict=True) if len(way) > 1]
+        span = both[0] - both[1] if len(both) == 2 else abs(both[0]) if both else np.nan
+        answer.append(Laxity(
+            test.name, float(flexion), test.observed, float(span), float(ends[0]), float(ends[1]),
+            float(neutral[row]), _mean(first), _mean(last), coordinate(test.observed).unit,
+            float(held[0]), float(held[1]), curves.counted_from,
+            Status(int(status[row].max())),
+        ))  # fmt: skip
+    return tuple(answer)
 
 
 def _mean(values: list[float]) -> float:
@@ -172,39 +161,34 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
     answer = np.full((*nodes.shape, len(COLUMNS)), np.nan)
     if curves.test.machine:
         return answer
-    part = curves.part
-    ends = sorted({int(part.argmin()), int(np.abs(part).argmin()), int(part.argmax())})
-    load_cases = jax.tree.map(lambda x: np.asarray(x)[nodes.ravel()], motion.load_cases.of(before))
-    main = {x: np.moveaxis(np.asarray(getattr(motion.equilibrium, x)), -1, 0)[nodes.ravel()]
-            for x in GUESSED}  # fmt: skip
-    main["status"] = np.asarray(motion.status)[nodes.ravel()]
-    second = {x: np.full_like(main[x], np.nan) for x in GUESSED}
-    lines = np.arange(nodes.size).reshape(nodes.shape)
+    part, lines = curves.part, np.arange(nodes.size).reshape(nodes.shape)
+    zero = int(np.abs(part).argmin())
+    ends = sorted({int(part.argmin()), zero, int(part.argmax())})
+    load_cases = some_of(motion.load_cases.of(before), nodes.ravel())
+    main = guesses(motion.equilibrium) | {"status": np.asarray(motion.status)}
+    main = {name: values[nodes.ravel()] for name, values in main.items()}
+    second = SecondBalances(motion.knee, load_cases, main)
     rows = lines[:, ends].ravel()
-    at = jax.tree.map(lambda x: x[rows], load_cases)
+    at = some_of(load_cases, rows)
     whole = balance_one(before, at).in_nodes()
     good = np.asarray(converged(whole["status"]))
     # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
-    rest = np.repeat(np.arange(len(nodes)) * len(ends) + ends.index(int(np.abs(part).argmin())),
-                     len(ends))  # fmt: skip
+    rest = np.repeat(np.arange(len(nodes)) * len(ends) + ends.index(zero), len(ends))
     lost = np.flatnonzero(~good & good[rest])
     if len(lost):
-        begin = [whole[name][rest[lost]][None] for name in GUESSED]
-        there = jax.tree.map(lambda x: x[lost], at)
-        snapped = balance_near(before, itself, np.zeros(1), there, *begin).in_nodes()
+        begin = [whole[name][rest[lost]] for name in GUESSED]
+        snapped = balanced_near(before, some_of(at, lost), begin).in_nodes()
         for name in (*GUESSED, "status"):
             whole[name] = np.array(whole[name])
             whole[name][lost] = snapped[name]
         good = np.asarray(converged(whole["status"]))
     if good.any():
-        at, rows = jax.tree.map(lambda x: x[good], at), rows[good]
-        found = changed_in_steps(before, motion.knee, at, [whole[x][good] for x in GUESSED])
+        begin = [whole[name][good] for name in GUESSED]
+        found = changed_in_steps(before, motion.knee, some_of(at, good), begin)
         if found is not None:
-            here = second_of(at, {x: main[x][rows] for x in ("q", "status")}, found)
-            for name, values in second.items():
-                values[rows[here]] = found[name][here]
-    follow_second(motion.knee, load_cases, main, second, lines)
-    poses = second["q"].reshape(*nodes.shape, -1)[..., : len(FREE_COORDINATES)]
+            second.add(rows[good], found)
+    second.follow(lines)
+    poses = second.found["q"].reshape(*nodes.shape, -1)[..., : len(FREE_COORDINATES)]
     answer[..., 1:] = poses * table_units(FREE_COORDINATES)
     flexion = np.array(curves.test.flexion_deg)[:, None]
     answer[..., 0] = np.where(np.isnan(answer[..., 1]), np.nan, flexion)

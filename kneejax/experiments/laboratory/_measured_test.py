@@ -126,11 +126,8 @@ class MeasuredTest:
         shape = len(flexion), 5
         if observed.shape != shape:
             raise WrongValue("observed", str(observed.shape), str(shape))
-        acting = {f"{field}.{name}": sizes for field in ("loads", "tensions")
-                  for name, sizes in given[field].items()}  # fmt: skip
-        for name, sizes in acting.items():
-            if sizes.shape != shape[:1]:
-                raise WrongValue(name, str(sizes.shape), str(shape[:1]))
+        self._check_rows({f"{field}.{name}": sizes for field in ("loads", "tensions")
+                          for name, sizes in given[field].items()})  # fmt: skip
         if self.axes not in AXES:
             raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
@@ -138,21 +135,34 @@ class MeasuredTest:
             raise WrongValue("counted_from", repr(self.counted_from), known)
         if all(np.isnan(own).all() for own in (observed, *readings.values())):
             raise WrongValue("observed", "nothing", "a number in some row")
-        self._check_readings(shape[:1])
-        self._check_weight(shape[:1])
-        self._check_frames()
-        self._check_information()
-
-    def _check_readings(self, shape: tuple[int]) -> None:
         if self.counted_from == "intact" and not self.cut:
             raise WrongValue("counted_from", "intact", "cut too, or unloaded")
+        self._check_readings()
+        if self.weight is not None:
+            self.__dict__["weight"] = weight = np.asarray(self.weight, float)
+            self._check_rows({"weight": weight})
+            if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
+                raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
+        if self.frames is not None:
+            seen = len(self.frames.time_s)
+            if seen != len(flexion):
+                raise WrongValue("frames", f"{seen} times", f"{len(flexion)}, one a row")
+            for name in (*tensions, *readings):
+                raise WrongValue("frames", f"{name} too", "loads and coordinates alone")
+        self._check_information()
+
+    def _check_rows(self, columns: Mapping[str, np.ndarray]) -> None:
+        for name, sizes in columns.items():
+            if sizes.shape != self.flexion_deg.shape:
+                raise WrongValue(name, str(sizes.shape), str(self.flexion_deg.shape))
+
+    def _check_readings(self) -> None:
         for name, sizes in self.readings.items():
             part, _, kind = name.rpartition(".")
             if name not in OTHER_COLUMNS and (not part or kind not in READINGS):
                 known = ", ".join([*(f"PART.{kind}" for kind in READINGS), *OTHER_COLUMNS])
                 raise WrongValue("readings", repr(name), f"of {known}")
-            if sizes.shape != shape:
-                raise WrongValue(f"readings.{name}", str(sizes.shape), str(shape))
+            self._check_rows({f"readings.{name}": sizes})
             if np.isnan(self.sd_of(name)):
                 sd = f"sd_{reading_unit(name) or 'strain'}"
                 raise WrongValue(sd, "not stated", f"how well {name} is known")
@@ -163,25 +173,6 @@ class MeasuredTest:
                     "unloaded or absolute, since unknown constants are of the bones' coordinates "
                     "alone",
                 )
-
-    def _check_weight(self, shape: tuple[int]) -> None:
-        if self.weight is None:
-            return
-        self.__dict__["weight"] = weight = np.asarray(self.weight, float)
-        if weight.shape != shape:
-            raise WrongValue("weight", str(weight.shape), str(shape))
-        if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
-            raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
-
-    def _check_frames(self) -> None:
-        if self.frames is None:
-            return
-        if len(self.frames.time_s) != len(self.flexion_deg):
-            rows = len(self.flexion_deg)
-            raise WrongValue("frames", f"{len(self.frames.time_s)} times", f"{rows}, one a row")
-        if self.tensions or self.readings:
-            name = next(iter({**self.tensions, **self.readings}))
-            raise WrongValue("frames", f"{name} too", "loads and coordinates alone")
 
     def _check_loads(self, flexion: np.ndarray, acting: Sequence[np.ndarray]) -> None:
         """Some load acts or something was read of the knee's parts, or the motion needs none; and

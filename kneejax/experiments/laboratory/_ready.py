@@ -27,7 +27,11 @@ class Ready:
     observed: str  # see `LabTest`
     size: float = 100.0  # of that force, N, or moment, N m, where none is asked for
     flexion_deg: tuple[float, ...] = _USUAL_DEG  # where no angles are asked for
-    turns: bool = False  # whether a moment is asked for, not a force
+
+    @property
+    def turns(self) -> bool:
+        """Whether a moment is asked for, not a force."""
+        return all(NAMED_LOADS[name].unit == "N m" for name in self.full)
 
 
 #: Name of a test -> what it is.
@@ -37,10 +41,10 @@ READY = {
         "the same, nearly straight", {"anterior_N": 1.0}, "anterior", flexion_deg=(20.0,)
     ),
     "torsion": Ready(
-        "the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0, turns=True
+        "the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0
     ),
     "varus-valgus": Ready(
-        "the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0, turns=True
+        "the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0
     ),
     "compression": Ready(
         "the tibia is pressed against the femur", {"compression_N": 1.0}, "superior", 500.0
@@ -50,7 +54,7 @@ READY = {
     ),
     "pivot": Ready(
         "valgus, with half as much internal torque", {"varus_Nm": -1.0, "internal_Nm": 0.5},
-        "anterior", 10.0, turns=True,
+        "anterior", 10.0,
     ),
 }  # fmt: skip
 #: Tests of which an envelope consists, with their part of the moment that is asked for.
@@ -105,7 +109,12 @@ def lab_tests(
     if name == "envelope":
         if moved:
             raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
-        return _envelope(flexion_deg, force_N, 10.0 if moment_Nm is None else moment_Nm, given)
+        angles = None if flexion_deg is None else tuple(flexion_deg)
+        full = 10.0 if moment_Nm is None else moment_Nm
+        sizes = {kind: {"moment_Nm": part * full} for kind, part in _ENVELOPE.items()}
+        sizes["drawer"] = {"force_N": force_N}
+        each = (lab_tests(kind, angles, both=True, **sizes[kind], **given) for kind in _ENVELOPE)
+        return tuple(test for (test,) in each)
     if name not in READY:
         raise WrongValue("test", repr(name), f"one of {', '.join(READY)}")
     kind = READY[name]
@@ -114,7 +123,17 @@ def lab_tests(
         wanted, wrong = ("moment_Nm", "force_N") if kind.turns else ("force_N", "moment_Nm")
         raise WrongValue(wrong, name, f"{wanted}, which this test takes")
     full = {load: part * (kind.size if size is None else size) for load, part in kind.full.items()}
-    displacement = _displacement(name, kind, size, moved) if moved else None
+    displacement = None
+    if moved:
+        wanted = "rotation_deg" if coordinate(kind.observed).unit == "deg" else "displacement_mm"
+        if kind.observed not in MOVED_BY_MACHINE or len(kind.full) > 1:
+            raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
+        for wrong in moved:
+            if wrong != wanted:
+                raise WrongValue(wrong, name, f"{wanted}, which this test takes")
+        if size is not None:
+            raise WrongValue(wanted, f"{name} with a load too", "one of the two")
+        displacement = moved[wanted]
     angles = kind.flexion_deg if flexion_deg is None else flexion_deg
     path, angles = load_cycle(steps, both), tuple(float(x) for x in angles)
     test = LabTest(
@@ -122,29 +141,6 @@ def lab_tests(
         displacement, tuple(held),
     )  # fmt: skip
     return (test,)
-
-
-def _envelope(
-    flexion_deg: Iterable[float] | None, force_N: float | None, moment_Nm: float, given
-) -> tuple[LabTest, ...]:
-    angles = None if flexion_deg is None else tuple(flexion_deg)
-    sizes = {kind: {"moment_Nm": part * moment_Nm} for kind, part in _ENVELOPE.items()}
-    sizes["drawer"] = {"force_N": force_N}
-    each = (lab_tests(kind, angles, both=True, **sizes[kind], **given) for kind in _ENVELOPE)
-    return tuple(test for (test,) in each)
-
-
-def _displacement(name: str, kind: Ready, load: float | None, moved: Mapping[str, float]) -> float:
-    """How far a machine moves what a test observes, mm or degrees."""
-    wanted = "rotation_deg" if coordinate(kind.observed).unit == "deg" else "displacement_mm"
-    if kind.observed not in MOVED_BY_MACHINE or len(kind.full) > 1:
-        raise WrongValue(next(iter(moved)), name, "a test that a machine can drive")
-    for given in moved:
-        if given != wanted:
-            raise WrongValue(given, name, f"{wanted}, which this test takes")
-    if load is not None:
-        raise WrongValue(wanted, f"{name} with a load too", "one of the two")
-    return moved[wanted]
 
 
 #: Of the work over that of a curve in which load and displacement are in proportion; below minus
