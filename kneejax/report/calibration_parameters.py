@@ -124,7 +124,7 @@ def parameters_figure(calibration: Calibration) -> Figure:
     left = min(max(0.5, 0.064 * longest + 0.12), 2.1)
     figure, panels = grid(rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left,
                           right=0.1, top=0.5, bottom=0.25, apart=(left + 0.1, 0.55),
-                          height_ratios=depths)  # fmt: skip
+                          shown=len(groups), height_ratios=depths)  # fmt: skip
     handles: dict = {}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
         title = quantity.replace(".", " ").replace("_", " ").capitalize()
@@ -172,8 +172,6 @@ def parameters_figure(calibration: Calibration) -> Figure:
         axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
         axes.tick_params(axis="y", length=0)
         axes.grid(False, axis="y")
-    for axes in panels.flat[len(groups) :]:
-        axes.set_axis_off()
     figure.legend(list(handles.values()), list(handles), loc="upper left",
                   bbox_to_anchor=(0.06, 1.0), ncols=len(handles), columnspacing=1.5,
                   handletextpad=0.5, handlelength=1.4, fontsize=7.5, borderaxespad=0.2)  # fmt: skip
