@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from kneejax.inference import IntervalKind
+from kneejax.inference import Calibration, Estimate, IntervalKind
 from kneejax.report.look.colours import BLUE, FITS, GREY, LIGHT, VERMILLION, both_signs
-from kneejax.report.look.style import Axes, Figure, readable, styled, verbatim
+from kneejax.report.look.style import Figure, readable, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, number, trimmed, with_error
 from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
-    from kneejax.inference import Calibration, Estimate
 
 #: What a kind of interval says on the line of an estimate.
 _KINDS = {IntervalKind.NOT_DETERMINED: "not determined",
@@ -43,9 +39,9 @@ def limits(low: float, high: float, digits: int = 4) -> str:
 
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    words = ["not determined"] if estimate.interval is IntervalKind.NOT_DETERMINED else []
-    words += ["not computed"] if estimate.interval is IntervalKind.NOT_COMPUTED else []
-    return ": ".join([*words, *filter(None, [reasons(estimate)])])
+    words = {IntervalKind.NOT_DETERMINED: "not determined",
+             IntervalKind.NOT_COMPUTED: "not computed"}.get(estimate.interval, "")  # fmt: skip
+    return ": ".join(filter(None, [words, reasons(estimate)]))
 
 
 def reasons(estimate: Estimate) -> str:
@@ -55,8 +51,7 @@ def reasons(estimate: Estimate) -> str:
         further = "" if estimate.interval is None else ": the data would move it further"
         words.append(f"on its bound{further}")
     if estimate.slack > 0:
-        part = estimate.slack
-        where = "every pose" if part == 1.0 else f"{part:.0%} of the poses"
+        where = "every pose" if estimate.slack == 1.0 else f"{estimate.slack:.0%} of the poses"
         words.append(f"its ligament is slack at {where}")
     if estimate.interval is IntervalKind.PRIOR:
         words.append("known from the prior alone")
@@ -92,10 +87,8 @@ def estimates_table(calibration: Calibration, note: str = "") -> Table:
 def parameter_document(e: Estimate) -> dict[str, Any]:
     """The numbers of an estimate for result.json; NaN where there is none."""
     names = ("value", "start", "lower", "upper", "standard_error", "at_bound", "low", "high")
-    kind = None if e.interval is None else e.interval.value
-    return {n: (bool if n == "at_bound" else float)(getattr(e, n)) for n in names} | {
-        "interval": kind
-    }
+    numbers = {n: (bool if n == "at_bound" else float)(getattr(e, n)) for n in names}
+    return numbers | {"interval": None if e.interval is None else e.interval.value}
 
 
 def parameters_table(calibration: Calibration) -> Table:
@@ -120,7 +113,6 @@ def parameters_figure(calibration: Calibration) -> Figure:
     Returns:
         One panel per quantity (stiffness, reference strain, ...), one row per parameter.
     """
-
     groups: dict[tuple[str, str], list[Estimate]] = {}
     for e in calibration.fit.estimates:
         groups.setdefault((e.name.partition(".")[2] or e.name, e.unit), []).append(e)
@@ -132,67 +124,58 @@ def parameters_figure(calibration: Calibration) -> Figure:
     left = min(max(0.5, 0.064 * longest + 0.12), 2.1)
     figure, panels = grid(rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left,
                           right=0.1, top=0.5, bottom=0.25, apart=(left + 0.1, 0.55),
-                          height_ratios=depths)  # fmt: skip
+                          shown=len(groups), height_ratios=depths)  # fmt: skip
     handles: dict = {}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
         title = quantity.replace(".", " ").replace("_", " ").capitalize()
         axes.set_title(verbatim(f"{title}, {unit}" if unit else title))
-        _parameter_rows(axes, group, calibration, handles)
-    for axes in panels.flat[len(groups) :]:
-        axes.set_axis_off()
+        y = np.arange(len(group), dtype=float)
+        names = ("value", "start", "lower", "upper")
+        values, starts, lower, upper = (np.array([getattr(e, n) for e in group]) for n in names)
+        truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
+        ends = np.concatenate([values, starts, truth, lower, upper])
+        ends = ends[np.isfinite(ends)]
+        low, high = (np.min(ends), np.max(ends)) if ends.size else (0.0, 1.0)
+        pad = 0.04 * (high - low) or 1.0
+        bounded = np.isfinite(lower) & np.isfinite(upper)
+        if bounded.any():
+            bars = axes.barh(y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5,
+                             color=LIGHT)  # fmt: skip
+            handles.setdefault("bounds", bars)
+        (handles["start"],) = axes.plot(starts, y, "o", color=BLUE, markersize=4.5)
+        for row, e in enumerate(group):
+            # A cap at each limit; where there is none the line runs to the bound, with an arrow.
+            known = np.isfinite([e.low, e.high])
+            ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
+            if known.any():
+                style = {"color": VERMILLION, "markersize": 5, "markeredgewidth": 1.2}
+                axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
+                for end, closed, arrow in zip(ends, known, "<>", strict=True):
+                    axes.plot(end, row, "|" if closed else arrow, **style)
+            words = ["at bound"] * e.at_bound
+            words += ["not determined"] * (e.interval is IntervalKind.NOT_DETERMINED)
+            axes.text(high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION, ha="right",
+                      va="bottom", style="italic")  # fmt: skip
+        drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
+        handles["estimate and 95 % limits"] = drawn[0]
+        hollow: dict[str, Any] = {"markerfacecolor": "none"}
+        for i, fit in enumerate(calibration.fits[1:], 1):
+            others = {e.name: e.value for e in fit.estimates}
+            (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
+                [others.get(e.name, np.nan) for e in group], y + 0.2, "^" if i % 2 else "v",
+                color=FITS[i % len(FITS)], markersize=3.5, **hollow,
+            )  # fmt: skip
+        if calibration.truth:
+            (handles["truth"],) = axes.plot(truth, y, "D", color="black", markersize=6, **hollow)
+        axes.set_xlim(low - pad, high + pad)
+        axes.set_ylim(len(group) - 0.5, -0.62)
+        axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
+        axes.tick_params(axis="y", length=0)
+        axes.grid(False, axis="y")
     figure.legend(list(handles.values()), list(handles), loc="upper left",
                   bbox_to_anchor=(0.06, 1.0), ncols=len(handles), columnspacing=1.5,
                   handletextpad=0.5, handlelength=1.4, fontsize=7.5, borderaxespad=0.2)  # fmt: skip
     return figure
-
-
-def _parameter_rows(
-    axes: Axes, group: list[Estimate], calibration: Calibration, handles: dict
-) -> None:
-    """The parameters of one quantity, a row each."""
-    y = np.arange(len(group), dtype=float)
-    names = ("value", "start", "lower", "upper")
-    values, starts, lower, upper = (np.array([getattr(e, n) for e in group]) for n in names)
-    truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
-    ends = np.concatenate([values, starts, truth, lower, upper])
-    ends = ends[np.isfinite(ends)]
-    low, high = (np.min(ends), np.max(ends)) if ends.size else (0.0, 1.0)
-    pad = 0.04 * (high - low) or 1.0
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    if bounded.any():
-        bars = axes.barh(y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5,
-                         color=LIGHT)  # fmt: skip
-        handles.setdefault("bounds", bars)
-    (handles["start"],) = axes.plot(starts, y, "o", color=BLUE, markersize=4.5)
-    for row, e in enumerate(group):
-        # A cap at each limit; where there is none the line runs to the bound and ends in an arrow.
-        known = np.isfinite([e.low, e.high])
-        ends = np.where(known, [e.low, e.high], [e.lower, e.upper])
-        if known.any():
-            style = {"color": VERMILLION, "markersize": 5, "markeredgewidth": 1.2}
-            axes.plot(ends, [row, row], color=VERMILLION, linewidth=1.3, solid_capstyle="butt")
-            for end, closed, arrow in zip(ends, known, "<>", strict=True):
-                axes.plot(end, row, "|" if closed else arrow, **style)
-        words = ["at bound"] * e.at_bound
-        words += ["not determined"] * (e.interval is IntervalKind.NOT_DETERMINED)
-        axes.text(high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION, ha="right",
-                  va="bottom", style="italic")  # fmt: skip
-    drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
-    handles["estimate and 95 % limits"] = drawn[0]
-    hollow: dict[str, Any] = {"markerfacecolor": "none"}
-    for i, fit in enumerate(calibration.fits[1:], 1):
-        others = {e.name: e.value for e in fit.estimates}
-        (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
-            [others.get(e.name, np.nan) for e in group], y + 0.2, "^" if i % 2 else "v",
-            color=FITS[i % len(FITS)], markersize=3.5, **hollow,
-        )  # fmt: skip
-    if calibration.truth:
-        (handles["truth"],) = axes.plot(truth, y, "D", color="black", markersize=6, **hollow)
-    axes.set_xlim(low - pad, high + pad)
-    axes.set_ylim(len(group) - 0.5, -0.62)
-    axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
-    axes.tick_params(axis="y", length=0)
-    axes.grid(False, axis="y")
 
 
 @styled

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import counts_like_poses, reading_unit
 from kneejax.geometry import COORDINATES, OTHER_COLUMNS
+from kneejax.inference import Calibration, FittedTest
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.report.look.colours import GREY
-from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.colours import BLACK, GREY, shades
+from kneejax.report.look.style import Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table, change
 from kneejax.report.panels import grid
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    from kneejax.inference import Calibration, FittedTest
 
 #: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
 _REPEATS_WITHIN = 0.05
@@ -31,27 +29,18 @@ _COMPARED = {"unloaded": "Change from the unloaded pose", "intact": "Change from
              "extension": "Change from extension"}  # fmt: skip
 
 
-class LaxityError(NamedTuple):
-    """Root mean square errors of a test's coordinate at one flexion; of all if that is None."""
-
-    test: str
-    flexion_deg: float | None
-    coordinate: str
-    readings: int
-    start: float
-    fitted: float
-
-
-def laxity_errors(calibration: Calibration) -> list[LaxityError]:
-    """Errors by test, coordinate and flexion, each coordinate as a whole first."""
+def laxity_errors(calibration: Calibration) -> list[dict[str, Any]]:
+    """Root mean square errors of each test's coordinates, at each flexion, and before these at all
+    of them together, where `flexion_deg` is None."""
     found = []
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         for name, (measured, _) in own.compared.items():
             seen = np.isfinite(measured)
             for flexion in (None, *np.unique(own.test.curve_deg[seen]).tolist()):
                 rows = seen if flexion is None else seen & (own.test.curve_deg == flexion)
-                errors = before.rmse(name, flexion), own.rmse(name, flexion)
-                found.append(LaxityError(own.test.name, flexion, name, int(rows.sum()), *errors))
+                found.append({"test": own.test.name, "flexion_deg": flexion, "coordinate": name,
+                              "readings": int(rows.sum()), "start": before.rmse(name, flexion),
+                              "fitted": own.rmse(name, flexion)})  # fmt: skip
     return found
 
 
@@ -66,11 +55,14 @@ def errors_table(calibration: Calibration) -> Table:
                Column("change", words=True)]  # fmt: skip
     rows = []
     for one in laxity_errors(calibration):
-        size = [one.readings, one.start, one.fitted, change(one.start, one.fitted)]
-        if one.flexion_deg is None:
-            rows.append([one.test, axis_label_of(one.coordinate), "all", *size])
-        elif one.readings > 1:
-            rows.append(["", "", f"{one.flexion_deg:g}", *size])
+        flexion, name = one["flexion_deg"], one["coordinate"]
+        size = [one["readings"], one["start"], one["fitted"], change(one["start"], one["fitted"])]
+        if flexion is None:
+            label, unit = label_of(name), unit_of(name)
+            label = f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit)
+            rows.append([one["test"], label, "all", *size])
+        elif one["readings"] > 1:
+            rows.append(["", "", f"{flexion:g}", *size])
     return Table(columns, rows)
 
 
@@ -123,18 +115,6 @@ def label_of(name: str) -> str:
     return f"{part} {words.get(kind, kind)}"
 
 
-def axis_label_of(name: str) -> str:
-    """Label with unit, to begin a line with."""
-    label, unit = label_of(name), unit_of(name)
-    return f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit)
-
-
-def readings(calibration: Calibration) -> int:
-    """Numbers that tests under load observed."""
-    every = (pair[0] for own in calibration.fit.tests for pair in own.compared.values())
-    return sum(int(np.isfinite(measured).sum()) for measured in every)
-
-
 def laxity_doubts(tests: tuple[FittedTest, ...], accepted: tuple[Status, ...] = ()) -> list[str]:
     """What is wrong with a knee under the loads of tests, and in motion, a sentence per test and
     status."""
@@ -175,50 +155,55 @@ def tests_figure(calibration: Calibration) -> Figure:
     figure, every = grid(len(panels), 1, _PANEL * len(panels) + 0.35, left=0.7, right=1.54,
                          apart=(0, 0.9))  # fmt: skip
     for axes, (own, before, name) in zip(every[:, 0], panels, strict=True):
-        loaded = any(np.ptp(size) > 0 for size in own.test.loads.values())
-        along = own.test.curve_deg if loaded else own.test.flexion_deg
-        flexions = along[np.isfinite(own.compared[name][0])]
-        if own.test.frames is not None:
-            _along(axes, own, before, name, own.test.frames.time_s, "Time, s")
-        elif len(np.unique(flexions)) == len(flexions) > 1:
-            _along(axes, own, before, name, own.test.flexion_deg, "Flexion, deg")
+        test, (measured, fitted) = own.test, own.compared[name]
+        loaded = any(np.ptp(size) > 0 for size in test.loads.values())
+        along = test.curve_deg if loaded else test.flexion_deg
+        seen = np.isfinite(measured)
+        moved = f"{_COMPARED[test.counted_from]}, {unit_of(name) or '-'}"
+        if name.endswith("_N"):
+            moved = f"{label_of(name)}, {unit_of(name) or '-'}"
+        elif name.endswith(".strain"):
+            moved = f"{label_of(name)}{', change' * test.counts_from_rest}, {unit_of(name) or '-'}"
+        across, label = test.flexion_deg, "Flexion, deg"
+        if test.frames is not None:
+            across, label = test.frames.time_s, "Time, s"
+        if test.frames is not None or len(np.unique(along[seen])) == seen.sum() > 1:
+            order = np.flatnonzero(seen)[np.argsort(across[seen])]
+            start, curve = before.compared[name][1][order], fitted[order]
+            axes.plot(across[order], start, ":", color=BLACK, linewidth=0.9)
+            axes.plot(across[order], curve, color=BLACK)
+            axes.plot(across[order], measured[order], "o", color=BLACK, markersize=3)
+            axes.set(xlabel=label, ylabel=moved)
         else:
-            _over_load(axes, own, before, name)
-        cut = f", {' and '.join(own.test.cut)} cut" if own.test.cut else ""
-        axes.set_title(verbatim(f"{own.test.name}: {label_of(name)}{cut}"))
-        if own.test.counted_from != "absolute":
+            flexions, load = np.unique(test.curve_deg), test.loads[test.driven_by]
+            step = max(1, -(-len(flexions) // _MOST_NAMED))
+            for k, (flexion, color) in enumerate(
+                zip(flexions, shades(len(flexions)), strict=True)
+            ):
+                rows = np.flatnonzero(test.curve_deg == flexion)
+                rows = rows[np.argsort(load[rows], kind="stable")]
+                named = f"{flexion:g}" if k % step == 0 else None
+                axes.plot(*_curve(before, rows, name, load), ":", color=color, linewidth=0.9)
+                axes.plot(*_curve(own, rows, name, load), color=color, label=named)
+                axes.plot(measured[rows], load[rows], "o", color=color, markersize=3)
+            kind = NAMED_LOADS[test.driven_by]
+            axes.set(xlabel=moved, ylabel=f"{kind.positive.capitalize()}, {kind.unit}")
+            axes.axvline(0.0, color=GREY, linewidth=0.5)
+            axes.add_artist(
+                axes.legend(title="Flexion, deg", title_fontsize=8, loc="upper left",
+                            bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5,
+                            handlelength=1.6)
+            )  # fmt: skip
+        styles = {"measured": {"marker": "o", "markersize": 3, "linestyle": "none"}, "fitted": {},
+                  "start": {"linestyle": ":", "linewidth": 0.9}}  # fmt: skip
+        kinds = [axes.plot([], [], color=GREY, **style)[0] for style in styles.values()]
+        axes.legend(kinds, [*styles], loc="lower left", bbox_to_anchor=(1.02, -0.02),
+                    borderaxespad=0, fontsize=7.5, handlelength=1.6)  # fmt: skip
+        cut = f", {' and '.join(test.cut)} cut" if test.cut else ""
+        axes.set_title(verbatim(f"{test.name}: {label_of(name)}{cut}"))
+        if test.counted_from != "absolute":
             axes.axhline(0.0, color=GREY, linewidth=0.5)
     return figure
-
-
-def _label(own: FittedTest, name: str) -> str:
-    unit = unit_of(name) or "-"
-    if name.endswith("_N"):
-        return f"{label_of(name)}, {unit}"
-    if name.endswith(".strain"):
-        return f"{label_of(name)}{', change' * own.test.counts_from_rest}, {unit}"
-    return f"{_COMPARED[own.test.counted_from]}, {unit}"
-
-
-def _over_load(axes: Axes, own: FittedTest, before: FittedTest, name: str) -> None:
-    from matplotlib import colormaps
-
-    test, measured = own.test, own.compared[name][0]
-    flexions, load = np.unique(test.curve_deg), test.loads[test.driven_by]
-    every = max(1, -(-len(flexions) // _MOST_NAMED))
-    colors = colormaps["viridis"](np.linspace(0.0, 0.92, len(flexions)))
-    for k, (flexion, color) in enumerate(zip(flexions, colors, strict=True)):
-        rows = np.flatnonzero(test.curve_deg == flexion)
-        rows = rows[np.argsort(load[rows], kind="stable")]
-        label = f"{flexion:g}" if k % every == 0 else None
-        axes.plot(*_curve(before, rows, name, load), ":", color=color, linewidth=0.9)
-        axes.plot(*_curve(own, rows, name, load), color=color, label=label)
-        axes.plot(measured[rows], load[rows], "o", color=color, markersize=3)
-    kind = NAMED_LOADS[test.driven_by]
-    axes.set_xlabel(_label(own, name))
-    axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
-    axes.axvline(0.0, color=GREY, linewidth=0.5)
-    _legend(axes, "Flexion, deg")
 
 
 def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
@@ -234,32 +219,3 @@ def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
         place = int(np.searchsorted(y, 0.0))
         x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
     return x, y
-
-
-def _along(
-    axes: Axes, own: FittedTest, before: FittedTest, name: str, across: np.ndarray, label: str
-) -> None:
-    """One reading at each flexion, or time."""
-    rows = np.flatnonzero(np.isfinite(own.compared[name][0]))
-    order = rows[np.argsort(across[rows])]
-    x, (measured, fitted) = across[order], own.compared[name]
-    axes.plot(x, before.compared[name][1][order], ":", color="black", linewidth=0.9)
-    axes.plot(x, fitted[order], color="black")
-    axes.plot(x, measured[order], "o", color="black", markersize=3)
-    axes.set_xlabel(label)
-    axes.set_ylabel(_label(own, name))
-    _legend(axes, None)
-
-
-def _legend(axes: Axes, title: str | None) -> None:
-    """Flexions by colour; what is drawn how, below."""
-    if title:
-        first = axes.legend(title=title, title_fontsize=8, loc="upper left",
-                            bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5,
-                            handlelength=1.6)  # fmt: skip
-        axes.add_artist(first)
-    style = {"color": GREY}
-    kinds = [axes.plot([], [], "o", markersize=3, **style)[0], axes.plot([], [], **style)[0],
-             axes.plot([], [], ":", linewidth=0.9, **style)[0]]  # fmt: skip
-    axes.legend(kinds, ["measured", "fitted", "start"], loc="lower left",
-                bbox_to_anchor=(1.02, -0.02), borderaxespad=0, fontsize=7.5, handlelength=1.6)

@@ -2,34 +2,21 @@
 
 from __future__ import annotations
 
-import dataclasses
 import enum
 import math
 from collections import Counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
-from kneejax.inference import Ending, Fault, IntervalKind
+from kneejax.inference import Calibration, Ending, Fault, Fit, IntervalKind
 from kneejax.parameters import sums_in_words
 from kneejax.report.calibration_parameters import reasons
-from kneejax.report.calibration_tests import label_of, laxity_doubts, readings, unit_of
+from kneejax.report.calibration_tests import label_of, laxity_doubts, unit_of
 from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
 from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import change, listed, number
 from kneejax.statics import Status, converged
-
-if TYPE_CHECKING:
-    from kneejax.inference import Calibration, Fit, Misfit
-
-#: Method of a study -> the optimiser, and what ends it when it has converged.
-_SEARCHES = {
-    "least_squares": ("bounded Levenberg-Marquardt with exact Jacobians",
-                      "the search stopped: further steps no longer improve the fit"),
-    "lbfgsb": ("L-BFGS-B with exact gradients (jaxopt)",
-               "the projected gradient fell below the tolerance"),
-}
 
 
 class Outcome(enum.Enum):
@@ -58,7 +45,7 @@ def outcome(calibration: Calibration) -> Outcome:
         return Outcome.FAILED
     if calibration.misfits:
         return Outcome.POOR
-    return Outcome.DOUBTFUL if answer_warnings(calibration) else Outcome.GOOD
+    return Outcome.DOUBTFUL if split_warnings(calibration)[0] else Outcome.GOOD
 
 
 def message(fit: Fit, when_converged: str = "converged") -> str:
@@ -78,54 +65,6 @@ def message(fit: Fit, when_converged: str = "converged") -> str:
     return words + (f"; {gone} of {loads} loads of tests have no balance" if gone else "")
 
 
-def search(calibration: Calibration, fit: Fit) -> str:
-    """Which optimiser searched, as far as the settings say, and why it ended."""
-    method = str(calibration.settings.get("method", ""))
-    optimiser, ended = _SEARCHES.get(method, ("", "converged"))
-    return "; ".join(filter(None, [optimiser, message(fit, ended)]))
-
-
-def starts_words(fit: Fit) -> str:
-    """Where several starts ended; empty if there was one."""
-    starts = fit.starts
-    if starts is None:
-        return ""
-    count, objectives = len(starts.objectives), np.array(starts.objectives)
-    lost = int(np.isinf(objectives).sum())
-    apart = starts.elsewhere & ~np.isinf(objectives)
-    words = [f"{count - int((starts.elsewhere | starts.rivals).sum())} of {count} at the answer"]
-    if starts.rivals.any():
-        words.append(f"{int(starts.rivals.sum())} apart from it with as good a fit")
-    if apart.any():
-        low, high = number(objectives[apart].min()), number(objectives[apart].max())
-        among = low if low == high else f"{low} to {high}"
-        words.append(
-            f"{int(apart.sum())} at worse fits (objective {among}, the answer's is "
-            f"{number(fit.objective)})"
-        )
-    words += [f"{lost} found no balance"] * bool(lost)
-    return f"Several starts ended: {'; '.join(words)}."
-
-
-def _rivals(fit: Fit) -> list[str]:
-    """Ends that the data do not tell from the answer, though a parameter is outside its limits."""
-    starts = fit.starts
-    if starts is None or not starts.rivals.any():
-        return []
-    names = [
-        f"{e.name} {number(min(e.value, *column))} to {number(max(e.value, *column))}"
-        for e, column in zip(
-            (*fit.estimates, *fit.offsets), starts.values[starts.rivals].T, strict=True
-        )
-        if (column < np.nan_to_num(e.low, nan=e.lower)).any()
-        or (column > np.nan_to_num(e.high, nan=e.upper)).any()
-    ]
-    return [
-        f"{int(starts.rivals.sum())} of {len(starts.objectives)} starts ended apart from the "
-        f"answer and fit as well: {', '.join(names)}."
-    ]
-
-
 def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list[str]:
     """Everything to doubt about one fit."""
     sentences = [] if fit.success else [f"search not converged: {message(fit)}"]
@@ -135,7 +74,7 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
             f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
             f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
         )
-    every = (*fit.estimates, *fit.offsets)
+    every, starts = (*fit.estimates, *fit.offsets), fit.starts
     failed: dict[str, list[str]] = {}
     lost: dict[str, list[str]] = {}
     for e in every:
@@ -151,24 +90,20 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
         f"{reason or 'other parameters compensate whatever its bounds allow'}."
         for reason, names in lost.items()
     ]
-    sentences += _rivals(fit) + pose_doubts(fit.motion, flexion, accepted)
+    # Ends that the data do not tell from the answer, though a parameter is outside its limits.
+    if starts is not None and starts.rivals.any():
+        names = [
+            f"{e.name} {number(min(e.value, *column))} to {number(max(e.value, *column))}"
+            for e, column in zip(every, starts.values[starts.rivals].T, strict=True)
+            if (column < np.nan_to_num(e.low, nan=e.lower)).any()
+            or (column > np.nan_to_num(e.high, nan=e.upper)).any()
+        ]
+        sentences.append(
+            f"{int(starts.rivals.sum())} of {len(starts.objectives)} starts ended apart from the "
+            f"answer and fit as well: {', '.join(names)}."
+        )
+    sentences += pose_doubts(fit.motion, flexion, accepted)
     return sentences + laxity_doubts(fit.tests, accepted)
-
-
-def _misfit(one: Misfit) -> str:
-    """Why a fit is poor in a coordinate."""
-    label, unit = label_of(one.coordinate), unit_of(one.coordinate)
-    test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
-    said = f"{test}: RMSE {f'{number(one.rmse, 3)} {unit}'.strip()}, "
-    against = f"{number(one.against, 3)} {unit}".strip()
-    return {
-        Fault.WORSE_THAN_START: f"{said}{change(one.against, one.rmse)} than at the start "
-        f"({against}): the fit gives it up for others. The model lacks something, or the weights "
-        "are wrong.",
-        Fault.BEYOND_NOISE: f"{said}{number(one.rmse / one.against, 2)} times the stated noise "
-        f"({against}): the model lacks something, or the noise is larger; limits are too narrow.",
-        Fault.LARGE: f"{said}more than {against}. Check side, signs and frames.",
-    }[one.fault]
 
 
 def warnings(calibration: Calibration) -> list[str]:
@@ -187,8 +122,23 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
     for fit in calibration.fits:
         for sentence in _doubts(fit, flexion, accepted):
             found.setdefault(sentence, []).append(fit.procedure)
-    answer = [f"Poor fit. {_misfit(one)}" for one in calibration.misfits]
+    answer: list[str] = []
     others: list[str] = []
+    for one in calibration.misfits:
+        label, unit = label_of(one.coordinate), unit_of(one.coordinate)
+        test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
+        against = f"{number(one.against, 3)} {unit}".strip()
+        why = {
+            Fault.WORSE_THAN_START: f"{change(one.against, one.rmse)} than at the start "
+            f"({against}): the fit gives it up for others. The model lacks something, or the "
+            "weights are wrong.",
+            Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times the stated noise "
+            f"({against}): the model lacks something, or the noise is larger; limits are too "
+            "narrow.",
+            Fault.LARGE: f"more than {against}. Check side, signs and frames.",
+        }[one.fault]
+        error = f"{number(one.rmse, 3)} {unit}".strip()
+        answer.append(f"Poor fit. {test}: RMSE {error}, {why}")
     for sentence, procedures in found.items():
         plural = "s" if len(procedures) > 1 else ""
         who = f"Procedure{plural} {', '.join(procedures)}: " if len(calibration.fits) > 1 else ""
@@ -196,11 +146,6 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
         (answer if ours else others).append(who + sentence)
     start = pose_doubts(calibration.start, flexion, accepted)
     return [*answer, *(f"Start: {sentence}" for sentence in start)], others
-
-
-def answer_warnings(calibration: Calibration) -> list[str]:
-    """Everything to doubt about the answer: what decides the exit status."""
-    return split_warnings(dataclasses.replace(calibration, fits=calibration.fits[:1]))[0]
 
 
 def verdict(calibration: Calibration) -> str:
@@ -237,16 +182,33 @@ def verdict(calibration: Calibration) -> str:
             if good and len(known) == 2
             else f"{'Largest RMSE' if good else 'Poor fit: RMSE'} {' and '.join(known)}."
         )
-    return " ".join([*parts, *filter(None, [known_words(calibration)])])
-
-
-def data_words(calibration: Calibration) -> str:
-    """How much was measured: poses, and readings of tests under load."""
-    count, tests = len(calibration.measured), len(calibration.fit.tests)
-    words = [f"{count} pose{'s' * (count != 1)}"] if count else []
-    if tests:
-        words.append(f"{readings(calibration)} readings of {tests} test{'s' * (tests > 1)}")
-    return " and ".join(words)
+    # How many parameters have which kind of limits, and how many hold the truth if it is known.
+    estimates = [*fit.estimates, *fit.offsets]
+    counts = Counter(e.interval for e in estimates if e.interval is not None)
+    if not counts:
+        return " ".join(parts)
+    words = {IntervalKind.STANDARD_ERROR: "by a standard error",
+             IntervalKind.PROFILE: "by profile limits", IntervalKind.ONE_SIDED: "from one side",
+             IntervalKind.NOT_DETERMINED: "not at all"}  # fmt: skip
+    kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
+    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
+    for kind, said in (
+        (IntervalKind.PRIOR, "known from the prior alone"),
+        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed"),
+    ):
+        verb = "is" if counts[kind] == 1 else "are"
+        sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
+    sentence += "."
+    truth = calibration.truth
+    shared = [e for e in fit.estimates
+              if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
+    if shared:
+        inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
+        sentence += (
+            " The data are synthetic, so the true values are known: "
+            f"{inside} of {len(shared)} lie within the 95 % limits."
+        )
+    return " ".join([*parts, sentence])
 
 
 def noise_words(calibration: Calibration) -> str:
@@ -261,36 +223,6 @@ def noise_words(calibration: Calibration) -> str:
     if any((calibration.settings.get("weights") or {}).values()) and calibration.noise_estimated:
         kind = "in the ratio of the study's weights, estimated from the misfit"
     return f"Noise {' and '.join(sizes)}, {kind}; limits are at 95 % confidence."
-
-
-def known_words(calibration: Calibration) -> str:
-    """How many parameters have which kind of limits, and how many hold the truth if it is known."""
-    estimates = [*calibration.fit.estimates, *calibration.fit.offsets]
-    counts = Counter(e.interval for e in estimates if e.interval is not None)
-    if not counts:
-        return ""
-    words = {IntervalKind.STANDARD_ERROR: "by a standard error",
-             IntervalKind.PROFILE: "by profile limits", IntervalKind.ONE_SIDED: "from one side",
-             IntervalKind.NOT_DETERMINED: "not at all"}  # fmt: skip
-    kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
-    sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
-    for kind, said in (
-        (IntervalKind.PRIOR, "known from the prior alone"),
-        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed"),
-    ):
-        verb = "is" if counts[kind] == 1 else "are"
-        sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
-    sentence += "."
-    truth = calibration.truth
-    shared = [e for e in calibration.fit.estimates
-              if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
-    if shared:
-        inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
-        sentence += (
-            " The data are synthetic, so the true values are known: "
-            f"{inside} of {len(shared)} lie within the 95 % limits."
-        )
-    return sentence
 
 
 def calibration_notes(calibration: Calibration) -> list[str]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.inference import Design
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
@@ -15,9 +14,6 @@ from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
 from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    from kneejax.inference import Design
 
 #: What is hatched, by status: hatch, and its legend entry.
 _HATCHES = {
@@ -37,8 +33,18 @@ def candidates_figure(design: Design) -> Figure:
     from matplotlib.colors import LinearSegmentedColormap
     from matplotlib.patches import Rectangle
 
-    rows, places = _places(design)
     angles = sorted({test.flexion_deg for test in design.candidates})
+    rows: list[str] = []
+    places: list[tuple[int, int]] = []
+    for test in design.candidates:
+        column, name, copy = angles.index(test.flexion_deg), test.name, 1
+        # Two loads of one name at one flexion get rows of their own.
+        while name in rows and (rows.index(name), column) in places:
+            copy += 1
+            name = f"{test.name} ({copy})"
+        if name not in rows:
+            rows.append(name)
+        places.append((rows.index(name), column))
     gains = np.full((len(rows), len(angles)), np.nan)
     for place, gain in zip(places, design.gains, strict=True):
         gains[place] = gain
@@ -135,25 +141,6 @@ def standard_errors_figure(design: Design) -> Figure:
     return figure
 
 
-def _places(design: Design) -> tuple[list[str], list[tuple[int, int]]]:
-    """Names of rows, and row and column of each candidate."""
-    angles = sorted({test.flexion_deg for test in design.candidates})
-    rows: list[str] = []
-    taken: set[tuple[int, int]] = set()
-    places = []
-    for test in design.candidates:
-        column, name, copy = angles.index(test.flexion_deg), test.name, 1
-        # Two loads of one name at one flexion get rows of their own.
-        while name in rows and (rows.index(name), column) in taken:
-            copy += 1
-            name = f"{test.name} ({copy})"
-        if name not in rows:
-            rows.append(name)
-        places.append((rows.index(name), column))
-        taken.add(places[-1])
-    return rows, places
-
-
 _SHOWN = 8
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
@@ -183,24 +170,9 @@ def next_tests_table(design: Design) -> Table:
     tests = [design.candidates[row] for row in design.chosen]
     acting = [name for name in NAMED_LOADS if any(test.loads[name] for test in tests)]
     measured = [c for c in FREE_COORDINATES if any(c in test.measured for test in tests)]
-    columns = (COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured))
     rows = [[test.flexion_deg, *(test.loads[name] for name in acting), *[None] * len(measured)]
             for test in tests]  # fmt: skip
-    return Table([Column(name) for name in columns], rows)
-
-
-def design_section(design: Design) -> Section:
-    """Which tests to make next, and why."""
-    text = [f"What to measure next: {goal_words(design)}", *design_words(design),
-            *design_notes(design), *paragraphs("design.file") * bool(design.chosen)]  # fmt: skip
-    return Section("Tests to make next", text, design_tables(design), ["next_tests"], printed=True)
-
-
-def goal_words(design: Design) -> str:
-    """How many tests were chosen, and what they make small."""
-    many = len(design.chosen)
-    tests = f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
-    return prose("design.goal", tests=tests, goal=prose(f"design.{design.criterion}"))
+    return Table.plain((COLUMNS[0], *acting, *(COORDINATES[c].column for c in measured)), rows)
 
 
 def design_words(design: Design) -> list[str]:
@@ -246,11 +218,12 @@ def profit_table(design: Design) -> Table:
     return Table(columns, rows)
 
 
-def design_tables(design: Design) -> list[Table]:
-    """Expected standard errors, the best tests by themselves, and the best for each parameter."""
-    steps = len(design.chosen)
+def design_section(design: Design) -> Section:
+    """Which tests to make next, and why: expected standard errors, the best tests by themselves,
+    and the best for each parameter."""
+    many = len(design.chosen)
     # Many steps do not fit beside each other: the first three and the last tell the story.
-    shown = list(range(steps + 1)) if steps <= 5 else [0, 1, 2, 3, steps]
+    shown = list(range(many + 1)) if many <= 5 else [0, 1, 2, 3, many]
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
     units = [quantity_of(name).unit for name in design.names]
     parameter, unit = Column("parameter", words=True), Column("unit", words=True)
@@ -277,4 +250,10 @@ def design_tables(design: Design) -> list[Table]:
     columns = [Column("best next test", words=True), Column("before", show="2")]
     single = Table([parameter, *columns, Column("after", show="2"), unit], rows,
                    "If only one parameter matters, the best next test for it")  # fmt: skip
-    return [errors, best, single]
+    goal = prose("design.goal", goal=prose(f"design.{design.criterion}"), tests=(
+        f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
+    ))  # fmt: skip
+    text = [f"What to measure next: {goal}", *design_words(design), *design_notes(design),
+            *paragraphs("design.file") * bool(design.chosen)]  # fmt: skip
+    return Section("Tests to make next", text, [errors, best, single], ["next_tests"],
+                   printed=True)  # fmt: skip

@@ -2,13 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference import Interval, IntervalKind, same_ends, versions
+from kneejax.inference import (
+    Identification,
+    IntervalKind,
+    Posterior,
+    Profile,
+    same_ends,
+    versions,
+)
 from kneejax.parameters import sums_in_words
 from kneejax.report import design as planned
 from kneejax.report import information as curvature
@@ -16,28 +23,17 @@ from kneejax.report import posterior
 from kneejax.report.calibration_parameters import correlation_matrix_figure, limits
 from kneejax.report.calibration_verdict import Outcome
 from kneejax.report.doubts import accepted_statuses, pose_doubts
-from kneejax.report.identification_figures import profiles_figure, spectrum_figure
+from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
-from kneejax.report.look.tables import (
-    NONE,
-    Column,
-    Table,
-    json_safe,
-    listed,
-    number,
-    with_error,
-)
-
-if TYPE_CHECKING:
-    from kneejax.inference import Identification, Posterior
-    from kneejax.studies import Identified
+from kneejax.report.look.style import Figure, readable, styled
+from kneejax.report.look.tables import NONE, Table, json_safe, listed, number
+from kneejax.report.panels import grid
+from kneejax.studies import Identified
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
 _MISFIT = 2.0
-#: Columns of a posterior in parameters.csv.
-_MOMENTS = ("posterior_mean", "posterior_sd")
-_ENDS = ("posterior_low", "posterior_high")
-_QUALITY = ("r_hat", "effective_sample_size")
+#: Panels beside each other.
+_COLUMNS = 4
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
@@ -52,100 +48,133 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
         next_tests and the draws of the posterior.
     """
     study, found, design, sampled = answer.study, answer.found, answer.design, answer.posterior
-    names, information, became = found.selection.names, found.information, _outcome(answer)
-    every = identified_table(found, sampled)
-    lost = [row[0] for row in every.rows if not row[-2]]
+    names, information = found.selection.names, found.information
+    reasons = _reasons(found)
+    doubts = fit_doubts(found) + ([] if sampled is None else posterior.posterior_doubts(sampled))
+    doubts += filter(None, reasons)
+    accepted = accepted_statuses(study.failures)
+    doubts += pose_doubts(found.motion, found.motion.table[:, 0], accepted)
+    became = Outcome.DOUBTFUL if doubts else Outcome.GOOD
+    became = became if found.converged else Outcome.FAILED
+    lost = [name for name, why in zip(names, reasons, strict=True) if why]
     sentence = f"The data determine {len(names) - len(lost)} of {len(names)} parameters"
     sentence += f", not {listed(lost, 6)}." if lost else "."
-    told, known = _agreement(found, sampled), _shown(found, sampled)
+    every = _parameters_table(found, sampled, reasons)
+    known: dict[str, list[str]] = {}
+    if found.profiles:
+        ends = {one.name: (np.nan if one.low_open else one.low,
+                           np.nan if one.high_open else one.high)
+                for one in found.profiles}  # fmt: skip
+        known["95 % limits, by profile"] = [limits(*ends.get(name, (np.nan, np.nan))) or NONE
+                                            for name in names]  # fmt: skip
+    if sampled is not None:
+        drawn = sampled.quantiles((0.025, 0.975)).tolist()
+        known["95 % limits, by posterior"] = [limits(*pair) for pair in drawn]
+    kind = "estimated from the misfit" if found.noise_estimated else "as given"
+    noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
+    fitted = (
+        f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
+        f"numbers, noise {noise}."
+    )
     summed = sums_in_words(found.problem.knee, names)
+    text = [fitted, *_agreement(found, sampled), *[summed] * bool(summed)]
     sections = [
-        Section("Limits by profile", [_fit_words(found), *told, *[summed] * bool(summed)],
-                drawings=["profiles"], printed=True),
+        Section("Limits by profile", text, drawings=["profiles"], printed=True),
         curvature.information_section(information), planned.design_section(design),
     ]  # fmt: skip
-    tables = {"parameters": every, "profiles": _profiles_table(found),
+    points = [[one.name, value, rise, *others] for one in found.profiles
+              for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
+    profiles = Table.plain(("parameter", "value", "rise_of_chi2", *names), points)
+    tables = {"parameters": every, "profiles": profiles,
               "candidates": planned.candidates_table(design)}  # fmt: skip
     if design.chosen:
         tables["next_tests"] = planned.next_tests_table(design)
     drawings = {"standard_errors": Drawing(planned.standard_errors_figure, design),
                 "profiles": Drawing(profiles_figure, found.profiles, study.truth),
-                "spectrum": Drawing(spectrum_figure, information),
+                "spectrum": Drawing(curvature.spectrum_figure, information),
                 "correlation": Drawing(correlation_matrix_figure, names, information.correlation),
                 "next_tests": Drawing(planned.candidates_figure, design)}  # fmt: skip
+    draws = None
     if sampled is not None:
-        tables["posterior"] = posterior.draws_table(sampled)
+        chains, count, size = sampled.draws.shape
+        tables["posterior"] = Table.of({
+            "chain": np.repeat(range(chains), count), "draw": [*range(count)] * chains,
+            sampled.names: sampled.draws.reshape(-1, size),
+        })  # fmt: skip
         drawings |= posterior.posterior_drawings(sampled)
         sections.insert(2, posterior.posterior_section(sampled))
+        own = ("divergences", "evaluations", "seconds", "seed")
+        draws = {
+            "priors": {p.name: {"mean": p.mean, "sd": p.sd} for p in sampled.priors},
+            "draws_without_balance": sampled.unbalanced,
+        } | {name: getattr(sampled, name) for name in own}
+    own = ("eigenvalues", "eigenvectors", "scale", "correlation")
+    determine = {name: getattr(information, name) for name in own}
+    determine["sentences"] = (
+        curvature.stiff_words(information) + curvature.sloppy_words(information)
+    )
     return Answer(
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
         f"{study.knee.name}, and which test adds most?",
         verdict=became.verdict, badge=became.value,
         sentence=" ".join([sentence, *planned.design_words(design)[:1]]), tables=tables,
-        main=[known, planned.profit_table(design)], drawings=drawings, doubts=_doubts(answer),
-        sections=sections, document=_document(answer, every, options),
-    )
-
-
-def _doubts(answer: Identified) -> list[str]:
-    """Everything to doubt: the fit, the draws, undetermined parameters and poses."""
-    found, sampled = answer.found, answer.posterior
-    doubts = fit_doubts(found) + ([] if sampled is None else posterior.posterior_doubts(sampled))
-    rows = range(len(found.selection.names))
-    doubts += [_why(found, i) for i in rows if not _determined(found, i)]
-    accepted = accepted_statuses(answer.study.failures)
-    return doubts + pose_doubts(found.motion, found.motion.table[:, 0], accepted)
-
-
-def _outcome(answer: Identified) -> Outcome:
-    """What became of it; decides the exit status of `kneejax identify`."""
-    if not answer.found.converged:
-        return Outcome.FAILED
-    return Outcome.DOUBTFUL if _doubts(answer) else Outcome.GOOD
-
-
-def _document(answer: Identified, every: Table, options: Mapping[str, Any]) -> dict[str, Any]:
-    """What result.json holds."""
-    study, found, sampled, draws = answer.study, answer.found, answer.posterior, None
-    names = ("eigenvalues", "eigenvectors", "scale", "correlation")
-    told = {name: getattr(found.information, name) for name in names}
-    if sampled is not None:
-        names = ("divergences", "evaluations", "seconds", "seed")
-        draws = {
-            "priors": {p.name: {"mean": p.mean, "sd": p.sd} for p in sampled.priors},
-            "draws_without_balance": sampled.unbalanced,
-        } | {name: getattr(sampled, name) for name in names}
-    return json_safe(
-        {
+        main=[curvature.information_table(information, [not why for why in reasons], known),
+              planned.profit_table(design)],
+        drawings=drawings, doubts=doubts, sections=sections,
+        document=json_safe({
             "study": study.title, "knee": study.knee_name,
             "parameters": {x["name"]: x for x in every.records()}, "frame_offset": found.offsets,
             "noise": dict(zip(COLUMNS[1:], found.noise, strict=True)),
             "noise_estimated": found.noise_estimated, "chi2": found.chi2,
-            "measured_numbers": found.data,
-            "information": told
-            | {"sentences": curvature.stiff_words(found.information)
-               + curvature.sloppy_words(found.information)},
-            "next_tests": planned.design_words(answer.design), "posterior": draws,
-            "truth": study.truth, "warnings": _doubts(answer), "settings": dict(options),
-            "seconds": {"total": answer.seconds},
+            "measured_numbers": found.data, "information": determine,
+            "next_tests": planned.design_words(design), "posterior": draws, "truth": study.truth,
+            "warnings": doubts, "settings": dict(options), "seconds": {"total": answer.seconds},
             "versions": versions() if sampled is None else sampled.versions,
-        }
+        }),
     )  # fmt: skip
 
 
-def identified_table(found: Identification, sampled: Posterior | None = None) -> Table:
+def _reasons(found: Identification) -> list[str]:
+    """For each parameter that the data do not determine a sentence why; empty for the others.
+
+    By the profile; where none was followed, better known than before by the curvature.
+    """
+    said = []
+    curved = zip(found.selection.names, found.information.determined,
+                 curvature.reason_words(found.information), strict=True)  # fmt: skip
+    for i, (name, determined, reason) in enumerate(curved):
+        interval = found.intervals[i] if found.intervals else None
+        kind = None if interval is None else interval.kind
+        usual = f"{name} is not determined: other parameters compensate whatever its bounds allow."
+        if determined if kind is None else kind.from_data:
+            said.append("")
+        elif kind is IntervalKind.PRIOR:
+            said.append(f"{name} is known from its prior alone: the data do not narrow it.")
+        elif interval is not None and kind is IntervalKind.NOT_COMPUTED:
+            said.append(f"The 95 % limits of {name} could not be computed: {interval.reason}.")
+        else:
+            said.append(reason or usual)
+    return said
+
+
+def _parameters_table(
+    found: Identification, sampled: Posterior | None, reasons: Sequence[str]
+) -> Table:
     """The table of parameters.csv: limits by curvature, profile and posterior."""
     names, profiles = found.selection.names, {one.name: one for one in found.profiles}
-    known = [_determined(found, i) for i in range(len(names))]
-    intervals = [_interval(found, i) for i in range(len(names))]
-    drawn: dict[Any, Any] = dict.fromkeys((*_MOMENTS, *_ENDS, *_QUALITY))
+    moments, ends, quality = (
+        ("posterior_mean", "posterior_sd"), ("posterior_low", "posterior_high"),
+        ("r_hat", "effective_sample_size"),
+    )  # fmt: skip
+    drawn: dict[Any, Any] = dict.fromkeys((*moments, *ends, *quality))
     if sampled is not None:
         drawn = {
-            _MOMENTS: np.stack([sampled.mean, sampled.sd], axis=1),
-            _ENDS: sampled.quantiles((0.025, 0.975)),
-            _QUALITY: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
+            moments: np.stack([sampled.mean, sampled.sd], axis=1),
+            ends: sampled.quantiles((0.025, 0.975)),
+            quality: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
         }
+    kinds = [one.kind.value for one in found.intervals] or [None] * len(names)
     return Table.of({
         "name": names, "value": found.values,
         "unit": [found.selection.unit(i) for i in range(len(names))], "lower": found.lower,
@@ -153,71 +182,8 @@ def identified_table(found: Identification, sampled: Posterior | None = None) ->
         "standard_error": found.information.standard_error,
         **{f"profile_{field}": [getattr(profiles.get(name), field, None) for name in names]
            for field in ("low", "high", "low_open", "high_open")},
-        **drawn, "interval": [None if one is None else one.kind.value for one in intervals],
-        "determined": known,
-        "reason": ["" if sure else _why(found, i) for i, sure in enumerate(known)],
+        **drawn, "interval": kinds, "determined": [not why for why in reasons], "reason": reasons,
     })  # fmt: skip
-
-
-def _shown(found: Identification, sampled: Posterior | None) -> Table:
-    """Estimates as people read them, with what curvature, profile and posterior say of each."""
-    table, more = curvature.information_table(found.information), []
-    records = identified_table(found, sampled).records()
-    if found.profiles:
-        ends = [[np.nan if row[f"profile_{end}_open"] or row[f"profile_{end}"] is None
-                 else row[f"profile_{end}"] for end in ("low", "high")] for row in records]
-        more.append(("95 % limits, by profile", [limits(*pair) or NONE for pair in ends]))
-    if sampled is not None:
-        drawn = [limits(row["posterior_low"], row["posterior_high"]) for row in records]
-        more.append(("95 % limits, by posterior", drawn))
-    at = table.names.index("scale")
-    columns = [*table.columns[:at], *(Column(head, words=True) for head, _ in more),
-               *table.columns[at:]]  # fmt: skip
-    rows = []
-    for i, (row, own) in enumerate(zip(table.rows, records, strict=True)):
-        cells = [*row[:at], *(cell[i] for _, cell in more), *row[at:]]
-        cells[1] = with_error(row[1], row[2])[0]
-        cells[-1] = curvature.remark(own["determined"], own["at_bound"])
-        rows.append(cells)
-    return Table(columns, rows, spare=("times_better", "scale"))
-
-
-def _profiles_table(found: Identification) -> Table:
-    """Every point of every profile, profiles.csv."""
-    columns = ("parameter", "value", "rise_of_chi2", *found.selection.names)
-    rows = [[one.name, value, rise, *others] for one in found.profiles
-            for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
-    return Table([*map(Column, columns)], rows)
-
-
-def _interval(found: Identification, i: int) -> Interval | None:
-    return found.intervals[i] if found.intervals else None
-
-
-def _determined(found: Identification, i: int) -> bool:
-    """By the profile; where none was followed, better known than before by the curvature."""
-    interval = _interval(found, i)
-    return bool(found.information.determined[i]) if interval is None else interval.kind.from_data
-
-
-def _why(found: Identification, i: int) -> str:
-    name, interval = found.selection.names[i], _interval(found, i)
-    if interval is not None and interval.kind is IntervalKind.PRIOR:
-        return f"{name} is known from its prior alone: the data do not narrow it."
-    if interval is not None and interval.kind is IntervalKind.NOT_COMPUTED:
-        return f"The 95 % limits of {name} could not be computed: {interval.reason}."
-    usual = f"{name} is not determined: other parameters compensate whatever its bounds allow."
-    return curvature.reason_words(found.information)[i] or usual
-
-
-def _fit_words(found: Identification) -> str:
-    """How the parameters were fitted, and by which noise."""
-    kind = "estimated from the misfit" if found.noise_estimated else "as given"
-    noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
-    return (
-        f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
-        f"numbers, noise {noise}."
-    )
 
 
 def fit_doubts(found: Identification) -> list[str]:
@@ -257,3 +223,68 @@ def _agreement(found: Identification, sampled: Posterior | None) -> list[str]:
     elif sampled is not None:
         notes.append("Posterior and profiles agree where the data limit a parameter.")
     return notes
+
+
+@styled
+def profiles_figure(
+    profiles: Sequence[Profile], truth: Mapping[str, float] | None = None
+) -> Figure:
+    """Draw how the misfit grows as each parameter leaves its estimate."""
+    from scipy.interpolate import PchipInterpolator
+
+    rows = -(-len(profiles) // _COLUMNS)
+    figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
+                          bottom=0.7, apart=(0.22, 0.55), shown=len(profiles),
+                          sharey=True)  # fmt: skip
+    handles: dict[str, Any] = {}
+    for axes, profile in zip(panels.flat, profiles, strict=False):
+        known = (truth or {}).get(profile.name)
+        unit = f", {profile.unit}" if profile.unit else ""
+        axes.set_title(readable(profile.name) + unit, fontsize=8)
+        top = 1.75 * profile.threshold
+        axes.set_ylim(-0.04 * top, top)
+        x, rise = profile.values, profile.rise
+        if len(x) > 2:
+            # Between its points a monotone cubic of the signed root of the rise.
+            root = np.sign(x - profile.estimate) * np.sqrt(np.maximum(rise, 0.0))
+            x = np.linspace(x[0], x[-1], 200)
+            rise = PchipInterpolator(profile.values, root)(x) ** 2
+        left, right = float(profile.values[0]), float(profile.values[-1])
+        pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
+        left, right = left - pad, right + pad
+        axes.set_xlim(left, right)
+        handles["95 % confidence"] = axes.axvspan(
+            profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0
+        )
+        if np.isfinite(profile.standard_error) and profile.standard_error > 0:
+            line = np.linspace(left, right, 200)
+            bowl = ((line - profile.estimate) / profile.standard_error) ** 2
+            (handles["by the standard error"],) = axes.plot(line, bowl, "--", color=GREY,
+                                                            linewidth=1.4)  # fmt: skip
+        (handles["profile"],) = axes.plot(x, rise, color=BLUE)
+        axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
+        limit = f"95 % limit: {profile.threshold:.2f}"
+        handles[limit] = axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":")
+        (handles["estimate"],) = axes.plot([profile.estimate], [0.0], "o", color=VERMILLION,
+                                           markersize=4, clip_on=False, zorder=5)  # fmt: skip
+        ends = {"left": 0.03, "right": 0.97}
+        if known is not None and left <= known <= right:
+            handles["truth"] = axes.axvline(known, color=GREEN, linewidth=1.2)
+        elif known is not None:
+            side = "right" if known > right else "left"
+            axes.text(ends[side], 0.9, "truth beyond", ha=side, fontsize=6.5, color=GREEN,
+                      transform=axes.transAxes)  # fmt: skip
+        opened = (profile.low_open, profile.high_open)
+        for why, (side, place) in zip(opened, ends.items(), strict=True):
+            if why:
+                words = "open: bound" if why == "its bound" else "open: no\nbalance beyond"
+                axes.text(place, 0.95, words, ha=side, va="top", fontsize=6.5, color=VERMILLION,
+                          transform=axes.transAxes, zorder=6,
+                          bbox={"facecolor": "white", "alpha": 0.8, "linewidth": 0, "pad": 1.0})
+        axes.locator_params(axis="x", nbins=3)
+        axes.tick_params(labelsize=7)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("Rise of $\\chi^2$")
+    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
+                  bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5)  # fmt: skip
+    return figure

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from kneejax.inference import Information
 from kneejax.quantities import quantity_of
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION, both_signs
 from kneejax.report.look.page import Section, prose
+from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import (
     NONE,
     Column,
@@ -18,10 +20,9 @@ from kneejax.report.look.tables import (
     short,
     trimmed,
     unit_after,
+    with_error,
 )
-
-if TYPE_CHECKING:
-    from kneejax.inference import Information
+from kneejax.report.panels import draw_matrix, grid, plain_numbers
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
@@ -31,6 +32,8 @@ _NEARLY = 5.0
 _EXACT = 1e-6
 # Sentences on the best and the worst known combinations.
 _STIFF, _SLOPPY = 2, 3
+# Decades that the axis of the spectrum shows below its longest bar.
+_DECADES = 8.0
 
 
 def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
@@ -63,63 +66,137 @@ def joined(words: Sequence[str]) -> str:
 
 
 def stiff_words(found: Information) -> list[str]:
-    """Sentences on the combinations of parameters that the data fix best."""
-    rows = range(min(_STIFF, len(found.eigenvalues)))
-    return [_fixed_combination(found, row) for row in rows if found.eigenvalues[row] > 1.0]
+    """Sentences on the combinations of parameters that the data fix best, and how well.
+
+    Parameters of one quantity are added in their own unit. Where quantities differ, those that
+    have a unit are counted in parts of their values. Small components are not named where the
+    combination of the named ones is known nearly as well.
+    """
+    names, values, said = found.names, found.values, []
+    for index in np.flatnonzero(found.eigenvalues[:_STIFF] > 1.0):
+        vector = found.eigenvectors[:, index]
+        rows = _named(vector)
+        mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
+        terms, weights = [], []
+        for row in rows:
+            term, weight, unit = plain(names[row]), vector[row] / found.scale[row], ""
+            if mixed:
+                unit = unit_after(names[row])
+            if unit:
+                term, weight = f"({term} / {short(values[row])}{unit})", weight * abs(values[row])
+            terms.append(term)
+            weights.append(weight)
+        sentence = terms[0]
+        for term, weight in zip(terms[1:], np.array(weights[1:]) / weights[0], strict=True):
+            factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
+            sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
+        # The standard deviation of the named part of the direction, or of all of it.
+        named = np.zeros(len(vector))
+        named[rows] = vector[rows]
+        overlap, known = (found.eigenvectors.T @ named) ** 2, found.eigenvalues > 0
+        deviation, others = float(found.eigenvalues[index] ** -0.5), ", with small parts of others"
+        alone = np.inf
+        if (overlap[~known] < 1e-12).all():
+            alone = float(np.sqrt((overlap[known] / found.eigenvalues[known]).sum()))
+        if alone < _NEARLY * deviation:
+            deviation, others = alone, ""
+        size = deviation / abs(weights[0])
+        error = f"{short(size)}{unit_after(names[rows[0]]) or ' strain'}"
+        if mixed and unit_after(names[rows[0]]):
+            error = f"{short(100 * size)} %"
+        said.append(f"Well-determined combination: {sentence}{others}, standard error {error}.")
+    return said
 
 
 def sloppy_words(found: Information) -> list[str]:
-    """Sentences on the combinations that the data leave as they were, the worst first."""
-    count = len(found.eigenvalues)
-    rows = reversed(range(max(count - _SLOPPY, 0), count))
-    return [_loose_combination(found, row) for row in rows if found.eigenvalues[row] < 1.0]
+    """Sentences on the changes of parameters that leave hardly a trace in the data, the worst
+    first.
+
+    A change is as large as the parameters' scales, so that its trace can be compared with noise.
+    """
+    said, count = [], len(found.eigenvalues)
+    for index in reversed(range(max(count - _SLOPPY, 0), count)):
+        if found.eigenvalues[index] >= 1.0:
+            continue
+        vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
+        rows = _named(vector)
+        changes = [
+            f"{plain(found.names[row])} by {short(vector[row] * found.scale[row], '+')}"
+            f"{unit_after(found.names[row])}"
+            for row in rows
+        ]
+        trace = float(np.sqrt(found.eigenvalues[index]) * np.linalg.norm(vector))
+        named = np.zeros(len(vector))
+        named[rows] = vector[rows]
+        alone = np.linalg.norm(np.sqrt(found.eigenvalues) * (found.eigenvectors.T @ named))
+        others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
+        together = " together" if len(rows) > 1 and not others else ""
+        said.append(f"Changing {joined(changes)}{together}{others} {noise_words(trace)}.")
+    return said
 
 
 def reason_words(found: Information) -> list[str]:
     """For each parameter that is not determined a sentence why; empty for the others."""
-    return ["" if determined else _reason(found, row)
-            for row, determined in enumerate(found.determined)]  # fmt: skip
+    said = []
+    for row, (name, determined) in enumerate(zip(found.names, found.determined, strict=True)):
+        if determined:
+            said.append("")
+            continue
+        causes, where = [], ""
+        slack = found.slack.get(name.split(".", 1)[0])
+        if slack is not None and found.flexion_deg is not None:
+            where = slack_words(found.flexion_deg, slack)
+        seen = float(np.linalg.norm(found.weighted[:, row]))
+        if found.at_bound[row]:
+            causes = ["it is on its bound, and the data would move it further"]
+        else:
+            causes += [f"its ligament is slack {where}"] * bool(where)
+            if seen >= 1.0:
+                causes.append(_rivals(found, row))
+            elif seen > 1e-3 or not where:
+                change = f"{short(found.scale[row])}{unit_after(name)}"
+                causes.append(f"a change of {change} {noise_words(seen)}")
+        said.append(f"{plain(name)} is not determined by these data: {'; '.join(causes)}.")
+    return said
 
 
-def information_table(found: Information) -> Table:
-    """What the data determine of each parameter, by curvature."""
-    determined, at_bound = found.determined.tolist(), found.at_bound.tolist()
-    hidden = {"determined": determined, "at_bound": at_bound, "reason": reason_words(found)}
+def information_table(
+    found: Information, determined: Sequence[bool] | None = None,
+    limits: Mapping[str, Sequence[str]] | None = None,
+) -> Table:
+    """What the data determine of each parameter, by curvature, or as `determined` says, with
+    columns of other `limits`."""
+    determined = found.determined if determined is None else determined
+    marks = zip(determined, found.at_bound, strict=True)
     return Table.of({
-        Column("name", "parameter", words=True): found.names, Column("value"): found.values,
+        Column("name", "parameter", words=True): found.names,
+        Column("value"): [with_error(*pair)[0]
+                          for pair in zip(found.values, found.standard_error, strict=True)],
         Column("standard_error", "std. error",
                lambda error: "unlimited" if np.isinf(error) else number(error, 2)):
             found.standard_error,
         Column("unit", words=True): [quantity_of(name).unit for name in found.names],
+        **{Column(head, words=True): cells for head, cells in (limits or {}).items()},
         Column("scale", "prior SD", lambda scale: trimmed(scale, 3)): found.scale,
         Column("times_better", "times better", lambda x: number(x, 2) if x else NONE):
             found.scale / found.standard_error,
-        **{Column(name, shown=False): cells for name, cells in hidden.items()},
-        Column("remark", " ", words=True): [*map(remark, determined, at_bound)],
-    })  # fmt: skip
-
-
-def remark(determined: bool, at_bound: bool) -> str:
-    """In few words what a parameter is not."""
-    return ", ".join(["not determined"] * (not determined) + ["at bound"] * at_bound)
-
-
-def information_words(found: Information) -> list[str]:
-    """Sentences on the combinations of parameters that are known best and worst."""
-    words = [*stiff_words(found), *sloppy_words(found)]
-    if np.isfinite(found.condition_number):
-        ratio = number(float(np.sqrt(found.condition_number)), 2)
-        words.append(
-            f"The best-determined combination of parameters is known {ratio} times better than "
-            f"the worst (condition number {number(found.condition_number, 2)})."
-        )
-    return words
+        Column("remark", " ", words=True): [
+            ", ".join(["not determined"] * (not known) + ["at bound"] * bool(at_bound))
+            for known, at_bound in marks
+        ],
+    }, spare=("times_better", "scale"))  # fmt: skip
 
 
 def information_section(found: Information) -> Section:
     """What the data determine and what not, with the spectrum and the correlations."""
-    text = [prose("curvature"), *information_words(found), *information_notes(found)]
-    return Section("What the data determine by curvature", text,
+    text = [prose("curvature"), *stiff_words(found), *sloppy_words(found)]
+    if np.isfinite(found.condition_number):
+        ratio = number(float(np.sqrt(found.condition_number)), 2)
+        text.append(
+            f"The best-determined combination of parameters is known {ratio} times better than "
+            f"the worst (condition number {number(found.condition_number, 2)})."
+        )
+    return Section("What the data determine by curvature", [*text, *information_notes(found)],
                    drawings=["spectrum", "correlation"], printed=True)  # fmt: skip
 
 
@@ -141,75 +218,6 @@ def information_notes(found: Information) -> list[str]:
     return notes
 
 
-def _fixed_combination(found: Information, index: int) -> str:
-    """Say what a direction of much information means, and to what standard error it is known.
-
-    Parameters of one quantity are added in their own unit. Where quantities differ, those that
-    have a unit are counted in parts of their values. Small components are not named where the
-    combination of the named ones is known nearly as well.
-    """
-    names, values, scale = found.names, found.values, found.scale
-    vector = found.eigenvectors[:, index]
-    rows = _named(vector)
-    mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
-    parts = [mixed and bool(unit_after(names[row])) for row in rows]
-    terms = [
-        f"({plain(names[row])} / {short(values[row])}{unit_after(names[row])})"
-        if part
-        else plain(names[row])
-        for row, part in zip(rows, parts, strict=True)
-    ]
-    sizes = [abs(values[row]) if part else 1.0 for row, part in zip(rows, parts, strict=True)]
-    weights = np.array([vector[r] / scale[r] * size for r, size in zip(rows, sizes, strict=True)])
-    sentence = terms[0]
-    for term, weight in zip(terms[1:], weights[1:] / weights[0], strict=True):
-        factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
-        sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
-    deviation, others = _deviation(index, rows, found.eigenvalues, found.eigenvectors)
-    known = deviation / abs(weights[0])
-    error = f"{short(known)}{unit_after(names[rows[0]]) or ' strain'}"
-    if parts[0]:
-        error = f"{short(100 * known)} %"
-    return f"Well-determined combination: {sentence}{others}, standard error {error}."
-
-
-def _deviation(
-    index: int, rows: list[int], eigenvalues: np.ndarray, eigenvectors: np.ndarray
-) -> tuple[float, str]:
-    """Standard deviation of the named part of a direction, or of all of it, which words say."""
-    named = np.zeros(len(eigenvectors))
-    named[rows] = eigenvectors[rows, index]
-    overlap = (eigenvectors.T @ named) ** 2
-    whole = float(eigenvalues[index] ** -0.5)
-    if (overlap[eigenvalues == 0] < 1e-12).all():
-        known = eigenvalues > 0
-        alone = float(np.sqrt((overlap[known] / eigenvalues[known]).sum()))
-        if alone < _NEARLY * whole:
-            return alone, ""
-    return whole, ", with small parts of others"
-
-
-def _loose_combination(found: Information, index: int) -> str:
-    """Say what change of parameters leaves hardly a trace in the data.
-
-    The change is as large as the parameters' scales, so that its trace can be compared with noise.
-    """
-    names, scale, eigenvalues = found.names, found.scale, found.eigenvalues
-    vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
-    rows = _named(vector)
-    changes = [
-        f"{plain(names[row])} by {short(vector[row] * scale[row], '+')}{unit_after(names[row])}"
-        for row in rows
-    ]
-    trace = float(np.sqrt(eigenvalues[index]) * np.linalg.norm(vector))
-    named = np.zeros(len(vector))
-    named[rows] = vector[rows]
-    alone = float(np.linalg.norm(np.sqrt(eigenvalues) * (found.eigenvectors.T @ named)))
-    others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
-    together = " together" if len(rows) > 1 and not others else ""
-    return f"Changing {joined(changes)}{together}{others} {noise_words(trace)}."
-
-
 def noise_words(deviations: float) -> str:
     """What a change does to the data, as a multiple of their noise."""
     size = "less than 0.001" if deviations < 1e-3 else short(deviations)
@@ -217,41 +225,20 @@ def noise_words(deviations: float) -> str:
     return f"{seen} ({size} x noise)"
 
 
-def _reason(found: Information, row: int) -> str:
-    """Say why data do not determine a parameter."""
-    names, weighted, held = found.names, found.weighted, found.at_bound
-    slack = found.slack.get(names[row].split(".", 1)[0])
-    begin = f"{plain(names[row])} is not determined by these data: "
-    if held[row]:
-        return f"{begin}it is on its bound, and the data would move it further."
-    causes = []
-    known = slack is not None and found.flexion_deg is not None
-    where = slack_words(found.flexion_deg, slack) if known else ""
-    if where:
-        causes.append(f"its ligament is slack {where}")
-    seen = float(np.linalg.norm(weighted[:, row]))
-    if seen >= 1.0:
-        causes.append(_rivals(row, names, weighted, held))
-    elif seen > 1e-3 or not where:
-        change = f"{short(found.scale[row])}{unit_after(names[row])}"
-        causes.append(f"a change of {change} {noise_words(seen)}")
-    return begin + "; ".join(causes) + "."
-
-
-def _rivals(row: int, names: Sequence[str], weighted: np.ndarray, held: np.ndarray) -> str:
+def _rivals(found: Information, row: int) -> str:
     """Which other parameters compensate a change of one, and how well.
 
     How well is said by all others together, free to move anywhere. Who, by the least movement that
     does it: in a spectrum over decades, the weakest would else carry the largest numbers.
     """
-    others = np.flatnonzero(~held & (np.arange(len(names)) != row))
-    column, rest = weighted[:, row], weighted[:, others]
+    others = np.flatnonzero(~found.at_bound & (np.arange(len(found.names)) != row))
+    column, rest = found.weighted[:, row], found.weighted[:, others]
     anywhere = np.linalg.lstsq(rest, column, rcond=None)[0]
     left = np.linalg.norm(column - rest @ anywhere) / np.linalg.norm(column)
     least = np.linalg.solve(rest.T @ rest + np.eye(len(others)), rest.T @ column)
     part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
-    who = joined([plain(names[int(others[i])]) for i in order])
+    who = joined([plain(found.names[int(others[i])]) for i in order])
     verb = "compensate" if len(order) > 1 else "compensates"
     percent = 100.0 * (1.0 - left)
     much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
@@ -262,3 +249,62 @@ def _named(vector: np.ndarray) -> list[int]:
     """The components worth naming, largest first."""
     order = np.argsort(-np.abs(vector), kind="stable")[:_MOST]
     return [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]
+
+
+@styled
+def spectrum_figure(found: Information) -> Figure:
+    """Draw how well each combination of parameters is known, and what it is made of."""
+    from matplotlib.ticker import LogLocator, NullLocator
+
+    free = ~found.at_bound
+    names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
+    vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
+    n = len(names)
+    if not n:
+        figure, panels = grid(1, 1, 0.8, width=5.0, left=0.1, top=0.1, bottom=0.1)
+        panels[0, 0].set_axis_off()
+        figure.text(0.5, 0.5, "Every parameter is on a bound: nothing is free.", ha="center")
+        return figure
+    cell = min(0.44, 6.0 / max(n, 1))
+    left, right = 0.062 * max(map(len, names), default=8) + 0.15, 1.0
+    wide, tall = max(left + cell * n, left + 3.4) + right, cell * n
+    figure, ((top,), (table,)) = grid(2, 1, tall + 2.34, width=wide, left=left,
+                                      right=wide - left - tall, top=0.32, bottom=0.55,
+                                      apart=(0, 0.12), height_ratios=(1.35, tall))  # fmt: skip
+    # A bar for each combination: how many times better it is known than before.
+    low = max(better.max(initial=1.0) * 10.0**-_DECADES, 1e-4)
+    floor = min(0.5, max(better[better > low].min(initial=1.0) / 2.0, low))
+    places = np.arange(n) + 0.5
+    colours = [BLUE if size >= 1.0 else VERMILLION for size in better]
+    top.bar(places, np.maximum(better, floor) - floor, bottom=floor, width=0.7, color=colours)
+    for place, size in zip(places, better, strict=True):
+        word = f"{size:.0f}" if size >= 9.95 else f"{size:.2g}" if size > low else "0"
+        if n <= 16:
+            top.annotate(word, (place, max(size, floor)), (0, 1.5), textcoords="offset points",
+                         ha="center", va="bottom", fontsize=6.8)  # fmt: skip
+    top.axhline(1.0, color=GREY, linewidth=0.8)
+    top.annotate("no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
+                 va="center", fontsize=7, color=GREY)  # fmt: skip
+    top.set_yscale("log")
+    most = max(better.max(initial=1.0), 2.0)
+    # Room for the number above the longest bar.
+    top.set_ylim(floor, most * (most / floor) ** 0.16)
+    top.yaxis.set_major_locator(LogLocator(base=10, numticks=6))
+    top.yaxis.set_minor_locator(NullLocator())
+    plain_numbers(top.yaxis)
+    top.set_xlim(0, n)
+    top.set_xticks([])
+    top.grid(axis="x", visible=False)
+    top.set_title("Prior SD over standard error, for each combination of parameters")
+    weights = draw_matrix(
+        table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
+        lambda x: x < -0.8, names, [str(i + 1) for i in range(n)], numbers=n <= 16,
+        size=7.5 if n <= 20 else 5.5,
+    )  # fmt: skip
+    table.set_xlabel("Combination, from best determined to worst")
+    scale = figure.colorbar(weights, cax=table.inset_axes((1 + 0.15 / tall, 0, 0.1 / tall, 1)))
+    scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)
+    scale.ax.tick_params(length=0)
+    scale.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
+    scale.set_label("Weight", fontsize=7.5)
+    return figure

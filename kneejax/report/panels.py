@@ -38,26 +38,31 @@ _MARKS = (
 def grid(
     rows: int, columns: int, height: float, *, width: float = WIDTH, title: str = "",
     left: float = 0.6, right: float = 0.1, top: float = 0.3, bottom: float = 0.5,
-    apart: tuple[float, float] = (0.6, 0.45), constrained: bool = False, **how: Any,
+    apart: tuple[float, float] = (0.6, 0.45), shown: int | None = None, constrained: bool = False,
+    **how: Any,
 ) -> tuple[Figure, np.ndarray]:  # fmt: skip
     """A figure with its panels, `(rows, columns)`; all sizes are inches.
 
     `apart` lies between columns and between rows, `title` above everything; where the layout is
-    `constrained`, Matplotlib finds these itself. `how` goes to its `subplots`.
+    `constrained`, Matplotlib finds these itself. Panels beyond those `shown` have no axes. `how`
+    goes to its `subplots`.
     """
     from matplotlib.figure import Figure
 
-    if constrained:
-        figure = Figure(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots(rows, columns, squeeze=False, **how)
-    figure = Figure(figsize=(width, height))
-    wide = (width - left - right - (columns - 1) * apart[0]) / columns
-    tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
-    figure.subplots_adjust(left=left / width, right=1 - right / width, top=1 - top / height,
-                           bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall)
+    figure = Figure(figsize=(width, height), layout="constrained" if constrained else None)
+    if not constrained:
+        wide = (width - left - right - (columns - 1) * apart[0]) / columns
+        tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
+        figure.subplots_adjust(
+            left=left / width, right=1 - right / width, top=1 - top / height,
+            bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall,
+        )  # fmt: skip
     if title:
         figure.suptitle(verbatim(title), x=left / width, ha="left", fontsize=9.5)
-    return figure, figure.subplots(rows, columns, squeeze=False, **how)
+    panels = figure.subplots(rows, columns, squeeze=False, **how)
+    for axes in () if shown is None else panels.flat[shown:]:
+        axes.set_axis_off()
+    return figure, panels
 
 
 def panel_grid(

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+import dataclasses
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
-from kneejax.report import plan_figures, plan_tables
+from kneejax.planning import Outcome, PlanResult, Surgery
+from kneejax.report import plan_figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, paragraphs, prose
-from kneejax.report.look.tables import json_safe, number
+from kneejax.report.look.tables import NONE, Column, Table, json_safe, number
 from kneejax.statics import Status
 
-if TYPE_CHECKING:
-    from kneejax.planning import PlanResult
+BEFORE = ("intact", "deficient")
+_OPPOSITE = {"anterior": "posterior", "medial": "lateral", "proximal": "distal"}
 
 
 def plan_answer(result: PlanResult) -> Answer:
@@ -25,20 +28,27 @@ def plan_answer(result: PlanResult) -> Answer:
         The answer; its tables are plan, octagon, curves and, where one was asked for, front.
     """
     plan, surgery, doubts = result.plan, result.plan.surgery, plan_doubts(result)
-    whole, octagon = plan_tables.knees_table(result), plan_tables.octagon_table(result)
-    tables = {"plan": whole, "octagon": octagon, "curves": plan_tables.curves_table(result)}
-    chosen = [c.name for x in surgery.plan.bundles for c in plan_tables.choice_columns(surgery, x)]
+    graft, found, free = plan.graft.name.replace("_", " "), result.optimum, ", ".join(plan.free)
+    whole, corner = knees_table(result), result.octagon
+    names = (*surgery.ligaments, "total")
+    octagon = Table(
+        [Column("position"), *(Column(name, show="3") for name in names)],
+        [[k + 1, *corner.distance[k], corner.total[k]] for k in range(len(corner.choices))],
+        "Strain distance by place",
+    )
+    tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
+    chosen = [c.name for x in surgery.plan.bundles for c in choice_columns(surgery, x)]
     does = [c.name for c in whole.columns if c.shown and c.name not in chosen]
-    tried = [name for name, *_ in plan_tables.variants(result)]
+    tried = [name for name, *_ in variants(result)]
     corners = [name for name in tried if name.startswith("octagon")]
     reconstructed = [name for name in tried if name not in corners]
-    where = plan_tables.part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
+    where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
                   "From the middles of the footprints.")  # fmt: skip
-    every = [*plan_tables.BEFORE, *reconstructed]
-    knees = plan_tables.part_of(whole, every, does, "What the knee does",
+    every = [*BEFORE, *reconstructed]
+    knees = part_of(whole, every, does, "What the knee does",
                   prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
-    exact = plan_tables.exactness_table(result)
-    eight = plan_tables.part_of(whole, corners, does, "Eight places on the tibia")
+    exact = exactness_table(result)
+    eight = part_of(whole, corners, does, "Eight places on the tibia")
     drawings = {
         f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
                                    more=prose(f"plan.{one.bone}"))
@@ -50,42 +60,62 @@ def plan_answer(result: PlanResult) -> Answer:
     drawings["strains"] = Drawing(plan_figures.strain_figure, result)
     drawings["tension"] = Drawing(plan_figures.tension_figure, result)
     first = places[0] if places else "strains"
+    sought = ["No optimum was asked for."]
+    if found is not None:
+        limits = {"graft": surgery.limits.graft_N, "band": surgery.limits.band_mm,
+                  "least": surgery.limits.tension_N[0], "most": surgery.limits.tension_N[1]}
+        ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
+        sought = [
+            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits.items()}),
+            f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
+            f"distances found from the starts that were followed: {ends}.",
+        ]
     sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True, printed=True),
-                Section("How the optimum was found", [*_limits(result), *_of_search(result)],
-                        printed=True)]  # fmt: skip
+                Section("How the optimum was found", sought, printed=True)]  # fmt: skip
     if places[1:]:
         sections.append(Section("The other tunnel", drawings=places[1:]))
     if result.front is not None:
-        tables["front"] = plan_tables.front_table(result)
+        tables["front"] = front_table(result)
     if result.has_front:
         title, said = "What must be given up for what", [prose("plan.criteria")]
-        tradeoff = plan_tables.tradeoff_table(result)
+        tradeoff = tradeoff_table(result)
         sections.append(Section(title, said, [tradeoff], ["front"], printed=True))
     if result.intervals is not None:
-        intervals = plan_tables.interval_table(result)
+        intervals = interval_table(result)
         sections.append(Section("How well it is known", tables=[intervals], printed=True))
+    places_words = prose("plan.octagon", apothem=f"{plan.octagon_mm:g}")
+    if np.isfinite(corner.total).any():
+        order = [int(k) + 1 for k in np.argsort(corner.total) if np.isfinite(corner.total[k])]
+        places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
     sections += [
         Section("The tension", drawings=["tension"]),
         Section(
-            "Eight places on the tibia", _octagon(result), [octagon, eight],
+            "Eight places on the tibia", [places_words], [octagon, eight],
             ["strains"] if first != "strains" else [],
         ),
         Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
-    facts = [("Knee", plan.own.name), ("Graft", plan.graft.name.replace("_", " "))]
+    facts = [("Knee", plan.own.name), ("Graft", graft)]
     intact = surgery.laxity(surgery.before)[0]
     for k, angle in enumerate(surgery.protocol.lachman_deg):
         both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
         facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
     facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
-    sentence, asked = _sentence(result), _asked(result)
+    bundles = len(surgery.plan.bundles)
+    asked = prose(
+        "plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
+        flexion=f"{surgery.fixation_deg:g}",
+        how="one bundle" if bundles == 1 else f"{bundles} bundles",
+        stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
+        tension=", ".join(f"{x:g}" for x in plan.base[4::5]),
+    )  # fmt: skip
     failed = plan_failed(result)
     return Answer(
         title=plan.title, asked=f"{asked} {prose('plan.note')}",
         verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
         Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
-        sentence=sentence, tables=tables, main=[where, knees], drawings=drawings, picture=first,
-        doubts=doubts, facts=facts, sections=sections, exit_status=int(failed),
+        sentence=_sentence(result), tables=tables, main=[where, knees], drawings=drawings,
+        picture=first, doubts=doubts, facts=facts, sections=sections, exit_status=int(failed),
     )  # fmt: skip
 
 
@@ -98,7 +128,7 @@ def _sentence(result: PlanResult) -> str:
         ends = ((surgery.tibia, choice[:2]), (surgery.femur, choice[2:4]))
         places = [
             f"{footprint.bone} " + ", ".join(
-                f"{abs(x):.1f} mm {plan_tables.towards(axis, x)}"
+                f"{abs(x):.1f} mm {towards(axis, x)}"
                 for axis, x in zip(footprint.names, place, strict=True)
             )
             for footprint, place in ends
@@ -109,49 +139,6 @@ def _sentence(result: PlanResult) -> str:
         kept = "all limits kept" if result.optimum.feasible else "not all limits can be kept"
     what = "Optimum" if result.optimum is not None else "Planned"
     return f"{what}: {'. '.join(said)} at {surgery.fixation_deg:g} degrees ({kept})."
-
-
-def _of_search(result: PlanResult) -> list[str]:
-    if (found := result.optimum) is None:
-        return []
-    ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
-    return [
-        f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
-        f"distances found from the starts that were followed: {ends}."
-    ]
-
-
-def _asked(result: PlanResult) -> str:
-    """What is done, in a sentence."""
-    plan, surgery = result.plan, result.plan.surgery
-    bundles = len(surgery.plan.bundles)
-    return prose(
-        "plan.asked", knee=plan.own.name, ligament=plan.ligament,
-        graft=plan.graft.name.replace("_", " "), flexion=f"{surgery.fixation_deg:g}",
-        how="one bundle" if bundles == 1 else f"{bundles} bundles",
-        stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
-        tension=", ".join(f"{x:g}" for x in plan.base[4::5]),
-    )  # fmt: skip
-
-
-def _limits(result: PlanResult) -> list[str]:
-    """Among which choices the optimum was sought."""
-    limits = result.plan.surgery.limits
-    if result.optimum is None:
-        return ["No optimum was asked for."]
-    numbers = {"graft": limits.graft_N, "band": limits.band_mm, "least": limits.tension_N[0],
-               "most": limits.tension_N[1]}  # fmt: skip
-    shown = {name: f"{x:g}" for name, x in numbers.items()}
-    return [prose("plan.limits", free=", ".join(result.plan.free), **shown)]
-
-
-def _octagon(result: PlanResult) -> list[str]:
-    """Where the corners are, and which is best."""
-    total, best = result.octagon.total, ""
-    if np.isfinite(total).any():
-        order = [int(k) + 1 for k in np.argsort(total) if np.isfinite(total[k])]
-        best = f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
-    return [prose("plan.octagon", apothem=f"{result.plan.octagon_mm:g}") + best]
 
 
 def _assumptions(result: PlanResult) -> list[str]:
@@ -172,14 +159,14 @@ def _assumptions(result: PlanResult) -> list[str]:
 def plan_doubts(result: PlanResult) -> list[str]:
     """What a reader must know before the numbers; empty where nothing is wrong."""
     surgery, said = result.plan.surgery, []
-    for row, name in enumerate(plan_tables.BEFORE):
+    for row, name in enumerate(BEFORE):
         lost = np.unique(surgery.protocol.flexion_deg[~surgery.before.converged[row]])
         if len(lost):
             said.append(
                 f"The {name} knee does not hold the load, or has no balance, at "
                 f"{', '.join(f'{x:g}' for x in lost)} degrees: its laxity there is not known."
             )
-    for name, found, row in plan_tables.variants(result):
+    for name, found, row in variants(result):
         status = Status(int(found.status[row]))
         if status is not Status.BALANCED and not name.startswith("octagon"):
             said.append(f"Of the {'plan' if name == 'planned' else name}: {status.sentence}.")
@@ -220,7 +207,7 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "window": surgery.window,
         "limits": {"graft_N": surgery.limits.graft_N, "laxity_band_mm": surgery.limits.band_mm,
                    "tension_N": surgery.limits.tension_N},
-        "knees": plan_tables.knees_table(result).records(), "doubts": plan_doubts(result),
+        "knees": knees_table(result).records(), "doubts": plan_doubts(result),
         "tolerances": [
             _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
                     direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
@@ -256,3 +243,158 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
 
 def _fields(one: Any, **names: str) -> dict[str, Any]:
     return {said: getattr(one, name) for said, name in names.items()}
+
+
+def variants(result: PlanResult) -> Iterator[tuple[str, Outcome, int]]:
+    """Name, outcome and row of every reconstruction that a plan tried: plan, optimum, octagon."""
+    yield "planned", result.planned, 0
+    if result.optimum is not None:
+        yield "optimum", result.optimum.outcome, 0
+    for corner in range(len(result.octagon.choices)):
+        yield f"octagon {corner + 1}", result.octagon, corner
+
+
+def choice_columns(surgery: Surgery, bundle: str) -> list[Column]:
+    """A bundle's five choices; its name stands in the headings where there are several."""
+    named = f"{bundle} " * (len(surgery.plan.bundles) > 1)
+    places = [Column(f"{bundle}_{foot.bone}_{axis}_mm", f"{named}{foot.bone} {axis}, mm", ".1f")
+              for foot in (surgery.tibia, surgery.femur) for axis in foot.names]  # fmt: skip
+    return [*places, Column(f"{bundle}_tension_N", f"{named}tension, N", ".1f")]
+
+
+def knees_table(result: PlanResult) -> Table:
+    """Choices and what they do: the intact and the deficient knee, then every reconstruction."""
+    surgery, before = result.plan.surgery, result.plan.surgery.before
+    bundles, others = surgery.plan.bundles, len(surgery.ligaments)
+    named = {"deficient": f"without {result.plan.ligament}"}
+    columns = [Column("knee", show=lambda name: named.get(name, name), words=True)]
+    for name in bundles:
+        columns += choice_columns(surgery, name)
+        columns.append(Column(f"{name}_slack_length_mm", shown=False))
+        own = f"{name} " * (len(bundles) > 1)
+        columns.append(Column(f"{name}_length_change_mm", f"{own}length change, mm", "3"))
+    for angle in surgery.protocol.lachman_deg:
+        columns.append(Column(f"laxity_{angle:g}_deg_mm", f"laxity {angle:g} deg, mm", "3"))
+    columns.append(Column("graft_peak_N", "graft peak, N", "3"))
+    columns += [Column(f"strain_distance_{name}", shown=False) for name in surgery.ligaments]
+    columns.append(Column("strain_distance", show="3"))
+    columns.append(Column("status", show=lambda word: word.replace("_", " "), words=True))
+    rows: list[list[Any]] = []
+    for row, (name, laxity) in enumerate(zip(BEFORE, surgery.laxity(before), strict=True)):
+        status = Status(int(before.status[row].max())).word
+        blank = [np.nan] * (7 * len(bundles))
+        rows.append([name, *blank, *laxity, *[np.nan] * (2 + others), status])
+    for name, found, row in variants(result):
+        each = found.choices[row].reshape(len(bundles), -1)
+        own = [x for k in range(len(bundles))
+               for x in (*each[k], found.slack_mm[row, k], found.isometry_mm[row, k])]  # fmt: skip
+        rows.append(
+            [name, *own, *found.laxity_mm[row], found.peak_N[row], *found.distance[row],
+             found.total[row], Status(int(found.status[row])).word]
+        )  # fmt: skip
+    return Table(columns, rows)
+
+
+def part_of(
+    whole: Table, knees: Sequence[str], names: Sequence[str], title: str = "", note: str = ""
+) -> Table:
+    """Some rows and columns of the table of all knees."""
+    columns = [dataclasses.replace(one, shown=one.name in names) for one in whole.columns]
+    rows = [row for row in whole.rows if row[0] in knees]
+    return Table(columns, rows, title, note)
+
+
+def curves_table(result: PlanResult) -> Table:
+    """Strain and tension of every ligament through extension, in every knee."""
+    surgery = result.plan.surgery
+    motion, plan = surgery.protocol.motion, surgery.plan
+    knees = [(name, surgery.before, row) for row, name in enumerate(BEFORE)]
+    knees += [(name, found.followed, row) for name, found, row in variants(result)]
+    absent = {"intact": plan.bundles, "deficient": (*plan.torn, *plan.bundles)}
+    rows = [
+        [name, angle, ligament, strain, tension]
+        for name, followed, row in knees
+        for k, ligament in enumerate(plan.knee.ligaments.names)
+        if ligament not in absent.get(name, plan.torn)
+        for angle, strain, tension in zip(
+            surgery.protocol.extension_deg, followed.strain[row, motion, k],
+            followed.tension_N[row, motion, k], strict=True,
+        )
+    ]  # fmt: skip
+    return Table.plain(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
+
+
+def front_table(result: PlanResult) -> Table:
+    """Criteria and choices of a front by strain distance; the compromise is marked."""
+    front, surgery = result.front, result.plan.surgery
+    assert front is not None
+    tests = [Column(f"laxity_{angle:g}_deg_mm") for angle in surgery.protocol.lachman_deg]
+    columns = [*tests, Column("graft_peak_N"), Column("strain_distance")]
+    columns = [dataclasses.replace(one, show="3") for one in columns]
+    columns += [one for name in surgery.plan.bundles for one in choice_columns(surgery, name)]
+    pairs = zip(front.criteria, front.outcome.choices, strict=True)
+    rows = [[*criteria, *choices, int(k == front.compromise)]
+            for k, (criteria, choices) in enumerate(pairs)]  # fmt: skip
+    return Table([*columns, Column("compromise")], rows)
+
+
+def tradeoff_table(result: PlanResult) -> Table:
+    """The ends of the front and its compromise."""
+    front, every = result.front, front_table(result)
+    assert front is not None
+    count = front.criteria.shape[1]
+    names = [one.heading.rpartition(",")[0] or one.heading for one in every.columns[:count]]
+    ends = [*zip(names, np.argmin(front.criteria, axis=0), strict=True)]
+    rows = [[name, *every.rows[k][:-1]] for name, k in (*ends, ("compromise", front.compromise))]
+    note = prose("plan.front", count=len(front.criteria), tried=front.evaluations)
+    columns = [Column("best_in", words=True), *every.columns[:-1]]
+    return Table(columns, rows, "Best choices by criterion", note)
+
+
+def interval_table(result: PlanResult) -> Table:
+    """Medians with 95 % intervals over the knees that a calibration leaves possible."""
+    own, surgery = result.intervals, result.plan.surgery
+    assert own is not None
+    names = [f"laxity {angle:g} deg, mm" for angle in surgery.protocol.lachman_deg]
+    names += ["graft peak, N", "strain distance"]
+    rows = []
+    for row, name in enumerate(own.knees):
+        cells = []
+        for (low, middle, high), known in zip(own.limits[row], own.known[row], strict=True):
+            few = f" in {known}" if 0 < known < own.draws else ""
+            limits = f"{number(middle, 3)} ({number(low, 3)} to {number(high, 3)}){few}"
+            cells.append(limits if known else NONE)
+        kept = own.kept[row]
+        rows.append([name, *cells, f"{kept:.0%}" if np.isfinite(kept) else NONE])
+    note = prose("plan.intervals", draws=own.draws)
+    if result.plan.held:
+        note += " " + prose("plan.held", names=", ".join(result.plan.held))
+    columns = [Column("knee", words=True), *map(Column, names), Column("limits_kept_in")]
+    return Table(columns, rows, "Over the knees that the calibration leaves possible", note)
+
+
+def exactness_table(result: PlanResult) -> Table:
+    """How far each tunnel may be off."""
+    band, rows = result.plan.surgery.limits.band_mm, []
+    for one in result.tolerances:
+        names = result.plan.surgery.footprint(one.bone).names
+        way = " and ".join(towards(name, part)
+                           for name, part in zip(names, one.direction, strict=True)
+                           if abs(part) > 0.3)  # fmt: skip
+        known = np.isfinite(one.found_mm)
+        far = f"{one.found_mm:.1f}" if known else f"above {one.checked_mm:.1f}"
+        rows.append([one.bone, one.bundle, way, far, one.expected_mm, one.lachman_deg, one.slope])
+    what = "optimum" if result.optimum is not None else "plan"
+    return Table(
+        [Column("tunnel", words=True), Column("bundle", words=True), Column("towards", words=True),
+         Column("off_by_mm", "off by, mm"), Column("by_derivative_mm", show=".1f"),
+         Column("laxity_at_deg", show="g"), Column("laxity_per_mm", "laxity a mm, mm", ".2f")],
+        rows,
+        f"How exact must a tunnel be? Distance from the {what} at which laxity leaves its band "
+        f"first ({band:g} mm about that of the intact knee)",
+    )  # fmt: skip
+
+
+def towards(name: str, part: float) -> str:
+    """The direction in words: a name, or its opposite where the part along it is negative."""
+    return name if part >= 0 else _OPPOSITE[name]

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from kneejax.geometry import FEMUR, TIBIA
-from kneejax.planning import criteria_of
-from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION
+from kneejax.planning import Footprint, PlanResult, TunnelMap, criteria_of
+from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, shades
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.panels import grid
 from kneejax.report.scene.surfaces import surface_grid
-
-if TYPE_CHECKING:
-    from kneejax.planning import Footprint, PlanResult, TunnelMap
 
 #: Of the first panel, from the middle of the footprint, mm.
 _FARTHEST_MM = 32.0
@@ -38,9 +33,7 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
     shown = [("Strain distance", found.total), *zip(tests, found.laxity_mm, strict=True),
              ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm)]
     rows = -(-(len(shown) + 1) // 3)
-    figure, panels = grid(rows, 3, 2.15 * rows + 0.35, constrained=True)
-    for axes in panels.flat[len(shown) + 1 :]:
-        axes.set_axis_off()
+    figure, panels = grid(rows, 3, 2.15 * rows + 0.35, shown=len(shown) + 1, constrained=True)
     _bone_panel(panels.flat[0], result, found)
     for axes, (title, values) in zip(panels.flat[1:], shown, strict=False):
         axes.set_title(title)
@@ -120,15 +113,24 @@ def _axes(axes: Axes, found: TunnelMap, x: tuple, y: tuple) -> None:
 
 def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
     """The surfaces of the bone in the plane of the footprint, and the region of the map."""
+    from matplotlib.collections import PolyCollection
+
     footprint = result.plan.surgery.footprint(found.bone)
     right, up = _across(found.bone)
     reach = 0.0
     for contact in result.plan.own.contacts:
         surface = contact.tibial if found.bone == TIBIA else contact.femoral
-        if found.bone == FEMUR and _beside(surface, footprint):
+        middle = surface_grid(surface, (5, 5)).mean(axis=(0, 1))
+        # A condyle that is not the one in whose notch the footprint is.
+        beside = (middle[2] - footprint.middle[2]) * max(footprint.middle[2], 1.0) < 0
+        if found.bone == FEMUR and beside:
             continue
         flat = _flat(surface, footprint)
-        _shade(axes, flat[..., right], flat[..., up])
+        corners = [flat[:-1, :-1], flat[1:, :-1], flat[1:, 1:], flat[:-1, 1:]]
+        cells = np.stack(corners, axis=2)[..., (right, up)].reshape(-1, 4, 2)
+        cells = cells[np.isfinite(cells).all(axis=(1, 2))]
+        looks = {"facecolors": LIGHT, "edgecolors": LIGHT, "linewidths": 0.3}
+        axes.add_collection(PolyCollection(cells, **looks))
         reach = max(reach, float(np.nanmax(np.abs(flat))))
     half = found.first.max(), found.second.max()
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]]) * half
@@ -141,12 +143,6 @@ def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
     axes.set_title("Tibia from above" if found.bone == TIBIA else "Lateral wall of the notch")
 
 
-def _beside(surface, footprint: Footprint) -> bool:
-    """Whether a condyle is not the one in whose notch the footprint is."""
-    middle = surface_grid(surface, (5, 5)).mean(axis=(0, 1))
-    return bool((middle[2] - footprint.middle[2]) * max(footprint.middle[2], 1.0) < 0)
-
-
 def _flat(surface, footprint: Footprint) -> np.ndarray:
     """Points of a surface in the plane of a footprint, `(m, n, 2)`; NaN beyond its border."""
     grid = surface_grid(surface, (60, 60))
@@ -156,17 +152,6 @@ def _flat(surface, footprint: Footprint) -> np.ndarray:
     known = np.broadcast_to(np.asarray(surface.covered(a, b, spacing)), a.shape) > 0.5
     flat = (grid - footprint.middle) @ footprint.axes.T
     return np.where(known[..., None], flat, np.nan)
-
-
-def _shade(axes: Axes, x: np.ndarray, y: np.ndarray) -> None:
-    from matplotlib.collections import PolyCollection
-
-    cells = np.stack(
-        [np.stack([z[:-1, :-1], z[1:, :-1], z[1:, 1:], z[:-1, 1:]], axis=-1) for z in (x, y)],
-        axis=-1,
-    ).reshape(-1, 4, 2)
-    cells = cells[np.isfinite(cells).all(axis=(1, 2))]
-    axes.add_collection(PolyCollection(cells, facecolors=LIGHT, edgecolors=LIGHT, linewidths=0.3))
 
 
 #: Most ligaments with a panel each; of more, those whose curves are farthest off.
@@ -184,18 +169,27 @@ def strain_figure(result: PlanResult) -> Figure:
         A panel for each ligament: intact, the eight corners of the octagon, the plan and the
         optimum.
     """
-
-    surgery = result.plan.surgery
+    surgery, colours = result.plan.surgery, shades(8, 0.95)
+    motion, angles = surgery.protocol.motion, surgery.protocol.extension_deg
     worst = np.nan_to_num(np.nanmax(result.octagon.distance, axis=0), nan=-1.0)
     shown = sorted(np.argsort(-worst)[:_MOST])
     columns = 2 if len(shown) <= 4 else 3
     rows = -(-len(shown) // columns)
     figure, panels = grid(rows, columns, 1.55 * rows + 0.75, top=0.28, bottom=0.85,
-                          apart=(0.5, 0.37), sharex=True)  # fmt: skip
-    for axes in panels.flat[len(shown) :]:
-        axes.set_axis_off()
+                          apart=(0.5, 0.37), shown=len(shown), sharex=True)  # fmt: skip
     for axes, k in zip(panels.flat, shown, strict=False):
-        _strain_panel(axes, result, k)
+        row = surgery.plan.rows([surgery.ligaments[k]])[0]
+        for corner, strain in enumerate(result.octagon.followed.strain[:, motion, row]):
+            axes.plot(angles, 100 * strain, color=colours[corner], linewidth=0.7,
+                      label=f"octagon {corner + 1}")  # fmt: skip
+        planned = result.planned.followed.strain[0, motion, row]
+        axes.plot(angles, 100 * planned, color=BLUE, label="planned")
+        if result.optimum is not None:
+            best = result.optimum.outcome.followed.strain[0, motion, row]
+            axes.plot(angles, 100 * best, color=VERMILLION, label="optimum")
+        axes.plot(angles, 100 * surgery.intact_strain[:, k], color=BLACK, linewidth=1.6,
+                  linestyle=(0, (4, 1.5)), label="intact")  # fmt: skip
+        axes.set_xlim(angles.max(), angles.min())
         axes.set_title(verbatim(surgery.ligaments[k]))
     for axes in panels[:, 0]:
         axes.set_ylabel("Strain, %")
@@ -208,30 +202,9 @@ def strain_figure(result: PlanResult) -> Figure:
     return figure
 
 
-def _strain_panel(axes: Axes, result: PlanResult, k: int) -> None:
-    from matplotlib import colormaps
-
-    surgery, angles = result.plan.surgery, result.plan.surgery.protocol.extension_deg
-    row = surgery.plan.rows([surgery.ligaments[k]])[0]
-    motion = surgery.protocol.motion
-    colours = colormaps["viridis"](np.linspace(0.0, 0.95, 8))
-    for corner, strain in enumerate(result.octagon.followed.strain[:, motion, row]):
-        axes.plot(angles, 100 * strain, color=colours[corner], linewidth=0.7,
-                  label=f"octagon {corner + 1}")  # fmt: skip
-    planned = result.planned.followed.strain[0, motion, row]
-    axes.plot(angles, 100 * planned, color=BLUE, label="planned")
-    if result.optimum is not None:
-        best = result.optimum.outcome.followed.strain[0, motion, row]
-        axes.plot(angles, 100 * best, color=VERMILLION, label="optimum")
-    axes.plot(angles, 100 * surgery.intact_strain[:, k], color=BLACK, linewidth=1.6,
-              linestyle=(0, (4, 1.5)), label="intact")  # fmt: skip
-    axes.set_xlim(angles.max(), angles.min())
-
-
 @styled
 def tension_figure(result: PlanResult) -> Figure:
     """Draw laxity, the graft's largest force and the strain distance over the pretension."""
-
     surgery, found = result.plan.surgery, result.tension
     tension, limits = found.choices[:, 4], surgery.limits
     figure, ((*panels,),) = grid(1, 3, 2.45, left=0.53, bottom=0.47)
@@ -267,7 +240,6 @@ def front_figure(result: PlanResult) -> Figure:
         A panel for each laxity over the graft's largest force, coloured by strain distance, and
         one of strain distance over the force, coloured by the first laxity.
     """
-
     front = result.front
     assert front is not None
     tests = [f"Laxity at {x:g} deg, mm" for x in result.plan.surgery.protocol.lachman_deg]

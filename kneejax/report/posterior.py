@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
+from kneejax.inference import Posterior
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMILLION
 from kneejax.report.look.page import Drawing, Section, prose
-from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
-from kneejax.report.look.tables import Table, number
+from kneejax.report.look.style import SHOWN, Figure, readable, styled
+from kneejax.report.look.tables import Column, Table, number
 from kneejax.report.panels import flexion_axis, grid
-
-if TYPE_CHECKING:
-    from kneejax.inference import Posterior
 
 _COLUMNS = 4
 _BINS = 40
@@ -28,63 +26,51 @@ _ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 @styled
 def marginals_figure(found: Posterior) -> Figure:
     """Draw the posterior of each parameter beside its prior and the normal approximation."""
+    from matplotlib.ticker import MaxNLocator
 
     rows = -(-len(found.names) // _COLUMNS)
-    titles = [_title(found, index) for index in range(len(found.names))]
+    # Name and unit, broken where a panel is too narrow for them.
+    titles = [textwrap.fill(readable(name) + (f", {unit}" if unit else ""), 24)
+              for name, unit in zip(found.names, found.units, strict=True)]  # fmt: skip
     two_lines = 0.13 * any("\n" in title for title in titles)
     figure, panels = grid(rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5,
                           left=0.21, right=0.14, top=0.25 + two_lines, bottom=0.65,
-                          apart=(0.28, 0.55 + two_lines))  # fmt: skip
+                          apart=(0.28, 0.55 + two_lines), shown=len(titles))  # fmt: skip
     handles: dict[str, Any] = {}
-    for index, axes in enumerate(panels.flat):
-        if index < len(found.names):
-            handles |= _marginal(axes, found, index)
-        else:
-            axes.set_axis_off()
+    for index, axes in enumerate(panels.flat[: len(titles)]):
+        name, prior = found.names[index], found.priors[index]
+        axes.set_title(titles[index], fontsize=8)
+        draws = found.draws[..., index].ravel()
+        centre = found.laplace_mean[index]
+        deviation = float(np.sqrt(found.laplace_covariance[index, index]))
+        low, high = _range(found, index)
+        x = np.linspace(low, high, 400)
+        edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
+        heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
+        handles["posterior"] = axes.patches[0]
+        top = float(np.max(heights))
+        if np.isfinite(deviation):
+            bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
+            (handles["normal approximation"],) = axes.plot(x, bell, "--", color=GREY,
+                                                           linewidth=1.0)  # fmt: skip
+            top = max(top, float(bell.max()))
+        (handles["prior"],) = axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1)
+        if name in found.truth:
+            handles["truth"] = axes.axvline(found.truth[name], color=GREEN, linewidth=1.2)
+        for bound, side in ((prior.lower, low), (prior.upper, high)):
+            if low < bound < high:
+                handles["outside the bounds"] = axes.axvspan(
+                    bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
+                )
+        axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
+                 yticks=[])  # fmt: skip
+        axes.spines["left"].set_visible(False)
+        axes.tick_params(labelsize=7)
+        axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
+        axes.xaxis.set_major_formatter(_short)
     figure.legend(handles.values(), handles, loc="lower center", ncols=len(handles),
                   handlelength=1.8, bbox_to_anchor=(0.5, 0.0), columnspacing=1.4)  # fmt: skip
     return figure
-
-
-def _marginal(axes: Axes, found: Posterior, index: int) -> dict[str, Any]:
-    from matplotlib.ticker import MaxNLocator
-
-    prior = found.priors[index]
-    axes.set_title(_title(found, index), fontsize=8)
-    draws = found.draws[..., index].ravel()
-    centre = found.laplace_mean[index]
-    deviation = float(np.sqrt(found.laplace_covariance[index, index]))
-    low, high = _range(found, index)
-    x = np.linspace(low, high, 400)
-    edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
-    heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
-    handles: dict[str, Any] = {"posterior": axes.patches[0]}
-    top = float(np.max(heights))
-    if np.isfinite(deviation):
-        bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
-        (handles["normal approximation"],) = axes.plot(x, bell, "--", color=GREY, linewidth=1.0)
-        top = max(top, float(bell.max()))
-    (handles["prior"],) = axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1)
-    if found.names[index] in found.truth:
-        handles["truth"] = axes.axvline(found.truth[found.names[index]], color=GREEN, linewidth=1.2)
-    for bound, side in ((prior.lower, low), (prior.upper, high)):
-        if low < bound < high:
-            handles["outside the bounds"] = axes.axvspan(
-                bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
-            )
-    axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
-             yticks=[])  # fmt: skip
-    axes.spines["left"].set_visible(False)
-    axes.tick_params(labelsize=7)
-    axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
-    axes.xaxis.set_major_formatter(_short)
-    return handles
-
-
-def _title(found: Posterior, index: int) -> str:
-    """Name and unit, broken where a panel is too narrow for them."""
-    unit = found.units[index]
-    return textwrap.fill(readable(found.names[index]) + (f", {unit}" if unit else ""), 24)
 
 
 def _short(value: float, _) -> str:
@@ -104,12 +90,17 @@ def _range(found: Posterior, index: int) -> tuple[float, float]:
 @styled
 def pairs_figure(found: Posterior) -> Figure:
     """Draw the posterior of each pair of parameters."""
+    from matplotlib.lines import Line2D
     from matplotlib.ticker import MaxNLocator
 
     strongest = np.abs(found.correlation) - np.eye(len(found.names))
     chosen = np.argsort(-strongest.max(axis=0), kind="stable")[:_MOST_PAIRED]
     chosen, count = sorted(chosen.tolist()), len(chosen)
     figure, panels = grid(count, count, 6.58, left=0.8, right=0.07, bottom=0.69, apart=(0.09, 0.08))
+    flat = found.draws.reshape(-1, len(found.names))
+    thin = flat[:: max(len(flat) // _POINTS, 1)]
+    narrow = [readable(name).replace(" ", "\n", 1).replace("reference ", "ref. ")
+              for name in found.names]  # fmt: skip
     handles: dict[str, Any] = {}
     for (i, j), axes in np.ndenumerate(panels):
         row, column = chosen[i], chosen[j]
@@ -119,7 +110,27 @@ def pairs_figure(found: Posterior) -> Figure:
             axis.set_major_locator(MaxNLocator(2, min_n_ticks=2, steps=[1, 2, 5, 10]))
             axis.set_major_formatter(_short)
         if i > j:
-            handles |= _pair(axes, found, column, row, 0.6 + 8.0 / count)
+            axes.plot(thin[:, column], thin[:, row], ".", color=BLUE, markersize=0.6 + 8.0 / count,
+                      markeredgewidth=0, alpha=0.35, rasterized=True)  # fmt: skip
+            # One that can be seen in the legend.
+            handles["draws"] = Line2D([], [], color=BLUE, marker=".", linestyle="none")
+            pair = np.ix_([column, row], [column, row])
+            covariance = found.laplace_covariance[pair]
+            if np.isfinite(covariance).all():
+                angle = np.linspace(0.0, 2.0 * np.pi, 100)
+                circle = np.linalg.cholesky(covariance) @ [np.cos(angle), np.sin(angle)]
+                centre = found.laplace_mean[[column, row]][:, None]
+                (handles["normal approximation, 95 %"],) = axes.plot(
+                    *(centre + _ELLIPSE_95 * circle), color=BLACK, linewidth=0.8
+                )
+            if found.divergences:
+                lost = found.draws[found.divergent]
+                (handles["divergent"],) = axes.plot(lost[:, column], lost[:, row], "x",
+                                                    color=VERMILLION, markersize=3)  # fmt: skip
+            for which, line in ((column, axes.axvline), (row, axes.axhline)):
+                if (truth := found.truth.get(found.names[which])) is not None:
+                    handles["truth"] = line(truth, color=GREEN, linewidth=0.8)
+            axes.set(xlim=_range(found, column), ylim=_range(found, row))
         elif i == j:
             axes.hist(found.draws[..., row].ravel(), np.linspace(*_range(found, row), 31),
                       color=BLUE, alpha=0.3, linewidth=0)  # fmt: skip
@@ -139,9 +150,9 @@ def pairs_figure(found: Posterior) -> Figure:
             axes.tick_params(axis="x", rotation=50, labelsize=5.5)
             for text in axes.get_xticklabels():
                 text.set(ha="right", rotation_mode="anchor")
-            axes.set_xlabel(_narrow(found, column), fontsize=6.5, labelpad=2)
+            axes.set_xlabel(narrow[column], fontsize=6.5, labelpad=2)
         if j == 0 and i > 0:
-            axes.set_ylabel(_narrow(found, row), fontsize=6.5, labelpad=2)
+            axes.set_ylabel(narrow[row], fontsize=6.5, labelpad=2)
     figure.align_labels()
     if handles:
         figure.legend(handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
@@ -150,43 +161,9 @@ def pairs_figure(found: Posterior) -> Figure:
     return figure
 
 
-def _narrow(found: Posterior, row: int) -> str:
-    return readable(found.names[row]).replace(" ", "\n", 1).replace("reference ", "ref. ")
-
-
-def _pair(axes: Axes, found: Posterior, column: int, row: int, size: float) -> dict[str, Any]:
-    from matplotlib.lines import Line2D
-
-    flat = found.draws.reshape(-1, len(found.names))
-    thin = flat[:: max(len(flat) // _POINTS, 1)]
-    axes.plot(thin[:, column], thin[:, row], ".", color=BLUE, markersize=size, markeredgewidth=0,
-              alpha=0.35, rasterized=True)  # fmt: skip
-    # One that can be seen in the legend.
-    handles: dict[str, Any] = {"draws": Line2D([], [], color=BLUE, marker=".", linestyle="none")}
-    pair = np.ix_([column, row], [column, row])
-    covariance = found.laplace_covariance[pair]
-    if np.isfinite(covariance).all():
-        angle = np.linspace(0.0, 2.0 * np.pi, 100)
-        circle = np.linalg.cholesky(covariance) @ [np.cos(angle), np.sin(angle)]
-        centre = found.laplace_mean[[column, row]][:, None]
-        (handles["normal approximation, 95 %"],) = axes.plot(
-            *(centre + _ELLIPSE_95 * circle), color=BLACK, linewidth=0.8
-        )
-    if found.divergences:
-        lost = found.draws[found.divergent]
-        (handles["divergent"],) = axes.plot(lost[:, column], lost[:, row], "x", color=VERMILLION,
-                                            markersize=3)  # fmt: skip
-    for which, line in ((column, axes.axvline), (row, axes.axhline)):
-        if found.names[which] in found.truth:
-            handles["truth"] = line(found.truth[found.names[which]], color=GREEN, linewidth=0.8)
-    axes.set(xlim=_range(found, column), ylim=_range(found, row))
-    return handles
-
-
 @styled
 def predictive_figure(found: Posterior) -> Figure:
     """Draw the motion that the posterior predicts over the measured one."""
-
     figure, panels = grid(5, 2, 8.2, left=0.53, bottom=0.7, apart=(0.5, 0.45), sharex=True)
     order = np.argsort(found.measured[:, 0], kind="stable")
     flexion = found.measured[order, 0]
@@ -234,47 +211,25 @@ _FEW = 1e-3
 _LITTLE = 0.9
 
 
-def posterior_table(found: Posterior) -> Table:
-    """What the draws say of each parameter."""
-    laplace_sd = np.sqrt(np.diag(found.laplace_covariance))
-    columns = {
-        "name": found.names, "unit": found.units, "mean": found.mean, "sd": found.sd,
-        ("quantile_025", "median", "quantile_975"): found.quantiles((0.025, 0.5, 0.975)),
-        "laplace_mean": found.laplace_mean, "laplace_sd": laplace_sd,
-        ("prior_mean", "prior_sd", "lower", "upper"):
-            [[float(x) for x in (p.mean, p.sd, p.lower, p.upper)] for p in found.priors],
-        "r_hat": found.r_hat, "effective_sample_size": found.effective_sample_size,
-        "tail_effective_sample_size": found.tail_effective_sample_size,
-    }  # fmt: skip
-    seen = {"name": ("parameter",), "unit": (), "mean": (), "sd": ("", "2"),
-            "quantile_025": ("2.5 %",), "quantile_975": ("97.5 %",),
-            "laplace_sd": ("Laplace sd", "2"), "r_hat": ("R-hat", ".3f"),
-            "effective_sample_size": ("eff.", ".0f")}  # fmt: skip
-    return Table.of(columns, show=seen)
-
-
-def draws_table(found: Posterior) -> Table:
-    """Every draw of every chain, the table of posterior.csv."""
-    chains, draws, count = found.draws.shape
-    return Table.of({"chain": np.repeat(range(chains), draws), "draw": [*range(draws)] * chains,
-                     found.names: found.draws.reshape(-1, count)})  # fmt: skip
-
-
-def sampling_words(found: Posterior) -> str:
-    """How the posterior was sampled."""
+def posterior_section(found: Posterior) -> Section:
+    """What a posterior is: how it was drawn, and a row for each parameter."""
+    low, high = found.quantiles((0.025, 0.975)).T
+    table = Table.of({
+        Column("name", "parameter", words=True): found.names, "unit": found.units,
+        Column("mean"): found.mean, Column("sd", show="2"): found.sd,
+        Column("quantile_025", "2.5 %"): low, Column("quantile_975", "97.5 %"): high,
+        Column("laplace_sd", "Laplace sd", "2"): np.sqrt(np.diag(found.laplace_covariance)),
+        Column("r_hat", "R-hat", ".3f"): found.r_hat,
+        Column("effective_sample_size", "eff.", ".0f"): found.effective_sample_size,
+    })  # fmt: skip
     chains, draws, _ = found.draws.shape
-    return (
+    sampled = (
         f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
         f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
         f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
-        f"({number(found.seconds['compile'], 3)} s until the first draws)"
+        f"({number(found.seconds['compile'], 3)} s until the first draws)."
     )
-
-
-def posterior_section(found: Posterior) -> Section:
-    """What a posterior is: how it was drawn, and a row for each parameter."""
-    return Section("Posterior", [f"{sampling_words(found)}."], [posterior_table(found)],
-                   [*posterior_drawings(found)], printed=True)  # fmt: skip
+    return Section("Posterior", [sampled], [table], [*posterior_drawings(found)], printed=True)
 
 
 def posterior_doubts(result: Posterior) -> list[str]:

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import importlib.metadata
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
-from kneejax.inference import versions
+from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps, versions
 from kneejax.report import sensitivity_figures as figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed
 from kneejax.statics import Status, converged
-
-if TYPE_CHECKING:
-    from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
-    from kneejax.studies import Sensitivities
+from kneejax.studies import Sensitivities
 
 #: Narrow names of the coordinates, in the order of `SHOWN`.
 _HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
@@ -31,11 +28,37 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
     """What each parameter of a study does to the motion."""
     study, local, sweeps, indices = found.study, found.local, found.sweeps, found.indices
     doubts = sensitivity_doubts(local, sweeps, indices)
-    offsets = tuple(study.frame_offset)
-    measured = _in_the_model_frame(found.measured, sweeps, offsets)
-    ranked, swept = ranked_table(local), swept_table(sweeps)
-    tables = {"sweeps": _sweep_values(sweeps), "local_sensitivity": _derivatives(local)}
-    main, method, over_flexion = [ranked], found.question.indices, ["local_curves"]
+    # The measurement, moved by the constants that the study leaves free onto the knee's motion.
+    offsets, measured = tuple(study.frame_offset), np.array(found.measured)
+    row = np.searchsorted(sweeps.flexion_deg, measured[:, 0])
+    for k in map(FREE_COORDINATES.index, offsets):
+        apart = sweeps.table[row, k] - measured[:, k + 1]
+        if np.isfinite(apart).any():
+            measured[:, k + 1] += np.nanmean(apart)
+    header = ["parameter", "value", "unit", "step", "flexion_deg"]
+    header += [f"{column}_per_{per}" for per in ("unit", "step") for column in COLUMNS[1:]]
+    tables = {
+        "sweeps": Table.plain(
+            ["parameter", "value", "flexion_deg", *COLUMNS[1:], "status", "unphysiological"],
+            [
+                [one.name, value, angle, *one.table[i, j], Status(one.status[i, j]).word,
+                 one.unphysiological[i, j]]
+                for one in sweeps.sweeps
+                for i, value in enumerate(one.values)
+                for j, angle in enumerate(sweeps.flexion_deg)
+            ],
+        ),
+        "local_sensitivity": Table.plain(
+            [*header, "status"],
+            [
+                [name, local.values[i], local.units[i], local.widths[i], angle,
+                 *local.derivative[j, :, i], *local.scaled[j, :, i], Status(local.status[j]).word]
+                for i, name in enumerate(local.names)
+                for j, angle in enumerate(local.flexion_deg)
+            ],
+        ),
+    }  # fmt: skip
+    main, method, over_flexion = [_ranked_table(local)], found.question.indices, ["local_curves"]
     drawings = {
         f"sweep_{one.name.replace('.', '_')}": Drawing(
             figures.sweep_figure, sweeps, one.name, measured, bool(offsets),
@@ -46,16 +69,47 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
     every_sweep = list(drawings)
     drawings["local_curves"] = Drawing(figures.local_curves_figure, local)
     drawings["local_heatmap"] = Drawing(figures.local_heatmap_figure, local)
+    document = {
+        "title": study.title, "knee": study.knee.name, "study": study.settings(),
+        "truth": study.truth, "options": {**options, "samples": found.question.samples},
+        "own_motion": [Status(s).word for s in sweeps.status],
+        "steps": dict(zip(local.names, local.widths, strict=True)),
+        "sweeps": {
+            one.name: {"own": one.own, "unit": one.unit, "from": one.values[0],
+                       "to": one.values[-1], "values": len(one.values),
+                       "poses": {s.word: int((one.status == s).sum()) for s in Status},
+                       "unphysiological": int(one.unphysiological.sum())}
+            for one in sweeps.sweeps
+        },
+    }  # fmt: skip
+    packages = versions()
     if indices is not None:
-        tables["global_indices"] = _every_index(indices)
-        main.append(index_table(indices))
+        one = indices.indices
+        columns = {**one.measures}
+        columns |= {f"{name}_half_width": half for name, half in one.half_widths.items()}
+        tables["global_indices"] = Table.plain(
+            ["method", "output", "coordinate", "flexion_deg", "unit", "parameter", "lower", "upper",
+             *columns],
+            [
+                [one.method, output.name, output.coordinate, output.flexion_deg, output.unit, name,
+                 one.lower[i], one.upper[i], *(values[k, i] for values in columns.values())]
+                for k, output in enumerate(indices.outputs)
+                for i, name in enumerate(one.names)
+            ],
+        )  # fmt: skip
+        names = ("method", "confidence", "runs", "failed", "blocks", "left_out", "treatment")
+        document["global"] = {name: getattr(one, name) for name in names} | {
+            "flexion_deg_left_out": indices.left_out_deg,
+        }
+        packages |= {"SALib": importlib.metadata.version("SALib")}
+        main.append(_index_table(indices))
         drawings[f"{method}_fit"] = Drawing(figures.fit_indices_figure, indices)
         drawings[f"{method}_poses"] = Drawing(figures.pose_indices_figure, indices)
         over_flexion = ["local_heatmap", "local_curves", f"{method}_poses"]
+    document |= {"doubts": doubts, "seconds": found.seconds, "versions": packages}
     lost = not converged(np.maximum(local.status, sweeps.status)).any()
-    title = f"{study.title} (knee {study.knee.name})"
     return Answer(
-        title=title,
+        title=f"{study.title} (knee {study.knee.name})",
         asked=f"How does the motion change with each of {len(local.names)} parameters, at "
         f"{len(local.flexion_deg)} angles from {local.flexion_deg.min():g} to "
         f"{local.flexion_deg.max():g} degrees of flexion?",
@@ -63,9 +117,9 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
         sentence="" if lost else _sentence(local, indices), tables=tables, main=main,
         drawings=drawings, picture=f"{method}_fit" if method else "local_heatmap", doubts=doubts,
         sections=[Section("Over flexion", drawings=over_flexion),
-                  Section("Sweeps", tables=[swept], printed=True),
+                  Section("Sweeps", tables=[swept_table(sweeps)], printed=True),
                   Section("One parameter at a time", [prose("swept")], drawings=every_sweep)],
-        document=_document(found, options, doubts),
+        document=document,
     )
 
 
@@ -92,23 +146,20 @@ def sensitivity_doubts(
     return doubts
 
 
-def _shares(local: LocalSensitivity) -> np.ndarray:
-    """Effect of each parameter on each coordinate against the largest of all, `(5, p)`."""
+def _ranked(local: LocalSensitivity) -> tuple[np.ndarray, np.ndarray]:
+    """Effect of each parameter on each coordinate against the largest of all, `(5, p)`, and the
+    parameters by its mean over the coordinates, the largest first."""
     size = np.abs(local.largest()[0])
-    return size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)
-
-
-def _ranked(local: LocalSensitivity) -> np.ndarray:
-    """Parameters by their mean share over the coordinates, the largest first."""
-    return np.argsort(-_shares(local).mean(axis=0), kind="stable")
+    shares = size / np.maximum(size.max(axis=1, keepdims=True), 1e-300)
+    return shares, np.argsort(-shares.mean(axis=0), kind="stable")
 
 
 def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
     """Who moves the knee most, and who decides the fit."""
-    slopes, rows = local.largest()
+    (slopes, rows), shares, order = local.largest(), *_ranked(local)
     said = []
-    for i in _ranked(local)[:2]:
-        share = _shares(local)[:, i]
+    for i in order[:2]:
+        share = shares[:, i]
         # Of coordinates on which it has the largest effect of all, the one that changes most.
         c = int(np.where(share > 0.99 * share.max(), np.abs(slopes[:, i]), 0.0).argmax())
         coordinate = COORDINATES[FREE_COORDINATES[c]]
@@ -125,11 +176,11 @@ def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
     return sentence
 
 
-def ranked_table(local: LocalSensitivity) -> Table:
+def _ranked_table(local: LocalSensitivity) -> Table:
     """Parameters by their effect: of one step on each coordinate, with the flexion where it is."""
     slopes, rows = local.largest()
     most, cells = np.abs(slopes).argmax(axis=1), []
-    for i in _ranked(local)[:_MOST_ROWS]:
+    for i in _ranked(local)[1][:_MOST_ROWS]:
         row = [local.names[i], f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip()]
         for c in (figures.FREE_COLUMN[name] for name in SHOWN):
             at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
@@ -150,14 +201,23 @@ def ranked_table(local: LocalSensitivity) -> Table:
 
 def swept_table(sweeps: Sweeps) -> Table:
     """Parameters over whose sweep some poses are not sound: how far it is, and how many poses."""
+    rows: list[list[Any]] = []
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
-    rows = [
-        [one.name, _sound_range(one), int((one.status == Status.OUTSIDE_REGION).sum()),
-         int(np.isin(one.status, figures.OF_FIBRES).sum()),
-         int((one.unphysiological | (one.status == Status.DISLOCATED)).sum()),
-         int((one.status == Status.UNSTABLE).sum()), int((~converged(one.status)).sum())]
-        for one in at_fault[:_MOST_ROWS]
-    ]
+    for one in at_fault[:_MOST_ROWS]:
+        # Values about the knee's own at which every pose is sound.
+        sound, sound_over = np.all(one.sound, axis=1), "none"
+        at = int(np.argmin(np.abs(one.values - one.own)))
+        if sound[at]:
+            bad = np.flatnonzero(~sound)
+            first = bad[bad < at].max(initial=-1) + 1
+            last = bad[bad > at].min(initial=len(sound)) - 1
+            sound_over = f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
+        faults = (
+            one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
+            one.unphysiological | (one.status == Status.DISLOCATED),
+            one.status == Status.UNSTABLE, ~converged(one.status),
+        )  # fmt: skip
+        rows.append([one.name, sound_over, *(int(poses.sum()) for poses in faults)])
     poses = sum(one.status.size for one in sweeps.sweeps)
     count = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}, {poses} poses"
     hidden = len(at_fault) - len(rows)
@@ -171,19 +231,7 @@ def swept_table(sweeps: Sweeps) -> Table:
     )
 
 
-def _sound_range(one: Sweep) -> str:
-    """Values about the knee's own at which every pose is sound."""
-    sound = np.all(one.sound, axis=1)
-    at = int(np.argmin(np.abs(one.values - one.own)))
-    if not sound[at]:
-        return "none"
-    bad = np.flatnonzero(~sound)
-    first = bad[bad < at].max(initial=-1) + 1
-    last = bad[bad > at].min(initial=len(sound)) - 1
-    return f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
-
-
-def index_table(found: MotionIndices) -> Table:
+def _index_table(found: MotionIndices) -> Table:
     """Global indices of the objective, the largest first, with their confidence intervals."""
     indices, row = found.indices, found.row("")
     main, other = list(indices.measures)[:2]
@@ -210,86 +258,3 @@ def index_table(found: MotionIndices) -> Table:
         "each parameter decides most",
         f"{indices.treatment}." if indices.treatment else "",
     )  # fmt: skip
-
-
-def _sweep_values(sweeps: Sweeps) -> Table:
-    header = ["parameter", "value", "flexion_deg", *COLUMNS[1:], "status", "unphysiological"]
-    return Table(
-        [Column(name) for name in header],
-        [
-            [one.name, value, angle, *one.table[i, j], Status(one.status[i, j]).word,
-             one.unphysiological[i, j]]
-            for one in sweeps.sweeps
-            for i, value in enumerate(one.values)
-            for j, angle in enumerate(sweeps.flexion_deg)
-        ],
-    )  # fmt: skip
-
-
-def _derivatives(local: LocalSensitivity) -> Table:
-    header = ["parameter", "value", "unit", "step", "flexion_deg"]
-    header += [f"{column}_per_{per}" for per in ("unit", "step") for column in COLUMNS[1:]]
-    return Table(
-        [Column(name) for name in (*header, "status")],
-        [
-            [name, local.values[i], local.units[i], local.widths[i], angle,
-             *local.derivative[j, :, i], *local.scaled[j, :, i], Status(local.status[j]).word]
-            for i, name in enumerate(local.names)
-            for j, angle in enumerate(local.flexion_deg)
-        ],
-    )  # fmt: skip
-
-
-def _every_index(found: MotionIndices) -> Table:
-    indices = found.indices
-    columns = {**indices.measures}
-    columns |= {f"{name}_half_width": half for name, half in indices.half_widths.items()}
-    header = ["method", "output", "coordinate", "flexion_deg", "unit", "parameter", "lower"]
-    return Table(
-        [Column(name) for name in (*header, "upper", *columns)],
-        [
-            [indices.method, one.name, one.coordinate, one.flexion_deg, one.unit, name,
-             indices.lower[i], indices.upper[i], *(values[k, i] for values in columns.values())]
-            for k, one in enumerate(found.outputs)
-            for i, name in enumerate(indices.names)
-        ],
-    )  # fmt: skip
-
-
-def _document(found: Sensitivities, options: Mapping[str, Any], doubts: list[str]) -> dict:
-    """What result.json holds."""
-    local, sweeps, indices = found.local, found.sweeps, found.indices
-    document = {
-        "title": found.study.title, "knee": found.study.knee.name, "study": found.study.settings(),
-        "truth": found.study.truth, "options": {**options, "samples": found.question.samples},
-        "own_motion": [Status(s).word for s in sweeps.status],
-        "steps": dict(zip(local.names, local.widths, strict=True)),
-        "sweeps": {
-            one.name: {"own": one.own, "unit": one.unit, "from": one.values[0],
-                       "to": one.values[-1], "values": len(one.values),
-                       "poses": {s.word: int((one.status == s).sum()) for s in Status},
-                       "unphysiological": int(one.unphysiological.sum())}
-            for one in sweeps.sweeps
-        },
-    }  # fmt: skip
-    packages = versions()
-    if indices is not None:
-        one = indices.indices
-        names = ("method", "confidence", "runs", "failed", "blocks", "left_out", "treatment")
-        document["global"] = {name: getattr(one, name) for name in names} | {
-            "flexion_deg_left_out": indices.left_out_deg,
-        }
-        packages |= {"SALib": importlib.metadata.version("SALib")}
-    return document | {"doubts": doubts, "seconds": found.seconds, "versions": packages}
-
-
-def _in_the_model_frame(measured: np.ndarray, sweeps: Sweeps, offsets: tuple[str, ...]):
-    """The measurement, moved by the constants that the study leaves free onto the knee's motion."""
-    measured = np.array(measured)
-    row = np.searchsorted(sweeps.flexion_deg, measured[:, 0])
-    for name in offsets:
-        k = FREE_COORDINATES.index(name)
-        apart = sweeps.table[row, k] - measured[:, k + 1]
-        if np.isfinite(apart).any():
-            measured[:, k + 1] += np.nanmean(apart)
-    return measured

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COORDINATES
+from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
 from kneejax.report.look.colours import (
     BLACK,
     BLUE,
@@ -27,9 +28,6 @@ from kneejax.report.panels import (
     part_legend,
 )
 from kneejax.statics import Status, converged
-
-if TYPE_CHECKING:
-    from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
 
 #: Free coordinate -> column of a table without flexion.
 FREE_COLUMN = {name: i - 1 for i, name in enumerate(COORDINATES)}
@@ -78,16 +76,34 @@ def sweep_figure(
     sweep, flexion = sweeps[name], sweeps.flexion_deg
     figure, panels, words = coordinate_panels(flexion)
     scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), uniform_colours())
-    faults, handles = _faults(sweep), {}
-    lost = faults[_NOWHERE].any(axis=0)
+    handles: dict[str, Any] = {}
+    # Legend entry -> poses, the worst that applies to each.
+    nowhere = ~converged(sweep.status)
+    unstable = sweep.status == Status.UNSTABLE
+    strange = (sweep.unphysiological | (sweep.status == Status.DISLOCATED)) & ~unstable & ~nowhere
+    outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange
+    of_fibres = np.isin(sweep.status, OF_FIBRES) & ~strange
+    kinds = (outside, of_fibres, strange, unstable, nowhere)
+    faults = dict(zip((*_DOUBTFUL, _NOWHERE), kinds, strict=True))
+    lost, fine = nowhere.any(axis=0), ~np.any(kinds, axis=0)
     given = "measured, moved onto the knee itself" if moved else "measured"
     own = f"the knee itself ({f'{trimmed(sweep.own)} {sweep.unit}'.strip()})"
     for coordinate, axes in panels.items():
         column = FREE_COLUMN[coordinate]
         axes.set_title(COORDINATES[coordinate].axis_label)
         for i, value in enumerate(sweep.values):
-            at = {entry: rows[i] for entry, rows in faults.items()}
-            _line(axes, flexion, sweep.table[i, :, column], scale.to_rgba(value), at)
+            # Solid where it is sound, otherwise in the dashes of what is wrong.
+            y, colour = sweep.table[i, :, column], scale.to_rgba(value)
+            axes.plot(flexion, np.where(fine[i], y, np.nan), color=colour, linewidth=0.8)
+            for entry, (dashes, marker) in _DOUBTFUL.items():
+                rows = faults[entry][i]
+                if rows.any():
+                    # From a pose at fault to its neighbours, too.
+                    beside = rows | np.r_[rows[1:], False] | np.r_[False, rows[:-1]]
+                    axes.plot(flexion, np.where(beside, y, np.nan), color=colour, linewidth=1.0,
+                              linestyle=dashes)  # fmt: skip
+                    axes.plot(flexion[rows], y[rows], marker=marker or "none", color=colour,
+                              markersize=3, markeredgewidth=0.8, linestyle="none")  # fmt: skip
         if lost.any():
             mark_edge(axes, flexion[lost], "x", GREY)
         seen = [sweep.table[..., column][sweep.sound], sweeps.table[:, column]]
@@ -115,31 +131,6 @@ def sweep_figure(
         place = {"clip_on": False, "transform": bar.ax.get_xaxis_transform()}
         bar.ax.plot([sweep.own], [1.12], "v", color=VERMILLION, markersize=5, **place)
     return figure
-
-
-def _faults(sweep: Sweep) -> dict[str, np.ndarray]:
-    """Legend entry -> poses, the worst that applies to each."""
-    nowhere = ~converged(sweep.status)
-    unstable = sweep.status == Status.UNSTABLE
-    strange = (sweep.unphysiological | (sweep.status == Status.DISLOCATED)) & ~unstable & ~nowhere
-    outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange
-    of_fibres = np.isin(sweep.status, OF_FIBRES) & ~strange
-    kinds = (outside, of_fibres, strange, unstable, nowhere)
-    return dict(zip((*_DOUBTFUL, _NOWHERE), kinds, strict=True))
-
-
-def _line(axes: Axes, x: np.ndarray, y: np.ndarray, colour, at: dict[str, np.ndarray]) -> None:
-    """A motion: solid where it is sound, otherwise in the dashes of what is wrong."""
-    fine = ~np.any([rows for rows in at.values()], axis=0)
-    axes.plot(x, np.where(fine, y, np.nan), color=colour, linewidth=0.8)
-    for entry, (dashes, marker) in _DOUBTFUL.items():
-        rows = at[entry]
-        if rows.any():
-            # From a pose at fault to its neighbours, too.
-            beside = rows | np.r_[rows[1:], False] | np.r_[False, rows[:-1]]
-            axes.plot(x, np.where(beside, y, np.nan), color=colour, linewidth=1.0, linestyle=dashes)
-            axes.plot(x[rows], y[rows], marker=marker or "none", color=colour, markersize=3,
-                      markeredgewidth=0.8, linestyle="none")  # fmt: skip
 
 
 def _largest_shares(size: np.ndarray, most: int) -> list[int]:

@@ -10,7 +10,7 @@ import enum
 import itertools
 import math
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
 from typing import Any
 
@@ -274,6 +274,11 @@ class Table:
         ]  # fmt: skip
         return cls(heads, [list(row) for row in zip(*lists.values(), strict=True)], title, note,
                    spare)  # fmt: skip
+
+    @classmethod
+    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Table:
+        """A table by its rows, under the names of its columns; `about` are title and note."""
+        return cls([*map(Column, names)], rows, *about)
 
     @property
     def names(self) -> list[str]:

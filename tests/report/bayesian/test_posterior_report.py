@@ -10,7 +10,6 @@ from kneejax.report.posterior import (
     posterior_doubts,
     posterior_drawings,
     posterior_section,
-    posterior_table,
     predictive_figure,
 )
 
@@ -82,14 +81,14 @@ def test_the_summary_is_plain_and_narrow():
 
 
 def test_rows_hold_what_the_columns_promise():
-    rows = posterior_table(made_up()).records()
+    (table,) = posterior_section(made_up()).tables
+    rows = table.records()
     assert [row["name"] for row in rows] == list(NAMES)
-    names = ["name", "unit", "mean", "sd", "quantile_025", "median", "quantile_975",
-             "laplace_mean", "laplace_sd", "prior_mean", "prior_sd", "lower", "upper", "r_hat",
-             "effective_sample_size", "tail_effective_sample_size"]  # fmt: skip
+    names = ["name", "unit", "mean", "sd", "quantile_025", "quantile_975", "laplace_sd", "r_hat",
+             "effective_sample_size"]  # fmt: skip
     assert all([*row] == names for row in rows)
-    assert all(row["quantile_025"] < row["median"] < row["quantile_975"] for row in rows)
-    assert rows[0]["laplace_sd"] == pytest.approx(400.0) and rows[2]["prior_sd"] is None
+    assert all(row["quantile_025"] < row["mean"] < row["quantile_975"] for row in rows)
+    assert rows[0]["laplace_sd"] == pytest.approx(400.0)
 
 
 def posterior_figures(found):

@@ -7,7 +7,7 @@ import pytest
 
 from kneejax.inference import Condition, ParameterMap, Profile
 from kneejax.report import map_figure, map_matrix_figure, picture_png
-from kneejax.report.identification_figures import profiles_figure
+from kneejax.report.identification import profiles_figure
 from kneejax.report.maps import _levels, correlation, map_answer
 
 
