@@ -39,9 +39,9 @@ def limits(low: float, high: float, digits: int = 4) -> str:
 
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    words = {IntervalKind.NOT_DETERMINED: "not determined",
-             IntervalKind.NOT_COMPUTED: "not computed"}.get(estimate.interval, "")  # fmt: skip
-    return ": ".join(filter(None, [words, reasons(estimate)]))
+    untold = IntervalKind.NOT_DETERMINED, IntervalKind.NOT_COMPUTED
+    words = [kind.value for kind in untold if estimate.interval is kind]
+    return ": ".join([*words, *filter(None, [reasons(estimate)])])
 
 
 def reasons(estimate: Estimate) -> str:

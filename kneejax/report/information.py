@@ -166,8 +166,8 @@ def information_table(
 ) -> Table:
     """What the data determine of each parameter, by curvature, or as `determined` says, with
     columns of other `limits`."""
-    determined = found.determined if determined is None else determined
-    marks = zip(determined, found.at_bound, strict=True)
+    known = found.determined if determined is None else determined
+    marks = zip(known, found.at_bound, strict=True)
     return Table.of({
         Column("name", "parameter", words=True): found.names,
         Column("value"): [with_error(*pair)[0]
@@ -181,8 +181,8 @@ def information_table(
         Column("times_better", "times better", lambda x: number(x, 2) if x else NONE):
             found.scale / found.standard_error,
         Column("remark", " ", words=True): [
-            ", ".join(["not determined"] * (not known) + ["at bound"] * bool(at_bound))
-            for known, at_bound in marks
+            ", ".join(["not determined"] * (not told) + ["at bound"] * bool(at_bound))
+            for told, at_bound in marks
         ],
     }, spare=("times_better", "scale"))  # fmt: skip
 
