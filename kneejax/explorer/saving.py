@@ -11,7 +11,8 @@ import yaml
 
 from kneejax.explorer.answers import FLEXIONS
 from kneejax.explorer.setting import Setting, Subject
-from kneejax.files import restated, write_knee, write_poses
+from kneejax.files import reconstructed, restated, write_knee, write_poses
+from kneejax.parameters import fibres_cut
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,9 +25,12 @@ class Folder:
     measured: np.ndarray  # poses of a study, `(n, 6)`, degrees and mm; no row without a study
 
     def knee(self, setting: Setting) -> Path:
-        """Write a setting as a knee file, without the flexion and the loads."""
-        path, link = self._free("knee", "yaml"), _link(setting)
-        write_knee(restated(self.document, self.subject.knee_at(setting), link), path, link)
+        """Write a setting as a knee file, without what is cut, the flexion and the loads."""
+        path, link, whole = self._free("knee", "yaml"), _link(setting), self.subject.set_in(setting)
+        rows = fibres_cut(whole, self.subject.cut_in(setting))
+        torn = [whole.ligaments.names[row] for row in rows]
+        document = restated(self.document, whole, link)
+        write_knee(reconstructed(document, whole, torn, (), link), path, link)
         return path
 
     def study(self, setting: Setting) -> Path:

@@ -112,8 +112,10 @@ def reconstructed(
     """
     left = document["side"] == "left"
     right = mirror_document(document) if left else copy.deepcopy(document)
+    if torn and "patella" in right:
+        right = with_own_patella(right)
     for name in torn:
-        del right["ligaments"][name]
+        del (right if name in right["ligaments"] else right["patella"])["ligaments"][name]
     fibres = knee.ligaments
     for name in grafts:
         row = fibres.names.index(name)
