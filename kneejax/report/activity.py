@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -52,13 +52,32 @@ def activity_answer(
     first = next(iter(found.values()))
     record = first.record
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
-    words = {name: _words(one) for name, one in found.items()}
-    doubts = [*record.doubts]
+    words, doubts, second, time = {}, [*record.doubts], False, record.time_s
     for name, one in found.items():
-        places = faults.named_places([f"{x:.4g}" for x in record.time_s], "s")
-        own = [*faults.status_doubts(status[name], words[name], *places), *_second(one)]
-        own += [*_unexplained(one)]
-        doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in own]
+        known, here = np.isfinite(one.other).all(axis=1), np.asarray(one.motion.to_table())
+        # What is wrong at each instant, or known of another balance there.
+        also = [
+            "; ".join(filter(None, [lost, faults.second_balance(other, own) if two else ""]))
+            for lost, other, own, two in zip(
+                faults.search_words(one.motion), one.other, here, known, strict=True
+            )
+        ]
+        words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
+        places = faults.named_places([f"{x:.4g}" for x in time], "s")
+        said = [*faults.status_doubts(status[name], words[name], *places)]
+        if known.any():
+            # Runs of instants, one after the other.
+            rows, second = np.flatnonzero(known), True
+            runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
+            spans = [f"{time[r[0]]:g}" + f" to {time[r[-1]]:g}" * (len(r) > 1) for r in runs]
+            said.append(prose("activity.second", spans=listed(spans, 8), count=len(rows),
+                              all=len(time)))  # fmt: skip
+        moment = np.asarray(one.residual_Nm)
+        rms = np.sqrt(np.nanmean(moment**2)) if one.holds.any() else np.nan
+        if rms > _LARGE_NM:
+            most = f"{np.nanmax(abs(moment)):.1f}"
+            said.append(prose("activity.unexplained", rms=f"{rms:.1f}", most=most))
+        doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in said]
     tables = _tables(found, status, words, cycle, convention)
     several, alone = len(found) > 2, len(found) == 1
     ranges, compared = _ranges(found), place_table(found)
@@ -79,12 +98,10 @@ def activity_answer(
     if rounds:
         tables["rounds"] = round_table(rounds)
         sections.append(Section("Rounds with OpenSim", tables=["rounds"], printed=True))
-    time = record.time_s
     instants = f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"
     spoken = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
     spoken = [f"{instants}.", *spoken, *record.notes]
     lost = any((x != Status.BALANCED).any() for x in status.values())
-    second = any(np.isfinite(one.other).all(axis=1).any() for one in found.values())
     return Answer(
         title=title, asked=f"What the recorded loads and muscles do to the knee at {instants}.",
         verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
@@ -94,40 +111,6 @@ def activity_answer(
         sections=[*sections, Section("The record", spoken, printed=True)],
         exit_status=int(bool(record.doubts) or lost or second),
     )
-
-
-def _words(one: Activity) -> tuple[str, ...]:
-    """What is wrong at each instant, or known of another balance there."""
-    here = np.asarray(one.motion.to_table())
-    said = [
-        "; ".join(filter(None, [found, faults.second_balance(other, own)
-                                if np.isfinite(other).all() else ""]))
-        for found, other, own in zip(faults.search_words(one.motion), one.other, here, strict=True)
-    ]  # fmt: skip
-    return faults.pose_words(one.motion.knee, one.mechanics, said)
-
-
-def _second(one: Activity) -> Iterator[str]:
-    """When a second stable balance is known, and what is reported then; nothing without one."""
-    rows = np.flatnonzero(np.isfinite(one.other).all(axis=1))
-    if not len(rows):
-        return
-    # Runs of instants, one after the other.
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    time = one.record.time_s
-    spans = [f"{time[r[0]]:g}" + (f" to {time[r[-1]]:g}" if len(r) > 1 else "") for r in runs]
-    yield prose("activity.second", spans=listed(spans, 8), count=len(rows), all=len(time))
-
-
-def _unexplained(one: Activity) -> Iterator[str]:
-    moment = np.asarray(one.residual_Nm)
-    rms = np.sqrt(np.nanmean(moment**2)) if one.holds.any() else np.nan
-    if rms > _LARGE_NM:
-        yield prose("activity.unexplained", rms=f"{rms:.1f}", most=f"{np.nanmax(abs(moment)):.1f}")
-
-
-def _poses(found: Mapping[str, Activity]) -> dict[str, np.ndarray]:
-    return {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
 
 
 def _ranges(found: Mapping[str, Activity]) -> Table:
@@ -163,10 +146,9 @@ def _sentence(found: Mapping[str, Activity]) -> str:
         f"All contacts together carry up to {contact[row]:.0f} N, at "
         f"{first.record.time_s[row]:.2f} s, in the intact knee."
     )
-    tables = _poses(found)
-    intact = next(iter(tables.values()))
-    for name, table in [*tables.items()][1:3]:
-        away = np.abs(table - intact)[:, [_FORWARD, _TURN]]
+    intact = np.asarray(first.motion.to_table())
+    for name, one in [*found.items()][1:3]:
+        away = np.abs(np.asarray(one.motion.to_table()) - intact)[:, [_FORWARD, _TURN]]
         if np.isfinite(away).any():
             far, turned = np.nanmax(away, axis=0)
             words += (
@@ -178,10 +160,10 @@ def _sentence(found: Mapping[str, Activity]) -> str:
 
 def place_table(found: Mapping[str, Activity]) -> Table:
     """Peaks and distances from the intact knee, one row a knee: places.csv."""
-    pulls, tables = graft_pulls(found), _poses(found)
-    intact, rows = next(iter(tables.values())), []
+    pulls, rows = graft_pulls(found), []
+    intact = np.asarray(next(iter(found.values())).motion.to_table())
     for name, one in found.items():
-        away = (tables[name] - intact)[:, [_FORWARD, _TURN]]
+        away = (np.asarray(one.motion.to_table()) - intact)[:, [_FORWARD, _TURN]]
         away = away[np.isfinite(away).all(axis=1)]
         rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
         peaks = [float(np.nanmax(x)) if np.isfinite(x).any() else np.nan
@@ -254,6 +236,8 @@ def _tables(found, status, words, cycle: Cycle, convention: str) -> dict[str, Ta
 @styled
 def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
     """Draw a movement of one knee, or of two side by side."""
+    from matplotlib.lines import Line2D
+
     figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
     x, first = cycle.percent, next(iter(found.values()))
     record, legend = first.record, {"columns": 5, "size": 6.0}
@@ -307,7 +291,17 @@ def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> 
             mark_edge(axes, x[~one.holds], "x", color, 0.02)
         axes.yaxis.labelpad = 1.5
     _over_cycle(panels, cycle, panels[9:])
-    _legend(figure, found, cycle)
+    handles = [Line2D([], [], color=color, linestyle=dashes, label=verbatim(name))
+               for name, (color, dashes) in zip(found, _STYLES, strict=False)]  # fmt: skip
+    if record.same_frames:
+        handles.append(Line2D([], [], color=GREY, linestyle=":", linewidth=1.4, label="record"))
+    if np.isfinite(cycle.toe_off):
+        handles.append(Line2D([], [], color=LIGHT, label="toe off"))
+    if any(not one.holds.all() for one in found.values()):
+        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="", markersize=4,
+                              label="no balance"))  # fmt: skip
+    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965),
+                  ncol=len(handles), fontsize=8, frameon=False)  # fmt: skip
     return figure
 
 
@@ -319,22 +313,6 @@ def _over_cycle(panels: Sequence[Axes], cycle: Cycle, lowest: Sequence[Axes]) ->
             axes.axvline(cycle.toe_off, color=LIGHT, linewidth=1.0, zorder=0)
     for axes in lowest:
         axes.set_xlabel(cycle.axis_label)
-
-
-def _legend(figure: Figure, found: Mapping[str, Activity], cycle: Cycle) -> None:
-    from matplotlib.lines import Line2D
-
-    handles = [Line2D([], [], color=color, linestyle=dashes, label=verbatim(name))
-               for name, (color, dashes) in zip(found, _STYLES, strict=False)]  # fmt: skip
-    if next(iter(found.values())).record.same_frames:
-        handles.append(Line2D([], [], color=GREY, linestyle=":", linewidth=1.4, label="record"))
-    if np.isfinite(cycle.toe_off):
-        handles.append(Line2D([], [], color=LIGHT, label="toe off"))
-    if any(not one.holds.all() for one in found.values()):
-        handles.append(Line2D([], [], color=GREY, marker="x", linestyle="", markersize=4,
-                              label="no balance"))  # fmt: skip
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(0.068, 0.965),
-                  ncol=len(handles), fontsize=8, frameon=False)  # fmt: skip
 
 
 def graft_pulls(found: Mapping[str, Activity]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -356,7 +334,7 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
     figure, panels = panel_grid(2, 2, 5.4, title, shared=True)
     figure.subplots_adjust(bottom=0.2, hspace=0.12)
     pulls = graft_pulls(found)
-    tables = _poses(found)
+    tables = {name: np.asarray(one.motion.to_table()) for name, one in found.items()}
     intact = next(iter(tables.values()))
     _curves(panels[0], cycle, {name: 100 * strain for name, (_, strain) in pulls.items()})
     _curves(panels[1], cycle, {name: force for name, (force, _) in pulls.items()})

@@ -51,14 +51,30 @@ def flexion_answer(
     peaks = pose_tables.peak_table(knee, mechanics, flexion, "at flexion, deg")
     sections = [Section("Largest forces", tables=[peaks])]
     if branches is not None:
-        tables["branches"], others, said = _branches(branches, flexion, convention)
-        sections.append(Section("Other balances", [said], [others] * bool(others.rows),
-                                printed=True))  # fmt: skip
+        # All balances for the file; the others for people.
+        poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in branches])
+        poses = poses.reshape(-1, len(COLUMNS))
+        marks = {"by_test": [int(b.by_test) for b in branches],
+                 "apart_mm": [b.apart_mm for b in branches],
+                 "starts": [b.starts for b in branches]}  # fmt: skip
+        whole = pose_tables.pose_table(poses, [b.status for b in branches], convention, more=marks)
+        rows = [row for row, b in zip(whole.rows, branches, strict=True) if not b.by_test]
+        columns = [one for one in whole.columns if one.name != "convention"]
+        tables["branches"] = Table(columns, [row[: len(columns)] for row in whole.rows])
+        said = "No other stable balance was found at any of these angles."
+        said = "There are other stable equilibria:" if rows else said
+        others = [Table(whole.columns, rows)] * bool(rows)
+        sections.append(Section("Other balances", [said], others, printed=True))
     places = faults.named_places([f"{x:g}" for x in flexion], "degrees")
-    forces, contact = _forces(knee, mechanics)
+    forces = pose_tables.bundle_forces(knee, mechanics.tension)
+    contact = pose_tables.contact_forces(mechanics)
+    angles = f"{', '.join(f'{x:g}' for x in flexion)} degrees of flexion"
+    if len(flexion) > 4:
+        ends = f"from {np.min(flexion):g} to {np.max(flexion):g} degrees"
+        angles = f"{len(flexion)} flexions {ends}"
     return Answer(
         title=f"Passive flexion of {name}",
-        asked=f"How the tibia moves, {load_words(loads)}, at {_angles(flexion)}.",
+        asked=f"How the tibia moves, {load_words(loads)}, at {angles}.",
         verdict=pose_tables.verdict_of(status),
         sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
         drawings={
@@ -82,15 +98,46 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
     Returns:
         The answer; its tables are ligaments and contact, and for people a row a pose.
     """
-    count = len(table)
-    status, doubts = faults.given_doubts(knee, found, [str(row) for row in range(count)])
+    rows, flexion = range(len(table)), table[:, 0]
+    status, doubts = faults.given_doubts(knee, found, [str(row) for row in rows])
+    states = pose_tables.words_of(status)
+    words = {way.value: way.word for way in Way}
+    of_fibres = {"length_mm": found.length, "strain": found.strain, "force_N": found.tension,
+                 "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
+                 "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}
+    # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
+    of_contacts = {
+        **pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
+        pose_tables.along("center_{}_mm"): found.center,
+        pose_tables.along("force_{}_N"): found.contact_force,
+        pose_tables.about("moment_{}_Nmm"): found.contact_moment,
+        "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
+    }  # fmt: skip
+    forces = pose_tables.bundle_forces(knee, found.tension)
+    sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
+    most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]
+    pressure = np.asarray(found.max_pressure)
+    contacts = [Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names]
+    summary = Table.of({
+        Column("pose"): rows, Column("flexion_deg", show=".1f"): flexion,
+        Column("ligament", "most in", words=True): [names[k] for k in most],
+        Column("ligament_N", show=".1f"): sizes[np.arange(len(table)), most],
+        tuple(contacts): pose_tables.contact_forces(found),
+        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"):
+            pressure.max(axis=1) if pressure.size else np.nan,
+        "status": states,
+    }, "At each pose", "Ligament forces are sums over their fibres.")  # fmt: skip
     return Answer(
         title=f"{knee.name} at given poses",
-        asked=f"Ligament and contact forces at {count} given poses; nothing is moved.",
+        asked=f"Ligament and contact forces at {len(table)} given poses; nothing is moved.",
         verdict=pose_tables.verdict_of(status), sentence=_sound(status) + ".",
-        tables={"ligaments": _ligament_table(knee, table, found),
-                "contact": _contact_table(knee, found, status)},
-        main=[_summary(knee, table, found, status)], doubts=doubts,
+        tables={
+            "ligaments": pose_tables.part_table({"pose": rows, "flexion_deg": flexion}, "ligament",
+                                                knee.ligaments.names, of_fibres),
+            "contact": pose_tables.part_table({"pose": rows}, "contact", knee.contact_names,
+                                              of_contacts, {"status": states}),
+        },
+        main=[summary], doubts=doubts,
         sections=[Section("Ligaments", tables=["ligaments"]),
                   Section("Contact", tables=["contact"])],
         text=[f"{_sound(status)}."],
@@ -105,12 +152,6 @@ def displacement(under_load: Motion, without: Motion) -> np.ndarray:
         table[~converged(np.asarray(motion.status))] = np.nan
         tables.append(table)
     return (tables[0] - tables[1])[:, 1:]
-
-
-def _angles(flexion: np.ndarray) -> str:
-    if len(flexion) <= 4:
-        return f"{', '.join(f'{x:g}' for x in flexion)} degrees of flexion"
-    return f"{len(flexion)} flexions from {np.min(flexion):g} to {np.max(flexion):g} degrees"
 
 
 def _sound(status: np.ndarray) -> str:
@@ -137,68 +178,3 @@ def _sentence(status, table: np.ndarray, forces: Mapping[str, np.ndarray], flexi
         most = max(peaks, key=lambda name: peaks[name])
         words += f" Most is carried by {most}, {peaks[most]:.0f} N."
     return words
-
-
-def _forces(knee: Knee, mechanics: Mechanics) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Of ligaments, fibres together, and of contacts, `(poses, contacts)`."""
-    ligaments = pose_tables.bundle_forces(knee, mechanics.tension)
-    return ligaments, pose_tables.contact_forces(mechanics)
-
-
-def _branches(
-    found: Sequence[Branch], flexion: np.ndarray, convention: str
-) -> tuple[Table, Table, str]:
-    """All balances for the file; the others for people, and what they are."""
-    poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in found]).reshape(-1, len(COLUMNS))
-    more = {"by_test": [int(b.by_test) for b in found], "apart_mm": [b.apart_mm for b in found],
-            "starts": [b.starts for b in found]}  # fmt: skip
-    whole = pose_tables.pose_table(poses, [b.status for b in found], convention, more=more)
-    rows = [row for row, b in zip(whole.rows, found, strict=True) if not b.by_test]
-    columns = [one for one in whole.columns if one.name != "convention"]
-    file = Table(columns, [row[: len(columns)] for row in whole.rows])
-    said = "No other stable balance was found at any of these angles."
-    if rows:
-        said = "There are other stable equilibria:"
-    return file, Table(whole.columns, rows), said
-
-
-def _ligament_table(knee: Knee, table: np.ndarray, found: Mechanics) -> Table:
-    words = {way.value: way.word for way in Way}
-    numbers = {"length_mm": found.length, "strain": found.strain, "force_N": found.tension,
-               "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
-               "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}  # fmt: skip
-    keys = {"pose": range(len(table)), "flexion_deg": table[:, 0]}
-    return pose_tables.part_table(keys, "ligament", knee.ligaments.names, numbers)
-
-
-def _contact_table(knee: Knee, found: Mechanics, status: np.ndarray) -> Table:
-    # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
-    numbers = {
-        **pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
-        pose_tables.along("center_{}_mm"): found.center,
-        pose_tables.along("force_{}_N"): found.contact_force,
-        pose_tables.about("moment_{}_Nmm"): found.contact_moment,
-        "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
-    }  # fmt: skip
-    words = {"status": pose_tables.words_of(status)}
-    keys = {"pose": range(len(status))}
-    return pose_tables.part_table(keys, "contact", knee.contact_names, numbers, words)
-
-
-def _summary(knee: Knee, table: np.ndarray, found: Mechanics, status: np.ndarray) -> Table:
-    forces, contact = _forces(knee, found)
-    sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
-    most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]
-    pressure = np.asarray(found.max_pressure)
-    contacts = [Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names]
-    columns = {
-        Column("pose"): range(len(table)), Column("flexion_deg", show=".1f"): table[:, 0],
-        Column("ligament", "most in", words=True): [names[k] for k in most],
-        Column("ligament_N", show=".1f"): sizes[np.arange(len(table)), most],
-        tuple(contacts): contact,
-        Column("max_pressure_MPa", "peak pressure, MPa", ".2f"):
-            pressure.max(axis=1) if pressure.size else np.nan,
-        "status": pose_tables.words_of(status),
-    }  # fmt: skip
-    note = "Ligament forces are sums over their fibres."
-    return Table.of(columns, "At each pose", note)

@@ -153,16 +153,39 @@ def transient_answer(
         notes.append(f"{word}: {np.abs(values).max():g} {load.unit} at most")
     if found.rest is not None:
         notes.append(f"from the balance under the last loads: {found.from_rest_mm:.2g} mm")
-    tables, main = _motion_tables(found, convention), [moved]
+    tables, main, sentence = _motion_tables(found, convention), [moved], ""
     if fit is not None:
-        tables["damping"] = _damping_table(fit)
+        known = [*zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)]
+        # Six digits; nothing for limits that are not known.
+        sizes = [[f"{x:.6g}" if np.isfinite(x) else "" for x in row] for _, *row in known]
+        heads = Column("value"), Column("lower_95", "95 % from"), Column("upper_95", "to")
+        left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
+        tables["damping"] = Table.of(
+            {Column("name", "damper", words=True): fit.names, heads: sizes}, "Dampers",
+            f"Left of the record, root of the mean square: {left}.",
+        )  # fmt: skip
         main.insert(0, "damping")
-        doubts += _not_found(fit)
+        sentence = "; ".join(
+            f"{name} is {value:.3g} "
+            + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
+            for name, value, low, high in known
+        ) + "."  # fmt: skip
+        doubts += [f"{name}: the limits include zero; the record does not determine it"
+                   for name, _, low, _ in known if low < 0.0]  # fmt: skip
+        together = np.nan_to_num(fit.uncertainty.correlation)
+        doubts += [
+            f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
+            "this record does not separate them"
+            for i, first in enumerate(fit.names) for j in range(i)
+            if abs(together[i, j]) > _ALIKE
+        ]  # fmt: skip
+        if not fit.converged:
+            doubts.append(f"the search was given up after {fit.evaluations} evaluations")
     return Answer(
         title=title,
         asked=f"How the knee moves in {found.time_s[-1] - found.time_s[0]:g} s, with the mass of "
         "the leg and damping.",
-        sentence=_sentence(moved, found) if fit is None else _found(fit), tables=tables, main=main,
+        sentence=sentence or _sentence(moved, found), tables=tables, main=main,
         drawings={"motion": Drawing(transient_figure, found, title, recorded)}, doubts=doubts,
         sections=[_peaks(found), Section("Loads, time steps and energy",
                                          [*notes, *_how_exact(found)], printed=True)],
@@ -215,8 +238,7 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
 
 
 def _peaks(found: Transient) -> Section:
-    knee = found.trajectory.moving.knee
-    peaks = peak_table(knee, found.mechanics, found.time_s, "at time, s")
+    peaks = peak_table(found.trajectory.moving.knee, found.mechanics, found.time_s, "at time, s")
     return Section("Largest forces", tables=[peaks])
 
 
@@ -299,39 +321,3 @@ def _wrong(found: Transient) -> Iterator[str]:
     motion = found.trajectory
     if motion.ended is not Status.BALANCED:
         yield f"the motion ends at {motion.ended_s:.4g} s: {motion.ended.sentence}"
-
-
-def _damping_table(fit: FittedTransient) -> Table:
-    """Dampers with their 95 % limits, six digits, damping.csv."""
-    sizes = [[f"{x:.6g}" if np.isfinite(x) else "" for x in row]
-             for row in zip(fit.values, fit.lower, fit.upper, strict=True)]  # fmt: skip
-    heads = Column("value"), Column("lower_95", "95 % from"), Column("upper_95", "to")
-    left = "; ".join(f"{coordinate(k).axis_label} {x:.2g}" for k, x in fit.rms.items())
-    return Table.of({Column("name", "damper", words=True): fit.names, heads: sizes}, "Dampers",
-                    f"Left of the record, root of the mean square: {left}.")  # fmt: skip
-
-
-def _found(fit: FittedTransient) -> str:
-    values = zip(fit.names, fit.values, fit.lower, fit.upper, strict=True)
-    return "; ".join(
-        f"{name} is {value:.3g} "
-        + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
-        for name, value, low, high in values
-    ) + "."  # fmt: skip
-
-
-def _not_found(fit: FittedTransient) -> Iterator[str]:
-    """What the record leaves open."""
-    for name, lower in zip(fit.names, fit.lower, strict=True):
-        if lower < 0.0:
-            yield f"{name}: the limits include zero; the record does not determine it"
-    together = np.nan_to_num(fit.uncertainty.correlation)
-    for i, first in enumerate(fit.names):
-        for j in range(i):
-            if abs(together[i, j]) > _ALIKE:
-                yield (
-                    f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
-                    "this record does not separate them"
-                )
-    if not fit.converged:
-        yield f"the search was given up after {fit.evaluations} evaluations"

@@ -3,39 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
 from kneejax.joints import CondyleAxes, Joint, JointFit
-from kneejax.report.look.colours import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    LIGHT,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-)
+from kneejax.report.look import colours
+from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, LIGHT, PURPLE, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section
-from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
+from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import coordinate_panels, grid, part_legend
 from kneejax.report.pose_tables import pose_columns
 from kneejax.statics import Status
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
 _MOST_POINTS = 4000
 _MARGIN_MM = 30.0
 #: Ends of the moving axis, and the hinge's.
 _EXTENSION, _FLEXION, _HINGE = VERMILLION, BLUE, GREEN
-_SHADES = {"extension": ORANGE, "flexion": SKY}
+_SHADES = {"extension": colours.ORANGE, "flexion": colours.SKY}
 _CURVES = (VERMILLION, GREEN, PURPLE, BLUE)
 # Coordinates seen along the lateral, the anterior and the superior direction.
 _VIEWS = (("from the side", 0, 1, "anterior, mm", "superior, mm"),
@@ -50,20 +39,56 @@ def joint_axes_figure(
 ) -> Figure:
     """The axes of a joint in the femur, seen from three sides."""
     cloud = None if points is None else np.asarray(points, float)
-    low, high = _window(moving, hinge, cloud)
+    # All axis points, and of the femur what lies near them.
+    shown = np.asarray(moving.femoral).reshape(-1, 3)
+    if hinge is not None:
+        shown = np.concatenate([shown, np.asarray(hinge.femoral).reshape(-1, 3)])
+    low, high = shown.min(axis=0) - 8.0, shown.max(axis=0) + 8.0
+    if cloud is not None:
+        near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(1)]
+        if len(near):
+            low = np.minimum(low, near.min(axis=0) - 3.0)
+            high = np.maximum(high, near.max(axis=0) + 3.0)
     span = high - low
     widths = [span[across] for _, across, *_ in _VIEWS]
     tallest = max(span[up] for _, _, up, *_ in _VIEWS)
     height = 1.1 + (WIDTH - 1.5) * tallest / sum(widths)
     figure, (panels,) = grid(1, 3, height, constrained=True, width_ratios=widths)
+    degrees = np.rad2deg(np.asarray(moving.flexion))
+    lines = np.asarray(moving.femoral)
+    angles = np.deg2rad(np.linspace(degrees[0], degrees[-1], 31))
+    between = np.asarray(moving.axis_points(angles)[0])
     handles: dict[str, object] = {}
     for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
         panel.set_title(title)
         if cloud is not None:
-            _cloud(panel, cloud, axes, across, up, handles)
+            some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
+            style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
+            panel.plot(some[:, across], some[:, up], color="#C9CDD2", markersize=1.1, **style)
+            for facet in axes.facets if axes is not None else ():
+                part = cloud[facet.rows]
+                panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
+                           alpha=0.6, **style)  # fmt: skip
+                (handles[f"{facet.name} facets"],) = panel.plot(
+                    [], [], "o", color=_SHADES[facet.name], markersize=4
+                )
         if axes is not None and across == 0:
-            _circles(panel, axes)
-        _axis(panel, moving, across, up, handles)
+            # Cylinders seen along the transverse axis: medial solid, lateral dotted.
+            turn = np.linspace(0.0, 2.0 * np.pi, 181)
+            for facet in axes.facets:
+                c, r = facet.center, facet.cylinder.radius
+                color = _EXTENSION if facet.name == "extension" else _FLEXION
+                dashes = "-" if facet.side == "medial" else ":"
+                style = {"color": color, "linewidth": 0.6, "linestyle": dashes, "alpha": 0.8}
+                panel.plot(c[0] + r * np.cos(turn), c[1] + r * np.sin(turn), **style)
+        for side in range(2):
+            panel.plot(between[side, across], between[side, up], color=BLACK, linewidth=0.8)
+        for i in range(1, len(lines) - 1):
+            panel.plot(lines[i, :, across], lines[i, :, up], color=GREY, linewidth=0.7, marker=".")
+        for i, color in [(0, _EXTENSION), (len(lines) - 1, _FLEXION)][: len(lines)]:
+            (handles[f"axis at {degrees[i]:.0f} degrees"],) = panel.plot(
+                lines[i, :, across], lines[i, :, up], color=color, marker="o", markersize=3.5
+            )
         if hinge is not None:
             line = np.asarray(hinge.femoral[0])
             style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
@@ -108,60 +133,6 @@ def joint_motion_figure(
         panel.set_title(COORDINATES[name].axis_label)
     part_legend(words, handles, (0.0, 0.86), fontsize=8)
     return figure
-
-
-def _window(moving: Joint, hinge: Joint | None, cloud: np.ndarray | None):
-    """What is shown: all axis points, and of the femur what lies near them."""
-    shown = np.asarray(moving.femoral).reshape(-1, 3)
-    if hinge is not None:
-        shown = np.concatenate([shown, np.asarray(hinge.femoral).reshape(-1, 3)])
-    low, high = shown.min(axis=0) - 8.0, shown.max(axis=0) + 8.0
-    if cloud is not None:
-        near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(1)]
-        if len(near):
-            low = np.minimum(low, near.min(axis=0) - 3.0)
-            high = np.maximum(high, near.max(axis=0) + 3.0)
-    return low, high
-
-
-def _cloud(panel: Axes, cloud, axes: CondyleAxes | None, across, up, handles) -> None:
-    some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
-    style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
-    panel.plot(some[:, across], some[:, up], color="#C9CDD2", markersize=1.1, **style)
-    for facet in axes.facets if axes is not None else ():
-        part = cloud[facet.rows]
-        panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
-                   alpha=0.6, **style)  # fmt: skip
-        label = f"{facet.name} facets"
-        if label not in handles:
-            (handles[label],) = panel.plot([], [], "o", color=_SHADES[facet.name], markersize=4)
-
-
-def _circles(panel: Axes, axes: CondyleAxes) -> None:
-    """Cylinders seen along the transverse axis: medial solid, lateral dashed."""
-    turn = np.linspace(0.0, 2.0 * np.pi, 181)
-    for facet in axes.facets:
-        c, r = facet.center, facet.cylinder.radius
-        color = _EXTENSION if facet.name == "extension" else _FLEXION
-        dashes = "-" if facet.side == "medial" else ":"
-        style = {"color": color, "linewidth": 0.6, "linestyle": dashes, "alpha": 0.8}
-        panel.plot(c[0] + r * np.cos(turn), c[1] + r * np.sin(turn), **style)
-
-
-def _axis(panel: Axes, moving: Joint, across: int, up: int, handles: dict) -> None:
-    degrees = np.rad2deg(np.asarray(moving.flexion))
-    lines = np.asarray(moving.femoral)
-    angles = np.deg2rad(np.linspace(degrees[0], degrees[-1], 31))
-    between = np.asarray(moving.axis_points(angles)[0])
-    for side in range(2):
-        panel.plot(between[side, across], between[side, up], color=BLACK, linewidth=0.8)
-    for i in range(1, len(lines) - 1):
-        panel.plot(lines[i, :, across], lines[i, :, up], color=GREY, linewidth=0.7, marker=".")
-    ends = ((0, _EXTENSION), (len(lines) - 1, _FLEXION)) if len(lines) > 1 else ((0, _EXTENSION),)
-    for i, color in ends:
-        (handles[f"axis at {degrees[i]:.0f} degrees"],) = panel.plot(
-            lines[i, :, across], lines[i, :, up], color=color, marker="o", markersize=3.5
-        )
 
 
 #: Columns of facets.csv; those that people read with heading and digits.
@@ -211,8 +182,12 @@ def joint_fit_answer(
         tables["knee_poses"] = Table.of({heads: table, "status": [one.word for one in status]})
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
+    heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
+    units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
+    pairs = zip(FREE_COORDINATES, heads, units, strict=True)
+    columns = [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
     errors = Table(
-        [Column("joint", " ", words=True), *_error_columns()],
+        [Column("joint", " ", words=True), *columns],
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
         f"RMSE over {over}, degrees and mm",
     )
@@ -221,7 +196,15 @@ def joint_fit_answer(
     sections = [Section("Axes in the femur", drawings=["axes"]),
                 Section("The joints", said, printed=True)]
     if facets is not None:
-        tables["facets"] = _facet_table(facets)
+        rows = [
+            [f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
+             f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg,
+             f.turned]
+            for f in facets.facets
+        ]  # fmt: skip
+        note = "Without a direction of its own a facet has that of the transverse axis."
+        cells = dict(zip(_FACETS, zip(*rows, strict=True), strict=True))
+        tables["facets"] = Table.of(cells, note=note, show=_SHOWN)
         sections.append(Section("Facets of the condyles", [regions], ["facets"], printed=True))
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)
@@ -244,21 +227,3 @@ def joint_fit_answer(
                   "interpolation": fit.moving.interpolation, "hinge": hinge, "rmse": rmse,
                   "doubts": [*doubts], "versions": versions()},
     )  # fmt: skip
-
-
-def _error_columns() -> list[Column]:
-    heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
-    units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
-    pairs = zip(FREE_COORDINATES, heads, units, strict=True)
-    return [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
-
-
-def _facet_table(axes: CondyleAxes) -> Table:
-    rows = [
-        [f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
-         f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg, f.turned]
-        for f in axes.facets
-    ]  # fmt: skip
-    note = "Without a direction of its own a facet has that of the transverse axis."
-    columns = dict(zip(_FACETS, zip(*rows, strict=True), strict=True))
-    return Table.of(columns, note=note, show=_SHOWN)
