@@ -9,9 +9,20 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli.options import ExportOsim, ImportLigament, ImportOsim, ImportStl
+from kneejax.cli.options import (
+    ExportOsim,
+    ImportLigament,
+    ImportMeniscus,
+    ImportOsim,
+    ImportStl,
+)
 from kneejax.files.opensim import import_sections
-from kneejax.report import band_import_answer, mesh_import_answer, osim_import_answer
+from kneejax.report import (
+    band_import_answer,
+    meniscus_import_answer,
+    mesh_import_answer,
+    osim_import_answer,
+)
 from kneejax.report.look import Table
 from kneejax.studies import stages_on_terminal
 
@@ -156,6 +167,27 @@ def import_ligament(arguments: ImportLigament) -> int:
     files.write_knee(document, arguments.out / "knee.yaml")
     answer = band_import_answer(name, band, arguments.modulus, arguments.fibres, sorted(replaced))
     return deliver(answer, arguments, ["knee.yaml"])
+
+
+def import_meniscus(arguments: ImportMeniscus) -> int:
+    """Write a knee with a meniscus made of a mesh, in place of one of that name."""
+    read = files.load_knee_file(arguments.knee)
+    document = copy.deepcopy(read.document)
+    with stages_on_terminal("upper surface and ring"):
+        found = files.meniscus_of_mesh(
+            arguments.file, document, arguments.compartment, unit=arguments.unit,
+            pose=read.knee.reference_pose if arguments.frame == "femur" else None,
+            material={"youngs_modulus_MPa": arguments.modulus,
+                      "poisson_ratio": arguments.poisson_ratio,
+                      "layer_thickness_mm": arguments.layer_thickness},
+            ring={"youngs_modulus_MPa": arguments.hoop_modulus,
+                  "horn_stiffness_N_per_mm": arguments.horn_stiffness,
+                  "coronary_stiffness_N_per_mm": arguments.coronary_stiffness},
+        )  # fmt: skip
+    replaced = found.name in document["contacts"]
+    document["contacts"][found.name] = found.contact
+    files.write_knee(document, arguments.out / "knee.yaml")
+    return deliver(meniscus_import_answer(found, replaced), arguments, ["knee.yaml"])
 
 
 def export_model(arguments: ExportOsim) -> int:

@@ -50,6 +50,8 @@ if TYPE_CHECKING:
     from kneejax.files.meshes.importing import MeshImport as MeshImport
     from kneejax.files.meshes.importing import MeshOptions as MeshOptions
     from kneejax.files.meshes.importing import import_meshes as import_meshes
+    from kneejax.files.meshes.menisci import MeshMeniscus as MeshMeniscus
+    from kneejax.files.meshes.menisci import meniscus_of_mesh as meniscus_of_mesh
     from kneejax.files.meshes.points import MeshPoints as MeshPoints
     from kneejax.files.meshes.points import bone_surface as bone_surface
     from kneejax.files.meshes.points import read_mesh_points as read_mesh_points

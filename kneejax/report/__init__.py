@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from kneejax.report.joint_comparison import joint_comparison_figure as joint_comparison_figure
     from kneejax.report.joint_fit import joint_fit_answer as joint_fit_answer
     from kneejax.report.knee_import import band_import_answer as band_import_answer
+    from kneejax.report.knee_import import meniscus_import_answer as meniscus_import_answer
     from kneejax.report.knee_import import mesh_import_answer as mesh_import_answer
     from kneejax.report.knee_import import osim_import_answer as osim_import_answer
     from kneejax.report.knee_import import surface_fit_figure as surface_fit_figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -120,6 +121,35 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
         },
         doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
         text=findings,
+    )
+
+
+def meniscus_import_answer(found: Any, replaced: bool) -> Answer:
+    """A meniscus's mesh as a contact with a ring.
+
+    Args:
+        found: what its mesh states, a `kneejax.files.MeshMeniscus`.
+        replaced: whether the knee had a meniscus of that name.
+
+    Returns:
+        The answer; its tables are fit_report and sections.
+    """
+    name, ring, quality = found.name.replace("_", " "), found.contact["ring"], found.fit.quality
+    columns = {x: getattr(found, x)
+               for x in ("angle_deg", "inner_mm", "outer_mm", "height_mm", "area_mm2")}  # fmt: skip
+    answer = mesh_import_answer({name: found.fit}, found.findings, bool(found.doubts))
+    begin, end = ring["horns_deg"]
+    return dataclasses.replace(
+        answer,
+        title=f"{name.capitalize()}, from its mesh",
+        asked="Where a meniscus lies on its plateau, and what holds it from horn to horn.",
+        sentence=f"Cross-section {ring['cross_section_mm2']:.1f} mm², {found.height_mm.mean():.1f} "
+        f"mm high, horns at {begin:.0f} and {end:.0f} degrees from the front towards the person's "
+        f"right; the upper surface is {quality.rms:.3f} mm rms off its mesh and "
+        f"{quality.maximum:.2f} mm at most{'; it replaces the one there was' * replaced}.",
+        tables=answer.tables | {"sections": Table.of(columns, "Sections through the middle")},
+        sections=[*answer.sections, Section("Sections", [], ["sections"])],
+        doubts=[*found.doubts],
     )
 
 

@@ -9,6 +9,7 @@ from kneejax.cli.options._knees import Evaluate as Evaluate
 from kneejax.cli.options._knees import Explore as Explore
 from kneejax.cli.options._knees import ExportOsim as ExportOsim
 from kneejax.cli.options._knees import ImportLigament as ImportLigament
+from kneejax.cli.options._knees import ImportMeniscus as ImportMeniscus
 from kneejax.cli.options._knees import ImportOsim as ImportOsim
 from kneejax.cli.options._knees import ImportStl as ImportStl
 from kneejax.cli.options._knees import Init as Init
@@ -33,7 +34,7 @@ COMMANDS = {
     "Simulate": (Simulate, Activity, Evaluate, View, Explore),
     "Identify": (Calibrate, Map, Sensitivity, Identify, CohortSynthesise),
     "Plan and compare": (PlanAcl, JointFit, JointCompare, JointExport, Reproduce),
-    "Import and export": (ImportOsim, ImportStl, ImportLigament, ExportOsim),
+    "Import and export": (ImportOsim, ImportStl, ImportLigament, ImportMeniscus, ExportOsim),
     "Again": (Rerun, Completion),
 }
 #: First word of several commands, or none -> what its help says; the example is the first one's.

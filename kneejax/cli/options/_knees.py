@@ -250,6 +250,38 @@ class ImportLigament(Drawn):
     )
 
 
+class ImportMeniscus(Drawn):
+    """Make a meniscus, a contact with a ring, of its mesh on the plateau of a knee."""
+
+    command: ClassVar = "import meniscus"
+    example: ClassVar = "kneejax import meniscus MEDIAL.stl --knee knee.yaml --compartment medial"
+    body: ClassVar = "kneejax.cli._exchange:import_meniscus"
+    folder: ClassVar = "kneejax-import"
+
+    file: Annotated[Mesh, Place("MESH")] = meaning("closed, in the tibia's frame")
+    knee: Knee = meaning(f"that gets the meniscus: {KNEE}")
+    compartment: Literal["medial", "lateral"] = meaning("in which the meniscus lies")
+    frame: Literal["tibia", "femur"] = meaning(
+        "of the mesh; the femur's at the knee's reference pose", "tibia"
+    )
+    unit: Literal["auto", "m", "mm", "cm"] = meaning("of the mesh", "auto")
+    modulus: Annotated[float, Form("MPA")] = meaning(
+        "Young's modulus across the fibres, MPa", 20.0
+    )
+    poisson_ratio: float = meaning("likewise", 0.2)
+    layer_thickness: Annotated[float | None, Form("MM")] = meaning(
+        "of the meniscus and both cartilages; the mean thickness of the mesh and the cartilage of "
+        "the compartment if not given", None,
+    )  # fmt: skip
+    hoop_modulus: Annotated[float, Form("MPA")] = meaning(
+        "Young's modulus along the fibres, MPa", 120.0
+    )
+    horn_stiffness: Annotated[float, Form("N/MM")] = meaning("of each horn's attachment", 180.0)
+    coronary_stiffness: Annotated[float, Form("N/MM")] = meaning(
+        "of all that holds the border along its arc", 30.0
+    )
+
+
 class ExportOsim(Command):
     """Write a knee's numbers into the OpenSim model that it came from."""
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kneejax.files.meshes.anatomy import moved
-from kneejax.files.meshes.points import bone_surface, read_mesh_points
+from kneejax.files.meshes.points import bone_surface, cut_by_plane, read_mesh_points
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Pose, Vector
 from kneejax.mechanics import AttachmentArea, untwisted
@@ -107,23 +107,11 @@ def band_of_meshes(
 
 
 def _section(corners, normals, origin, direction, at: float) -> float:
-    """Area in which a plane across a direction cuts a closed mesh, mm^2, from its border: each
-    triangle that is cut gives a piece with its outward normal, half of whose product with the
-    place of the piece is summed."""
-    height = (corners - origin) @ direction - at
-    cut = (height.min(axis=1) < 0.0) & (height.max(axis=1) >= 0.0)
-    total = 0.0
-    for three, above, normal in zip(corners[cut], height[cut], normals[cut], strict=True):
-        ends = [
-            three[j] + (three[k] - three[j]) * above[j] / (above[j] - above[k])
-            for j, k in ((0, 1), (1, 2), (2, 0))
-            if (above[j] < 0.0) != (above[k] < 0.0)
-        ]
-        outwards = normal - (normal @ direction) * direction
-        size = float(np.linalg.norm(outwards))
-        if size > 0.0:
-            piece = ends[1] - ends[0]
-            total += 0.25 * float((ends[0] + ends[1] - 2.0 * origin) @ outwards) / size * float(
-                np.linalg.norm(piece)
-            )
-    return total
+    """Area in which a plane across a direction cuts a closed mesh, mm^2, from its border: half of
+    the product of each piece's outward normal with its place is summed."""
+    pieces, rows = cut_by_plane(corners, origin + at * direction, direction)
+    outwards = normals[rows] - (normals[rows] @ direction)[:, None] * direction
+    size = np.linalg.norm(outwards, axis=1)
+    reach = np.einsum("ij,ij->i", pieces.mean(axis=1) - origin, outwards)
+    length = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+    return float(0.5 * np.sum(reach / np.where(size > 0.0, size, np.inf) * length))

@@ -147,12 +147,13 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
     return [lines[k] for k in np.argsort(lengths)[::-1]]
 
 
-def check_holes(sheet: Sheet, findings: list[str]) -> None:
+def check_holes(sheet: Sheet, findings: list[str], bordered: bool = True) -> None:
     """Add a sentence for each hole of a sheet; InputProblem for one wider than `LARGEST_HOLE_MM`,
-    which is too large to be bridged."""
+    which is too large to be bridged. The border of a sheet is no hole, unless it should have
+    none."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
-    is_border = lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
+    is_border = bordered and lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
     for line in lines[1:] if is_border else lines:
         diameter = _length(sheet.points[line]) / np.pi
         place = ", ".join(f"{x:.0f}" for x in sheet.points[line].mean(axis=0))

@@ -15,7 +15,7 @@ from kneejax.files.meshes import surfaces as fitted
 from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Condyle, Frame, Pose
+from kneejax.geometry import Condyle, Frame, Pose, Surface
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
@@ -204,16 +204,16 @@ def import_meshes(
         condyle, plateau = fitted.fit_compartment(
             name, sheet, femur, tibia, options.angle_deg, options.splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
-            _judge(f"{name} {kind}", part, "in the contact region", stated, findings)
+            judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
         found = fitted.Layer(float(given_mm or 0.0), "given at import")
         if given_mm is None:
             found = fitted.find_layer(
                 name, condyle, plateau, femur, sheet, bones, options.thickness, findings)
-        varies = {} if found.variation is None else {"layer_variation_mm": _listed(found.variation)}
+        varies = {} if found.variation is None else {"layer_variation_mm": listed(found.variation)}
         layer = {"layer_thickness_mm": round(found.thickness_mm, 3), **varies}
-        surfaces = {"femoral_surface": _surface(condyle, stated),
-                    "tibial_surface": _surface(plateau, stated)}
+        surfaces = {"femoral_surface": surface_entry(condyle, stated),
+                    "tibial_surface": surface_entry(plateau, stated)}
         contacts[name] = _contact(options, plateau, layer, surfaces, found.source, left)
     patellofemoral = None
     if options.patellar_cartilage is not None:
@@ -222,11 +222,11 @@ def import_meshes(
             check_holes(sheet, findings)
         patella, trochlea = fitted.fit_patellofemoral(sheets, femur, findings, options.splines)
         for name, part in (("patella", patella), ("trochlea", trochlea)):
-            _judge(name, part, "everywhere", on_patella, findings)
+            judge(name, part, "everywhere", on_patella, findings)
             fits[name] = part
         layer = {"layer_thickness_mm": float(given_mm or fitted.ASSUMED_MM)}
-        surfaces = {"femoral_surface": _surface(trochlea, stated),
-                    "patellar_surface": _surface(patella, on_patella)}
+        surfaces = {"femoral_surface": surface_entry(trochlea, stated),
+                    "patellar_surface": surface_entry(patella, on_patella)}
         said = "given at import" if given_mm else "assumed"
         patellofemoral = _contact(options, patella, layer, surfaces, said, left)
     if given_mm is None and bones is None:
@@ -273,7 +273,8 @@ def _reference(options: MeshOptions) -> Pose:
     return Pose.from_table([0.0] * 6) if options.reference_pose is None else options.reference_pose
 
 
-def _judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
+def judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
+    """Say how well a surface fits; refuse one that does not."""
     q = part.quality
     findings.append(
         f"{name}: {part.fit.cells[0]} x {part.fit.cells[1]} cells, smoothed below "
@@ -294,18 +295,22 @@ def _contact(
     said: str, left: bool,
 ) -> dict[str, Any]:  # fmt: skip
     """A contact of a knee document, on the side that was given, with its sources."""
-    extents = [float(upper - lower) for lower, upper in part.fit.surface.bounds()]
-    points = [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
     numbers = ("youngs_modulus_MPa", "poisson_ratio", "onset_width_mm")
     contact: dict[str, Any] = {"form": QUADRATURE, "law": options.law}
     contact |= {name: float(getattr(options, name)) for name in numbers}
-    contact |= {"points": points} | layer | surfaces
+    contact |= {"points": spread_points(part.fit.surface)} | layer | surfaces
     contact["source"] = dict.fromkeys(numbers[:2], "given at import")
     contact["source"] |= dict.fromkeys(layer, said)
     return mirror_part(contact) if left else contact
 
 
-def _surface(part: SheetFit, stated: str) -> dict[str, Any]:
+def spread_points(surface: Surface) -> list[int]:
+    """How many points a contact has along both parameters of a surface."""
+    extents = [float(upper - lower) for lower, upper in surface.bounds()]
+    return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
+
+
+def surface_entry(part: SheetFit, stated: str) -> dict[str, Any]:
     """An entry of a knee document."""
     surface = part.fit.surface
     names = "plateau", "origin_mm", "rotation_deg"
@@ -315,18 +320,19 @@ def _surface(part: SheetFit, stated: str) -> dict[str, Any]:
     else:
         limits = {"outline_mm": surface.outline, "anterior_mm": surface.x, "lateral_mm": surface.z}
     kind, origin, rotation = names
-    entry: dict[str, Any] = {"kind": kind, origin: _listed(surface.frame.origin)}
+    entry: dict[str, Any] = {"kind": kind, origin: listed(surface.frame.origin)}
     if surface.frame.rotation is not None:
-        entry[rotation] = _listed(np.rad2deg(surface.frame.rotation))
+        entry[rotation] = listed(np.rad2deg(surface.frame.rotation))
     entry["basis"] = surface.basis
-    entry |= {name: _listed(value) for name, value in limits.items()}
+    entry |= {name: listed(value) for name, value in limits.items()}
     return entry | {
-        "coefficients_mm": _listed(surface.coefficients),
+        "coefficients_mm": listed(surface.coefficients),
         "source": f"smoothed spline fitted to {stated}",
         "fit_rms_mm": round(part.quality.rms, 4),
         "fit_max_mm": round(part.quality.maximum, 4),
     }
 
 
-def _listed(values) -> list:
+def listed(values) -> list:
+    """Numbers as they stand in a file."""
     return np.round(np.asarray(values, float), _DIGITS).tolist()

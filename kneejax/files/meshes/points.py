@@ -139,6 +139,31 @@ def bone_surface(
     return lay
 
 
+def cut_by_plane(
+    corners: np.ndarray, origin: np.ndarray, normal: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where a plane cuts triangles.
+
+    Args:
+        corners: of the triangles, shape `(m, 3, 3)`, mm.
+        origin: a point of the plane, shape `(3,)`, mm.
+        normal: across the plane, shape `(3,)`.
+
+    Returns:
+        Ends of the pieces `(k, 2, 3)`, mm, and the triangles that they are of `(k,)`.
+    """
+    height = (corners - origin) @ normal
+    rows = np.flatnonzero((height.min(axis=1) < 0.0) & (height.max(axis=1) >= 0.0))
+    height, above = height[rows], height[rows] < 0.0
+    # One corner is alone on its side; both pieces of border that it ends are cut.
+    alone = np.argmax(above == (above.sum(axis=1) == 1)[:, None], axis=1)
+    turned = (alone[:, None] + np.arange(3)) % 3
+    points = np.take_along_axis(corners[rows], turned[..., None], axis=1)
+    height = np.take_along_axis(height, turned, axis=1)
+    part = height[:, :1] / (height[:, :1] - height[:, 1:])
+    return points[:, :1] + part[..., None] * (points[:, 1:] - points[:, :1]), rows
+
+
 def _load(path: Path, data: bytes):
     import trimesh
 

@@ -99,8 +99,8 @@ def fit_compartment(
     on_condyle, on_plateau = contact_regions(femur, condyle, at_reference)
     across = anatomy.in_frame(plateau.surface.frame, plateau.points)[:, [0, 2]]
     return (
-        SheetFit(condyle, on_condyle, _quality(condyle, on_condyle, _along(femur, condyle))),
-        SheetFit(plateau, on_plateau, _quality(plateau, on_plateau, across)),
+        SheetFit(condyle, on_condyle, quality(condyle, on_condyle, _along(femur, condyle))),
+        SheetFit(plateau, on_plateau, quality(plateau, on_plateau, across)),
     )
 
 
@@ -119,7 +119,7 @@ def fit_patellofemoral(
     across = anatomy.in_frame(patella.surface.frame, patella.points)[:, [0, 2]]
     pairs = ((patella, across), (trochlea, _along(femur, trochlea)))
     every = [np.ones(len(fit.points), bool) for fit, _ in pairs]
-    first, second = (SheetFit(fit, all_, _quality(fit, all_, at))
+    first, second = (SheetFit(fit, all_, quality(fit, all_, at))
                      for (fit, at), all_ in zip(pairs, every, strict=True))
     return first, second
 
@@ -199,7 +199,7 @@ def _along(femur: Femur, fit: SplineFit[Condyle]) -> np.ndarray:
     return np.c_[float(np.average(radius, weights=fit.weights)) * angle, along]
 
 
-def _quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQuality:
+def quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQuality:
     """What a fit leaves over in a region; `across` are two lengths along the surface, mm."""
     rows = region if region.any() else np.ones(len(fit.points), bool)
     residual, weight = fit.residual[rows], fit.weights[rows]
