@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.parse import quote
 
 import numpy as np
 
+from kneejax.cohorts import CohortSummary
 from kneejax.geometry import COORDINATES
 from kneejax.report.calibration_parameters import correlation_matrix_figure
 from kneejax.report.calibration_verdict import Outcome
@@ -19,9 +19,6 @@ from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import NONE, Column, Table, number
 from kneejax.report.panels import grid
-
-if TYPE_CHECKING:
-    from kneejax.cohorts import CohortSummary, KneeAnswer
 
 #: Panels beside each other, and knees whose names are all written.
 _ACROSS, _NAMED = 4, 40
@@ -38,13 +35,16 @@ def forest_figure(summary: CohortSummary) -> Figure:
     tall = min(max(0.085 * len(knees), 0.8), 7.0)
     high = _ABOVE + down * (tall + _BETWEEN)
     figure, panels = grid(down, across, high, left=0.55, right=0.12, top=_ABOVE + 0.1,
-                          bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN), sharey=True)  # fmt: skip
-    for place, axes in enumerate(panels.flat):
-        if place >= len(names):
-            axes.set_axis_off()
-            continue
-        _panel(axes, summary, names[place])
-        _name_knees(axes, [one.name for one in knees], place % across == 0)
+                          bottom=_BETWEEN - 0.1, apart=(0.21, _BETWEEN), shown=len(names),
+                          sharey=True)  # fmt: skip
+    step = 1 if len(knees) <= _NAMED else 10
+    ticks = np.arange(0, len(knees), step)
+    for place, (name, axes) in enumerate(zip(names, panels.flat, strict=False)):
+        _panel(axes, summary, name)
+        axes.set_ylim(len(knees) - 0.5, -0.5)
+        axes.set_yticks(ticks, [knees[row].name for row in ticks], fontsize=5.5 if step == 1 else 7)
+        axes.tick_params(axis="y", length=0, labelleft=place % across == 0)
+        axes.set_yticks(ticks)
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="upper center", ncols=5, borderaxespad=0.1)
     return figure
@@ -90,15 +90,6 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
     axes.grid(axis="y", visible=False)
 
 
-def _name_knees(axes, names: list[str], first: bool) -> None:
-    axes.set_ylim(len(names) - 0.5, -0.5)
-    every = 1 if len(names) <= _NAMED else 10
-    shown = np.arange(0, len(names), every)
-    axes.set_yticks(shown, [names[row] for row in shown], fontsize=5.5 if every == 1 else 7)
-    axes.tick_params(axis="y", length=0, labelleft=first)
-    axes.set_yticks(shown)
-
-
 #: Columns of cohort.csv; what is else known of a knee follows.
 COHORT_COLUMNS = ("knee", "outcome", "kind", "name", "unit", "value", "low", "high",
                   "standard_error", "interval", "at_bound", "start", "in_population",
@@ -125,7 +116,11 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
     sections = [Section("Knees", tables=[each], opened=True)]
     if summary.outliers:
-        sections.append(Section("Outliers", tables=[_outlier_table(summary)], printed=True))
+        columns = [Column("knee", words=True), Column("parameter", words=True), Column("value"),
+                   Column("deviations", show="+.1f"), Column("unit")]  # fmt: skip
+        rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
+        outliers = Table(columns, rows, note=prose("outliers"))
+        sections.append(Section("Outliers", tables=[outliers], printed=True))
     if "correlation" in drawings:
         sections.append(Section("Correlation over the knees", drawings=["correlation"]))
     return Answer(
@@ -144,6 +139,32 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
         sections=sections,
+    )  # fmt: skip
+
+
+def _knees_table(summary: CohortSummary, knees: str) -> Table:
+    """Outcome and errors of every knee, with a link to its page."""
+    from markupsafe import Markup
+
+    link = Markup('<a href="{}/{}/report.html">{}</a>')
+    answered = {one.name for one in summary.fitted}
+
+    def linked(name: str) -> str:
+        return link.format(quote(knees), quote(name), name) if name in answered else name
+
+    rows = []
+    for one in summary.answers:
+        worst = [max((x for name, x in one.rmse.items()
+                      if COORDINATES[name].unit == unit and math.isfinite(x)), default=math.nan)
+                 for unit in ("mm", "deg")]  # fmt: skip
+        rows.append([one.name, one.outcome or _FAILED, *worst, one.objective, one.seconds])
+    return Table(
+        [Column("knee", show=linked, words=True), Column("outcome", words=True),
+         Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
+         Column("objective"), Column("time_s", show="3")],
+        rows,
+        note="Root mean square errors of the poses: the largest of the displacements and of the "
+        "rotations.",
     )  # fmt: skip
 
 
@@ -172,46 +193,6 @@ def population_table(summary: CohortSummary) -> Table:
     )  # fmt: skip
 
 
-def _outlier_table(summary: CohortSummary) -> Table:
-    named = [Column(name, words=True) for name in ("knee", "parameter")]
-    columns = [*named, Column("value"), Column("deviations", show="+.1f")]
-    columns.append(Column("unit"))
-    rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
-    note = "Farther from the population than 3 standard deviations of a knee measured as well."
-    return Table(columns, rows, note=note)
-
-
-def _knees_table(summary: CohortSummary, knees: str) -> Table:
-    """Outcome and errors of every knee, with a link to its page."""
-    from markupsafe import Markup
-
-    link = Markup('<a href="{}/{}/report.html">{}</a>')
-    answered = {one.name for one in summary.fitted}
-
-    def linked(name: str) -> str:
-        return link.format(quote(knees), quote(name), name) if name in answered else name
-
-    rows = [
-        [one.name, one.outcome or _FAILED, _worst(one, "mm"), _worst(one, "deg"), one.objective,
-         one.seconds]
-        for one in summary.answers
-    ]  # fmt: skip
-    return Table(
-        [Column("knee", show=linked, words=True), Column("outcome", words=True),
-         Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
-         Column("objective"), Column("time_s", show="3")],
-        rows,
-        note="Root mean square errors of the poses: the largest of the displacements and of the "
-        "rotations.",
-    )  # fmt: skip
-
-
-def _worst(one: KneeAnswer, unit: str) -> float:
-    """The largest error of a unit."""
-    own = [x for name, x in one.rmse.items() if COORDINATES[name].unit == unit]
-    return max((x for x in own if math.isfinite(x)), default=math.nan)
-
-
 def _every_number(summary: CohortSummary) -> Table:
     """Everything that a cohort found, a number a row.
 
@@ -221,43 +202,42 @@ def _every_number(summary: CohortSummary) -> Table:
     `name`. Rows of knee `population` hold the mean and the spread of each parameter.
     """
     about = list(dict.fromkeys(name for one in summary.answers for name in one.about))
-    rows: list[list[Any]] = []
     place = {one.name: row for row, one in enumerate(summary.fitted)}
+    rows: list[list[Any]] = []
+
+    def add(knee: str, outcome: str, known: list[Any], *cells: Any) -> None:
+        missing = [None] * (len(COHORT_COLUMNS) - 2 - len(cells))
+        rows.append([knee, outcome, *cells, *missing, *known])
+
     for one in summary.answers:
         known = [one.about.get(name) for name in about]
-        own = [["failed", one.failed]] if one.failed else _rows(summary, one, place[one.name])
-        rows += [[one.name, one.outcome or "failed", *_filled(row), *known] for row in own]
+        head = one.name, one.outcome or "failed", known
+        if one.failed:
+            add(*head, "failed", one.failed)
+            continue
+        add(*head, "objective", "objective", "", one.objective)
+        for name, x in one.rmse.items():
+            add(*head, "rmse", name, COORDINATES[name].unit, x)
+        for name, x in one.tests.items():
+            coordinate = name.rpartition(", ")[2]
+            unit = COORDINATES[coordinate].unit if coordinate in COORDINATES else ""
+            add(*head, "test", name, unit, x)
+        for name, own in one.parameters.items():
+            shrunk: list[Any] = [None, None, None]
+            if (found := summary.populations.get(name)) is not None:
+                row = place[one.name]
+                mean, sd = float(found.shrunk[row]), float(found.deviation[row])
+                # Of a logarithm, to first order.
+                middle = found.in_own_unit(mean)
+                shrunk = [middle, sd * middle if found.log else sd, float(found.own[row])]
+            fields = ("value", "low", "high", "standard_error", "interval", "at_bound", "start")
+            add(*head, "parameter", name, summary.units.get(name, ""),
+                *(own[field] for field in fields), *shrunk, *summary.redrawn(one.name, name))
     for name, found in summary.populations.items():
-        middle, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
+        head, unit = ("population", "", [None] * len(about)), summary.units.get(name, "")
+        mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
+        add(*head, "mean", name, unit, mean, low, high)
         # A standard deviation of the logarithm is one in proportion.
-        units = [summary.units.get(name, "")] * 2
-        units[1] = "of the logarithm" if found.log else units[1]
-        for row in (["mean", name, units[0], middle, low, high],
-                    ["spread", name, units[1], found.spread, *found.spread_limits]):  # fmt: skip
-            rows.append(["population", "", *_filled(row), *[None] * len(about)])
-    return Table([Column(name) for name in (*COHORT_COLUMNS, *about)], rows)
-
-
-def _filled(row: list[Any]) -> list[Any]:
-    return [*row, *[None] * (len(COHORT_COLUMNS) - 2 - len(row))]
-
-
-def _rows(summary: CohortSummary, one: KneeAnswer, row: int) -> Iterator[list[Any]]:
-    yield ["objective", "objective", "", one.objective]
-    for name, x in one.rmse.items():
-        yield ["rmse", name, COORDINATES[name].unit, x]
-    for name, x in one.tests.items():
-        coordinate = name.rpartition(", ")[2]
-        unit = COORDINATES[coordinate].unit if coordinate in COORDINATES else ""
-        yield ["test", name, unit, x]
-    for name, own in one.parameters.items():
-        shrunk: list[Any] = [None, None, None]
-        if (found := summary.populations.get(name)) is not None:
-            mean, sd = float(found.shrunk[row]), float(found.deviation[row])
-            # Of a logarithm, to first order.
-            middle = found.in_own_unit(mean)
-            shrunk = [middle, sd * middle if found.log else sd, float(found.own[row])]
-        fields = ("value", "low", "high", "standard_error", "interval", "at_bound", "start")
-        estimate = [own[field] for field in fields]
-        redrawn = summary.redrawn(one.name, name)
-        yield ["parameter", name, summary.units.get(name, ""), *estimate, *shrunk, *redrawn]
+        unit = "of the logarithm" if found.log else unit
+        add(*head, "spread", name, unit, found.spread, *found.spread_limits)
+    return Table.plain((*COHORT_COLUMNS, *about), rows)

@@ -69,9 +69,10 @@ def joint_axes_figure(
                 part = cloud[facet.rows]
                 panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
                            alpha=0.6, **style)  # fmt: skip
-                (handles[f"{facet.name} facets"],) = panel.plot(
-                    [], [], "o", color=_SHADES[facet.name], markersize=4
-                )
+                if (label := f"{facet.name} facets") not in handles:
+                    (handles[label],) = panel.plot(
+                        [], [], "o", color=_SHADES[facet.name], markersize=4
+                    )
         if axes is not None and across == 0:
             # Cylinders seen along the transverse axis: medial solid, lateral dotted.
             turn = np.linspace(0.0, 2.0 * np.pi, 181)

@@ -16,7 +16,7 @@ from kneejax.report import pose_tables
 from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION, shades
 from kneejax.report.look.page import Answer, Drawing, Section
-from kneejax.report.look.style import Axes, Figure, styled, verbatim
+from kneejax.report.look.style import Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import flexion_axis, grid, mark_status, part_legend
 from kneejax.statics import Status, converged
@@ -79,37 +79,36 @@ def laxity_figure(
     """
     figure, panels = _panels(len(curves), 1.96)
     for axes, one in zip(panels[:, 0], curves, strict=True):
-        _laxity_panel(axes, one, [x for x in found if x.test == one.test.name], bands)
+        rows = [x for x in found if x.test == one.test.name]
+        test = one.test
+        flexion = np.array([x.flexion_deg for x in rows])
+        kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
+        drawn: dict[str, Any] = {}
+        by_load = test.displacement is None
+        for band in bands if by_load and not test.held else ():
+            one_way = band.end in ("positive", "negative")
+            if one_way and band.load == test.driven_by and band.size == abs(test.size):
+                spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
+                points = axes.errorbar(
+                    band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
+                    elinewidth=0.8, capsize=2, zorder=1,
+                )  # fmt: skip
+                counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
+                drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
+        ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
+        words = (kind.positive, kind.negative)
+        for name, word, color in zip(ends, words, (BLUE, VERMILLION), strict=True):
+            y = np.array([getattr(x, name) for x in rows])
+            if np.isfinite(y).any():
+                (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
+        drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
+        axes.axhline(0.0, color=GREY, linewidth=0.5)
+        axes.set_title(verbatim(f"{test.name}: {test.words}"))
+        change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
+        axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
+        flexion_axis(axes, flexion)
+        part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
     return figure
-
-
-def _laxity_panel(axes: Axes, one: Curves, rows: Sequence[Laxity], bands: Sequence[Any]) -> None:
-    test = one.test
-    flexion = np.array([x.flexion_deg for x in rows])
-    kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
-    drawn: dict[str, Any] = {}
-    by_load = test.displacement is None
-    for band in bands if by_load and not test.held else ():
-        one_way = band.end in ("positive", "negative")
-        if one_way and band.load == test.driven_by and band.size == abs(test.size):
-            spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
-            points = axes.errorbar(band.flexion_deg, band.mean, spread, fmt="s", color=GREY,
-                                   markersize=3, elinewidth=0.8, capsize=2, zorder=1)  # fmt: skip
-            counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
-            drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
-    ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
-    words = (kind.positive, kind.negative)
-    for name, word, color in zip(ends, words, (BLUE, VERMILLION), strict=True):
-        y = np.array([getattr(x, name) for x in rows])
-        if np.isfinite(y).any():
-            (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
-    drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title(verbatim(f"{test.name}: {test.words}"))
-    change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
-    axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
-    flexion_axis(axes, flexion)
-    part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
 
 
 def laboratory_answer(
@@ -139,24 +138,48 @@ def laboratory_answer(
     by_test = [(one, [x for x in found if x.test == one.test.name]) for one in curves]
     shown = [laxity_table(one, rows) for one, rows in by_test]
     doubts = [s for each in zip(curves, status, wrong, strict=True) for s in _doubts(*each)]
-    doubts += [s for each in zip(curves, second, strict=False) for s in _of_second(*each)]
+    # From which load to which a second balance exists, and where it lies.
+    for one, other in zip(curves, second, strict=False):
+        known = np.asarray(np.isfinite(other).all(axis=-1))
+        for i in np.flatnonzero(known.any(axis=1)):
+            rows = np.flatnonzero(known[i])
+            k = int(rows[np.argmin(np.abs(one.part[rows]))])
+            where = second_balance(other[i, k], _femoral_poses(one)[i, k])
+            doubts.append(
+                f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, "
+                "which an intact knee comes to that is loaded first and cut then; reported is that "
+                f"of the knee that is cut first\n  at {_met(one, int(i), np.array([k]))}: {where}"
+            )
+    # Of poses and forces a row for each load of each flexion, by its size and by its step.
+    nodes = np.concatenate([one.nodes.ravel() for one in curves])
+    every, motion = np.concatenate([x.ravel() for x in status]), curves[0].motion
+    more = {"converged": motion.equilibrium.converged[nodes], "stable": motion.stable[nodes],
+            "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
+    reached = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
+    steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
+             for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
+    *keys, rows = zip(*steps, strict=True)
+    of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
+    keys = dict(zip(("test", "flexion_deg", "step"), keys, strict=True))
+    angles = dict.fromkeys(f"{x:g}" for one in curves for x in one.test.flexion_deg)
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]
     # Laxity at a single angle is a point; what the load does to the knee is the picture then.
-    pressed = [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
-    contact = _contact_tables(pressed)
+    contact = _contact_tables(
+        [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
+    )
     one_angle = all(len(one.nodes) == 1 for one in curves)
     above, below, heading = "laxity", "curves", "Load against displacement"
     if one_angle:
         above, below, heading = "curves", "laxity", "Laxity over flexion"
     return Answer(
         title=f"{', '.join(one.test.name for one in curves)} of {name}",
-        asked=f"{'; '.join(heads)}; at {_angles(curves)} degrees of flexion.",
+        asked=f"{'; '.join(heads)}; at {', '.join(angles)} degrees of flexion.",
         verdict=pose_tables.verdict_of([x.status for x in found]),
         sentence=" ".join(_headline(*each) for each in by_test),
         tables={"curves": _curves_table(curves, status, wrong, convention),
                 "laxity": Table([*map(Column, LAXITY_COLUMNS)], [x.row for x in found]),
-                "poses": _poses_table(curves, status, wrong, convention),
-                "forces": _forces_table(knee, curves, mechanics),
+                "poses": pose_tables.pose_table(reached, every, convention, more=more),
+                "forces": pose_tables.force_table(knee, of_steps, keys),
                 **({"contact": contact[0]} if contact else {})},
         main=[*shown, *contact[1:]],
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
@@ -216,10 +239,6 @@ def _not_held(test, x: Laxity) -> Iterator[str]:
             yield f"beyond {part} of {word}: {x.status.word}"
 
 
-def _angles(curves: Sequence[Curves]) -> str:
-    return ", ".join(f"{x:g}" for x in dict.fromkeys(a for c in curves for a in c.test.flexion_deg))
-
-
 def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
     """How far the knee gives, and at how many angles something is doubtful."""
     held = [x for x in rows if x.status == Status.BALANCED]
@@ -272,21 +291,6 @@ def _load_column(name: str) -> str:
     return f"{word}_{'moment' if unit == 'Nm' else 'force'}_{unit}"
 
 
-def _forces_table(knee: Knee, curves: Sequence[Curves], mechanics: Mechanics) -> Table:
-    """Of ligaments, then of contacts, at each step of the loads."""
-    steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
-             for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
-    *keys, rows = zip(*steps, strict=True)
-    of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
-    names = ("test", "flexion_deg", "step")
-    return pose_tables.force_table(knee, of_steps, dict(zip(names, keys, strict=True)))
-
-
-def _compresses(one: Curves) -> bool:
-    test = one.test
-    return test.driven_by == "compression_N" and test.displacement is None and test.size > 0
-
-
 def _contact_tables(
     knees: Sequence[tuple[str, Knee, Sequence[Curves], Mechanics]],
 ) -> list[Table]:
@@ -294,7 +298,8 @@ def _contact_tables(
     tables = []
     for name, knee, curves, mechanics in knees:
         steps = [(name, flexion, float(one.test.size * part), one.nodes[i, k])
-                 for one in filter(_compresses, curves)
+                 for one in curves if one.test.driven_by == "compression_N"
+                     and one.test.displacement is None and one.test.size > 0
                  for i, flexion in enumerate(one.test.flexion_deg)
                  for k, part in enumerate(one.part)]  # fmt: skip
         if steps:
@@ -310,17 +315,6 @@ def _contact_tables(
     most = max((row[2] for row in every.rows), default=0.0)
     full = [row for row in every.rows if row[2] == most]
     return [every, Table(every.columns, full, "Contact under the full compression")]
-
-
-def _poses_table(curves, status, wrong, convention: str) -> Table:
-    """A row for each different load of each flexion, by its size."""
-    rows = np.concatenate([one.nodes.ravel() for one in curves])
-    motion = curves[0].motion
-    more = {"converged": motion.equilibrium.converged[rows], "stable": motion.stable[rows],
-            "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
-    poses = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
-    every = np.concatenate([x.ravel() for x in status])
-    return pose_tables.pose_table(poses, every, convention, more=more)
 
 
 def _femoral_poses(one: Curves) -> np.ndarray:
@@ -366,20 +360,6 @@ def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
     words = [text for texts in wrong for text in texts]
     lost = np.where(status.ravel() == Status.BALANCED, "", words).tolist()
     return status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
-
-
-def _of_second(one: Curves, other: np.ndarray) -> Iterator[str]:
-    """From which load to which a second balance exists, and where it lies."""
-    known = np.asarray(np.isfinite(other).all(axis=-1))
-    for i in np.flatnonzero(known.any(axis=1)):
-        rows = np.flatnonzero(known[i])
-        k = int(rows[np.argmin(np.abs(one.part[rows]))])
-        where = second_balance(other[i, k], _femoral_poses(one)[i, k])
-        yield (
-            f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, which "
-            "an intact knee comes to that is loaded first and cut then; reported is that of the "
-            f"knee that is cut first\n  at {_met(one, int(i), np.array([k]))}: {where}"
-        )
 
 
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:
