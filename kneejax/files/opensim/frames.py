@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim.joints import moved, read_joints, turning
+from kneejax.files.opensim.joints import coordinates_of, moved, read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.ligaments import OsimLigament
 from kneejax.files.opensim.model import GROUND, Model, read_model
@@ -172,8 +172,7 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
     """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
     more of it bends the knee (1), extends it (-1), or that is not known (0)."""
-    angles = turning(knee.joints)
-    every = [c for joint in knee.joints for c in joint.coordinates if c.name in angles]
+    every = [c for c in coordinates_of(knee.joints) if c.turns]
     named = [c for c in every if _BENDS.search(c.name)]
     found = named if len(named) == 1 else every
     if len(found) != 1:
@@ -344,8 +343,7 @@ def registered(
 def flexion_coordinate(bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee: the first angle of its joints; raises without one.
     """
-    angles = turning(bones.joints)
-    names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]
+    names = [c.name for c in coordinates_of(bones.joints) if c.turns]
     if not names:
         joint = bones.joints[0]
         raise joint.element.problem("coordinates", "none", "an angle of the knee")

@@ -11,11 +11,11 @@ from kneejax.files.opensim.exact import Rigid, poses_of
 from kneejax.files.opensim.joints import (
     Joint,
     Movement,
+    coordinates_of,
     moved,
     placed,
     reached,
     read_joints,
-    unit_of,
 )
 from kneejax.files.opensim.model import GROUND, Model
 from kneejax.files.reading import InputProblem
@@ -198,14 +198,14 @@ def with_pelvis_and_foot(
                     parts[bone].append((joint, joint.child))
                     waiting.append(joint.child)
     moving = [joint for found in parts.values() for joint, _ in found if joint.parent != GROUND]
-    known = {c.name: (joint, c) for joint in moving for c in joint.coordinates}
+    known = {c.name: c for c in coordinates_of(moving)}
     values = {}
     for name, value in (at or {}).items():
         if name not in known:
             expected = f"a coordinate of hip or foot: {', '.join(known) or 'the model has none'}"
             raise InputProblem(model.file.path, "--at", name, expected, known)
-        joint, coordinate = known[name]
-        scale, unit = unit_of([joint], name)
+        coordinate = known[name]
+        scale, unit = coordinate.unit
         if coordinate.range is not None:
             lower, upper = (x * scale for x in coordinate.range)
             if not lower <= value <= upper:
