@@ -138,8 +138,7 @@ def on_bodies(
             force = force + pull
             moment = moment + between(one.torque + np.cross(one.point, one.force))
         else:
-            turn = np.asarray(carrier.turn)
-            here, spin = (np.einsum("nij,nj->ni", turn, x) for x in (pull, torque))
+            here, spin = (np.einsum("nij,nj->ni", carrier.turn, x) for x in (pull, torque))
             force, moment = force + here, moment + (spin + np.cross(place, here))
         largest = np.linalg.norm(one.force, axis=1).max()
         size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()

@@ -181,7 +181,7 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     # By this coordinate alone: nothing that is coupled to it follows.
     bent = {c.name: c.default for c in every} | {bend.name: bend.default + 0.1}
     there = moved(model, bent).between(knee.femur, knee.tibia)
-    axis = _axis_of(there.matrix @ knee.tibia_in_femur.matrix.T)
+    axis = _axis_of(there.turn @ knee.tibia_in_femur.turn.T)
     if not axis.any():
         return None, 0.0
     low, high = bend.range or (0.0, 0.0)
@@ -294,9 +294,9 @@ def registration(
     degrees = sign * np.deg2rad(np.array([*_BETWEEN, reference]))
     there = moved(model, {name: degrees}).between(bones.femur, bones.tibia)
     turn = there.at(1).after(there.at(0).inverse())
-    axis = _axis_of(turn.matrix)
+    axis = _axis_of(turn.turn)
     # A point of the flexion axis, which stays, nearest to the tibia's origin along it.
-    still = np.linalg.lstsq(np.eye(3) - turn.matrix, turn.shift, rcond=1e-6)[0]
+    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
     center = still + axis @ (there.shift[2] - still) * axis
     femur = own - 1e3 * center @ MIRROR[bones.side]
     tibia = on_tibia - 1e3 * there.at(2).inverse().point(center) @ MIRROR[bones.side]

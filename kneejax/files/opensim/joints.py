@@ -110,9 +110,7 @@ class Joint:
                 turn = turn @ turn_about(axis.direction, amount)
             else:
                 shift = shift + amount[..., None] * axis.direction
-        moved = Rigid(turn, shift)
-        if shape is None:
-            moved = Rigid(None if np.array_equal(turn, np.eye(3)) else turn, decimals(shift))
+        moved = Rigid(turn, decimals(shift) if shape is None else shift)
         moved = moved.inverse() if self.reverse else moved
         return self.parent_frame.after(moved).after(self.child_frame.inverse())
 

@@ -91,7 +91,7 @@ def read_activity(
             numbers are in another unit than they should be, or the model has no such knee.
     """
     model = read_model(model_path)
-    bones = find_knee(model, side, femur, tibia, may_be_named=True)
+    bones = find_knee(model, side, femur, tibia)
     given = sorted_files(model, bones, files, called)
     motion, pulls, reaction, external = map(given.get, _KINDS)
     time = common_times([x.table if x is external else x for x in given.values()], instants)
