@@ -11,14 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files import reading
-from kneejax.files.opensim import simm_splines, transform_axes
+from kneejax.files.opensim import simm_spline, transform_axes
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
 from kneejax.mechanics import Range
 
 _KIND = "joint"
-_POINTS = ("femoral_medial_mm", "femoral_lateral_mm", "tibial_medial_mm", "tibial_lateral_mm")
 _FLEXION = Range(-180.0, 180.0, "degrees")
 
 
@@ -33,6 +32,9 @@ class Knot(Part):
     femoral_lateral_mm: Point = meaning("on the femur")
     tibial_medial_mm: Point = meaning("on the tibia")
     tibial_lateral_mm: Point = meaning("on the tibia")
+
+
+_POINTS = tuple(Knot.model_fields)[1:]
 
 
 class JointFields(Part):
@@ -266,7 +268,7 @@ def export_joint(file: JointFile) -> JointExport:
         values = _free(file.joint, knots)
         # The largest difference at three places of every interval, degrees and mm.
         places = (knots[:-1, None] + np.diff(knots)[:, None] * [0.2, 0.5, 0.8]).ravel()
-        apart = np.abs(simm_splines(knots, values, places) - _free(file.joint, places))
+        apart = np.abs(simm_spline(knots, values, places) - _free(file.joint, places))
         error = apart.max(axis=0) * np.r_[np.rad2deg([1.0, 1.0]), 1e3, 1e3, 1e3]
         if error.max() < TOLERANCE or error.max() > 0.7 * last:
             break

@@ -35,7 +35,7 @@ class Pair(Part):
 
     def points(self, side: str) -> np.ndarray:
         """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
-        return np.stack([_right(self.medial_mm, side), _right(self.lateral_mm, side)])
+        return np.array([self.medial_mm, self.lateral_mm]) * _mirror(side)
 
 
 class Axes(Part):
@@ -51,6 +51,12 @@ class Ball(Part):
 
     near_mm: Point = meaning("a place near its centre")
     within_mm: Number = meaning("points as near are of the ball")
+
+
+def _check_one_of(part: Part, one: str, other: str) -> None:
+    both = getattr(part, one) is not None
+    if both == (getattr(part, other) is not None):
+        raise wrong("both" if both else "neither", f"{one} or {other}, one of both")
 
 
 class Malleoli(Part):
@@ -180,14 +186,15 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
         if name not in _COLUMNS:
             raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
     columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
+    words = {}
     for name, options in (("axis", known), ("side", SIDES)):
         for place, word in table.cells(name):
+            words.setdefault(name, []).append(word)
             if word not in options:
                 table.wrong(place, word, options)
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
-    both = (dict(table.cells(name)).values() for name in ("axis", "side"))
-    for row, (axis, side) in enumerate(zip(*both, strict=True)):
+    for row, (axis, side) in enumerate(zip(words["axis"], words["side"], strict=True)):
         if (first := points.setdefault((axis, side), row)) != row:
             found = f"{axis} {side} again, as row {first + 1}"
             raise InputProblem(file, table.place(row), found, "every point once")
@@ -265,8 +272,9 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
     with mistakes.gathered():
         _check_one_of(whole, "hip_center_mm", "femoral_head")
     mistakes.check()
-    hip, within = _place(whole.hip_center_mm, whole.femoral_head, side)
-    return FemurLandmarks(hip, whole.epicondyles.points(side), within)
+    head = whole.femoral_head
+    hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * _mirror(side)
+    return FemurLandmarks(hip, whole.epicondyles.points(side), head and head.within_mm)
 
 
 def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> TibiaLandmarks:
@@ -302,29 +310,14 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
     tibia = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path)).tibia
     if tibia is None:
         raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
-    plateau, both = tibia.plateau.points(side), tibia.malleoli
-    places = ((tibia.ankle_center_mm, None),) if both is None else (
-        (both.medial_mm, both.medial_ball), (both.lateral_mm, both.lateral_ball))
-    points, within = zip(*(_place(*place, side) for place in places), strict=True)
-    return TibiaLandmarks(plateau, np.stack(points), within)
+    points, balls = [tibia.ankle_center_mm], [None]
+    if tibia.malleoli is not None:
+        both = tibia.malleoli
+        points, balls = [both.medial_mm, both.lateral_mm], [both.medial_ball, both.lateral_ball]
+    ankle = [x if ball is None else ball.near_mm for x, ball in zip(points, balls, strict=True)]
+    return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * _mirror(side),
+                          tuple(ball and ball.within_mm for ball in balls))
 
 
-def _right(point: tuple[float, float, float], side: str) -> np.ndarray:
-    """A point as that of a right knee, shape `(3,)`, mm."""
-    return np.array(point) * [1.0, 1.0, -1.0 if side == "left" else 1.0]
-
-
-def _place(
-    point: tuple[float, float, float] | None, ball: Ball | None, side: str
-) -> tuple[np.ndarray, float | None]:
-    """A point; or a place near the centre of a ball, and within how many mm it is the ball."""
-    if ball is not None:
-        return _right(ball.near_mm, side), ball.within_mm
-    assert point is not None
-    return _right(point, side), None
-
-
-def _check_one_of(part: Part, one: str, other: str) -> None:
-    both = getattr(part, one) is not None
-    if both == (getattr(part, other) is not None):
-        raise wrong("both" if both else "neither", f"{one} or {other}, one of both")
+def _mirror(side: str) -> np.ndarray:
+    return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])

@@ -14,7 +14,7 @@ import pytest
 from kneejax.experiments import activity, evaluate
 from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
-from kneejax.files.opensim.acting import crossing
+from kneejax.files.opensim.acting import crossing, on_bodies
 from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.joints import moved
 from kneejax.files.opensim.knee import find_knee
@@ -56,21 +56,21 @@ def test_the_moments_of_a_recorded_static_optimisation_cancel():
     model, step = read_model(GAIT_MODEL), 1e-4
     bones = find_knee(model, "r")
     given = sorted_files(model, bones, GAIT_FILES)
-    time = common_times(given.tables)
-    around = moved_around(model, bones, given.motion, time)
+    motion, pulls, loads = (given[x] for x in ("coordinates", "muscle forces", "external loads"))
+    time = common_times([motion, pulls, loads.table])
+    around = moved_around(model, bones, motion, time)
     movement = around.at(2)
     below, tibia = bodies_below(movement.joints, bones), movement.placed[bones.tibia]
     frame = Rigid(tibia.inverse().turn, 1e3 * tibia.inverse().shift)
-    parts, _, _ = acting_on(given, movement, around, below, frame, time)
+    parts, _ = acting_on(on_bodies(loads, movement, below, time), movement, around, below, frame)
     whole = sum(parts.values())
     sides = [
         moved(model, movement.values | {"knee_angle_r": movement.values["knee_angle_r"] + way})
         for way in (-step, step)
     ]
-    before, after = ({w.name: w.length for w in crossing(x, bones, below).muscles} for x in sides)
-    table = given.muscles
+    before, after = ({w.name: w.length for w in crossing(x, bones, below)[0]} for x in sides)
     muscles = -sum(
-        np.interp(time, table.time, table.columns[name]) * (after[name] - before[name])
+        np.interp(time, pulls.time, pulls.columns[name]) * (after[name] - before[name])
         for name in before
     ) / (2.0 * step)
     first, last = (x.placed[bones.tibia] for x in sides)

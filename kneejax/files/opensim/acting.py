@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -43,21 +44,16 @@ _RINGING = 0.05
 
 @dataclasses.dataclass(frozen=True)
 class ExternalForce:
-    """A force of a table on a body."""
+    """A force on a body over the times of a table."""
 
     name: str
     body: str  # on which it acts
     force_in: str  # body whose axes the force and the torque are along
     point_in: str  # body in whose frame the point is
-    force: tuple[str, ...]  # columns, three; likewise point and torque, or none
-    point: tuple[str, ...]
-    torque: tuple[str, ...]
-
-    def rows(self, table: Storage) -> tuple[np.ndarray, ...]:
-        """Force, point and torque, N, m, N m, `(rows, 3)` each; zeros for those it has not."""
-        none = np.zeros(len(table.time))
-        return tuple(np.stack([table.named(x) for x in names] or [none] * 3, axis=1)
-                     for names in (self.force, self.point, self.torque))
+    force: np.ndarray  # N, `(rows, 3)`
+    point: np.ndarray  # m; zeros where the file names none, likewise the torque
+    torque: np.ndarray  # N m
+    point_columns: tuple[str, ...]  # three, or none where the file names no point
 
 
 @dataclasses.dataclass(frozen=True)
@@ -81,7 +77,9 @@ def read_external_loads(
     word = top.word("datafile")
     if not word:
         raise top.problem("datafile", "missing", "the table of forces")
-    table, found = read_storage(Path(path).parent / word), []
+    table, found, doubts = read_storage(Path(path).parent / word), [], []
+    spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
+    none = np.zeros((len(table.time), 3))
     for element in top.inside("objects"):
         if element.tag != "ExternalForce" or not element.applied:
             continue
@@ -99,104 +97,84 @@ def read_external_loads(
             columns.append(tuple(f"{stem}{axis}" for axis in needed))
             for name in columns[-1]:
                 table.named(name, f"a column of {tag} of {element.name}")
-        found.append(ExternalForce(element.name, *bodies, *columns))
-    if not found:
-        raise top.problem("objects", "none", "at least one ExternalForce")
-    return ExternalLoads(table, tuple(found), tuple(_doubts(Path(path).name, found, table)))
-
-
-def _doubts(file: str, forces: list[ExternalForce], table: Storage) -> Iterator[str]:
-    """Torques that look like another force's: another one of the table is called more alike."""
-    spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
-    for one in forces:
-        # How many letters the two begin with together, but for the word that says which it is.
+        rows = (np.stack([table.columns[x] for x in names], axis=1) if names else none
+                for names in columns)
+        found.append(ExternalForce(element.name, *bodies, *rows, point_columns=columns[1]))
+        # A torque is another force's where that one's name begins more like the name of this force,
+        # but for the word that says which it is.
         likeness = {
             name: len(os.path.commonprefix(
-                [name.lower().replace("torque", "force"), one.force[0].lower()]))
-            for name in (*one.torque[:1], *spins)
+                [name.lower().replace("torque", "force"), columns[0][0].lower()]))
+            for name in (*columns[2][:1], *spins)
         }
         nearest = max(likeness, key=lambda name: likeness[name], default="")
-        if one.torque and likeness[nearest] > likeness[one.torque[0]]:
-            own, better = (name[:-1].rstrip("_") for name in (one.torque[0], nearest))
-            yield (f"{file}: force {one.name} takes its torque from {own}; {better} would fit its "
-                   "force.")
+        if columns[2] and likeness[nearest] > likeness[columns[2][0]]:
+            own, better = (name[:-1].rstrip("_") for name in (columns[2][0], nearest))
+            doubts.append(f"{Path(path).name}: force {element.name} takes its torque from {own}; "
+                          f"{better} would fit its force.")
+    if not found:
+        raise top.problem("objects", "none", "at least one ExternalForce")
+    return ExternalLoads(table, tuple(found), tuple(doubts))
 
 
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, list[str]]:
     """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s. In
     the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
-    straight: forces jump where a foot meets the ground."""
-    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
-    inside = loads.table.time
-    for one in loads.forces:
-        if one.body not in bodies:
-            continue
-        pull, point, torque = one.rows(loads.table)
+    straight: forces jump where a foot meets the ground. Also a sentence on each force that cannot
+    be that of its body: its size or torque is no person's, or its point lies farther from the body
+    than a foot is long. Raises where that is so far away that it must be in another unit."""
+    def between(values: np.ndarray) -> np.ndarray:
+        return np.stack([np.interp(time, loads.table.time, x) for x in values.T], axis=1)
+
+    force, moment, doubts = np.zeros((len(time), 3)), np.zeros((len(time), 3)), [*loads.doubts]
+    for one in (x for x in loads.forces if x.body in bodies):
+        pull, point, torque = map(between, (one.force, one.point, one.torque))
+        carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
+        place = frame.point(point)
         if one.force_in == one.point_in == GROUND:
             # Forces and moments are taken between rows, not points: one without force jumps.
-            here = _between(time, inside, pull)
-            spin = _between(time, inside, torque + np.cross(point, pull))
+            force = force + pull
+            moment = moment + between(one.torque + np.cross(one.point, one.force))
         else:
-            carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
-            turn = np.asarray(carrier.turn)
-            here, spin = (np.einsum("nij,nj->ni", turn, _between(time, inside, x))
-                          for x in (pull, torque))
-            spin = spin + np.cross(frame.point(_between(time, inside, point)), here)
-        force, moment = force + here, moment + spin
-    return force, moment
-
-
-def place_doubts(
-    loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
-) -> Iterator[str]:
-    """Sentences on forces that cannot be those of the body that they are said to act on: their size
-    or torque is no person's, or their point lies farther from the body than a foot is long. Raises
-    where it is so far away that it must be in another unit."""
-    file, inside = Path(loads.table.file).name, loads.table.time
-    for one in loads.forces:
-        if one.body not in bodies:
-            continue
-        largest = np.linalg.norm(one.rows(loads.table)[0], axis=1).max()
-        pull, point, torque = (_between(time, inside, x) for x in one.rows(loads.table))
+            here, spin = (np.einsum("nij,nj->ni", carrier.turn, x) for x in (pull, torque))
+            force, moment = force + here, moment + (spin + np.cross(place, here))
+        largest = np.linalg.norm(one.force, axis=1).max()
         size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()
-        name = f"{file}: force {one.name} on {one.body}"
+        name = f"{Path(loads.table.file).name}: force {one.name} on {one.body}"
         if 0.0 < largest < _LEAST_N:
-            yield f"{name} is at most {largest:.3g} N: kN or body weights are suspected."
+            doubts.append(
+                f"{name} is at most {largest:.3g} N: kN or body weights are suspected.")
         if largest > _MOST_N:
-            yield f"{name} is up to {largest:,.0f} N: more than a person presses with."
+            doubts.append(f"{name} is up to {largest:,.0f} N: more than a person presses with.")
         if spin > _MOST_NM:
-            yield f"{name} turns by up to {spin:,.0f} N m: N mm are suspected."
-        if not one.point or not size.any():
+            doubts.append(f"{name} turns by up to {spin:,.0f} N m: N mm are suspected.")
+        if not one.point_columns or not size.any():
             continue
-        reach = _reach(movement, one.body, movement.placed[one.point_in].point(point))
+        # From what a model has on a body: its origin, its center of mass and its joints.
+        marks = [np.zeros(3), movement.model.bodies[one.body].point("mass_center")]
+        marks += [joint_frame.shift for joint in movement.joints
+                  if GROUND not in (joint.parent, joint.child)
+                  for end, joint_frame in joint.ends if end == one.body]
+        marks = [movement.placed[one.body].point(np.broadcast_to(np.array(x, float), place.shape))
+                 for x in marks]
+        reach = np.min(np.linalg.norm(place - np.array(marks), axis=2), axis=0)
         reach = np.where(size > _SOME_FORCE * size.max(), reach, 0.0)
         row = int(np.argmax(reach))
         if reach[row] > _NOWHERE_M:
             shown = ", ".join(f"{x:g}" for x in point[row])
             suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
             raise InputProblem(
-                loads.table.file, ", ".join(one.point), f"({shown}) at {time[row]:g} s",
+                loads.table.file, ", ".join(one.point_columns), f"({shown}) at {time[row]:g} s",
                 f"a point of {one.body} in m, which is {reach[row]:,.1f} m away{suspected}",
             )
         if reach[row] > _FAR_M:
-            yield (
+            doubts.append(
                 f"{name} acts {reach[row]:.2f} m away from it at {time[row]:g} s, farther than a "
                 "foot is long: another foot's plate, or an origin that is not the model's?"
             )
-
-
-def _reach(movement: Movement, body: str, point: np.ndarray) -> np.ndarray:
-    """How far points of the ground, `(n, 3)`, are from what a model has on a body: its origin, its
-    center of mass and its joints; m, `(n,)`."""
-    model, here = movement.model, movement.placed[body]
-    marks = [np.zeros(3), np.array(model.bodies[body].point("mass_center"), float)]
-    marks += [np.array(frame.shift, float) for joint in movement.joints
-              if GROUND not in (joint.parent, joint.child)
-              for end, frame in joint.ends if end == body]
-    return np.min([np.linalg.norm(point - here.point(np.broadcast_to(mark, point.shape)), axis=1)
-                   for mark in marks], axis=0)
+    return force, moment, doubts
 
 
 def of_contacts(
@@ -207,42 +185,33 @@ def of_contacts(
     it acts on: the opposite of what the ground bears."""
     carriers = {e.name: e.last_word("socket_frame") for e in model.elements
                 if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
-    force, moment = np.zeros((len(time), 3)), np.zeros((len(time), 3))
+    both = np.zeros((len(time), 6))
     for element in model.elements:
         names = [f"{element.name}.ground.{kind}.{axis}" for kind in ("force", "torque")
                  for axis in "XYZ"]
         words = {w for e in element.iter("geometry") for w in e.content.split()}
         if names[0] in table.columns and {carriers.get(word, "") for word in words} & bodies:
-            both = -table.at(time, names, degree=1).T
-            force, moment = force + both[:, :3], moment + both[:, 3:]
-    return force, moment
+            both = both - table.at(time, names, degree=1).T
+    return both[:, :3], both[:, 3:]
+class Way(NamedTuple):
+    """The piece of the path of a muscle or a ligament that spans the knee."""
 
-
-def _between(time: np.ndarray, rows: np.ndarray, values: np.ndarray) -> np.ndarray:
-    return np.stack([np.interp(time, rows, x) for x in values.T], axis=1)
-
-
-@dataclasses.dataclass(frozen=True)
-class Way:
-    """The piece of a path that spans the knee."""
-
-    name: str  # of the muscle or ligament
     element: Element
     ends: dict[str, np.ndarray]  # last point above the knee and first below, by bone, `(n, 3)`, m
     length: np.ndarray  # of the whole path between its points, m, `(n,)`
 
-
-@dataclasses.dataclass(frozen=True)
-class Crossing:
-    """What pulls over a knee."""
-
-    muscles: tuple[Way, ...]  # whose path goes from the thigh to the leg below
-    ligaments: tuple[Way, ...]  # likewise, of those that do not begin on the femur or the patella
-    on_patella: tuple[str, ...]  # names of muscles that end on the patella
+    @property
+    def name(self) -> str:
+        """Of the muscle or ligament."""
+        return self.element.name
 
 
-def crossing(movement: Movement, knee: OsimKneeJoint, below: set[str]) -> Crossing:
-    """Find what pulls over a knee, to the bodies below it."""
+def crossing(
+    movement: Movement, knee: OsimKneeJoint, below: set[str]
+) -> tuple[list[Way], list[Way], list[str]]:
+    """What pulls over a knee, to the bodies below it: muscles whose path goes from the thigh to the
+    leg below; likewise ligaments, of those that do not begin on the femur or the patella; names of
+    muscles that end on the patella."""
     muscles, ligaments, on_patella = [], [], []
     for element in movement.model.elements:
         muscle = element.tag.endswith("Muscle")
@@ -252,25 +221,23 @@ def crossing(movement: Movement, knee: OsimKneeJoint, below: set[str]) -> Crossi
         bodies = [point.body for point in points]
         if muscle and knee.patella and knee.patella in (*bodies[:1], *bodies[-1:]):
             on_patella.append(element.name)
-        elif {x in below for x in bodies} == {True, False}:
-            if muscle or not ({bodies[0], bodies[-1]} - below) & {*knee.rigid}:
-                own = muscles if muscle else ligaments
-                own.append(_way(movement, element, points, below))
-    return Crossing(tuple(muscles), tuple(ligaments), tuple(on_patella))
-
-
-def _way(movement: Movement, element: Element, points: list[OsimPoint], below: set[str]) -> Way:
-    points = points[::-1] if points[0].body in below else points
-    found = [(*_in_ground(movement, point), point.body in below) for point in points]
-    last, length = found[0][0], np.zeros(found[0][0].shape[:-1])
-    first = second = np.full(last.shape, np.nan)
-    for place, active, lower in found:
-        first = first if lower else np.where(active[..., None], place, first)
-        length = length + np.where(active, np.linalg.norm(place - last, axis=-1), 0.0)
-        last = np.where(active[..., None], place, last)
-    for place, active, lower in found[::-1]:
-        second = np.where(active[..., None], place, second) if lower else second
-    return Way(element.name, element, {FEMUR: first, TIBIA: second}, length)
+            continue
+        spans = {x in below for x in bodies} == {True, False}
+        if not spans or not (muscle or not ({bodies[0], bodies[-1]} - below) & {*knee.rigid}):
+            continue
+        points = points[::-1] if bodies[0] in below else points
+        found = [(*_in_ground(movement, point), point.body in below) for point in points]
+        last, length = found[0][0], np.zeros(found[0][0].shape[:-1])
+        first = second = np.full(last.shape, np.nan)
+        for place, active, lower in found:
+            first = first if lower else np.where(active[..., None], place, first)
+            length = length + np.where(active, np.linalg.norm(place - last, axis=-1), 0.0)
+            last = np.where(active[..., None], place, last)
+        for place, active, lower in found[::-1]:
+            second = np.where(active[..., None], place, second) if lower else second
+        way = Way(element, {FEMUR: first, TIBIA: second}, length)
+        (muscles if muscle else ligaments).append(way)
+    return muscles, ligaments, on_patella
 
 
 def _in_ground(movement: Movement, point: OsimPoint) -> tuple[np.ndarray, np.ndarray]:
@@ -302,24 +269,6 @@ def _in_ground(movement: Movement, point: OsimPoint) -> tuple[np.ndarray, np.nda
     return carrier.point(np.broadcast_to(local, (*shape, 3))), active
 
 
-def check_tensions(muscles: set[str], table: Storage) -> None:
-    """Refuse a table of muscles whose numbers are no forces in N: activations, negative tensions,
-    or more than any muscle pulls with."""
-    names = [name for name in table.columns if last_word(name) in muscles]
-    least = min(names, key=lambda name: table.columns[name].min())
-    most = max(names, key=lambda name: table.columns[name].max())
-    low, high = float(table.columns[least].min()), float(table.columns[most].max())
-    if 0.0 < high <= _ACTIVATION:
-        expected = "muscle forces, N; activations are suspected"
-        found = f"nothing above {_ACTIVATION:g} in {counted(len(names), 'column')} of muscles"
-        raise InputProblem(table.file, most, found, expected)
-    if low < -_RINGING * max(high, 0.0):
-        expected = "muscle forces, N, 0 or more: muscles pull"
-        raise InputProblem(table.file, least, f"{low:g}", expected)
-    if not RANGES["tension_N"].holds(max(high, 0.0)):
-        raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
-
-
 def recorded_muscles(
     table: Storage | None, movement: Movement, knee: OsimKneeJoint, below: set[str],
     frames: dict[str, Rigid], shifts: Registration, time: np.ndarray, notes: list[str],
@@ -332,18 +281,31 @@ def recorded_muscles(
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")
         empty = np.zeros((0, 3, len(time)))
         return Muscles(empty, empty, empty[:, 0], (), add_lane_axis([])), none
-    check_tensions({e.name for e in movement.model.muscles()}, table)
-    found, straight = crossing(movement, knee, below), []
+    names = {e.name for e in movement.model.muscles()}
+    names = [name for name in table.columns if last_word(name) in names]
+    least = min(names, key=lambda name: table.columns[name].min())
+    most = max(names, key=lambda name: table.columns[name].max())
+    low, high = float(table.columns[least].min()), float(table.columns[most].max())
+    if 0.0 < high <= _ACTIVATION:
+        shown = f"nothing above {_ACTIVATION:g} in {counted(len(names), 'column')} of muscles"
+        expected = "muscle forces, N; activations are suspected"
+        raise InputProblem(table.file, most, shown, expected)
+    if low < -_RINGING * max(high, 0.0):
+        expected = "muscle forces, N, 0 or more: muscles pull"
+        raise InputProblem(table.file, least, f"{low:g}", expected)
+    if not RANGES["tension_N"].holds(max(high, 0.0)):
+        raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
+    (over, ligaments, on_patella), straight = crossing(movement, knee, below), []
     by_name = {last_word(name): name for name in table.columns}
-    for name in (*(way.name for way in found.muscles), *found.on_patella):
+    for name in (*(way.name for way in over), *on_patella):
         if name not in by_name:
             table.named(name, "a muscle over the knee")
 
     def tensions(names) -> np.ndarray:
         return np.maximum(table.at(time, [by_name[name] for name in names]), 0.0)
 
-    ways, tension = [*found.muscles, *found.ligaments], [*tensions(w.name for w in found.muscles)]
-    for ligament in found.ligaments:
+    ways, tension = [*over, *ligaments], [*tensions(way.name for way in over)]
+    for ligament in ligaments:
         slack, stiffness, transition = (ligament.element.number(*one) for one in (
             ("slack_length", "0"), ("linear_stiffness", "1"), ("transition_strain", "0.06")))
         strain = jnp.asarray(ligament.length / slack - 1.0)
@@ -378,15 +340,15 @@ def recorded_muscles(
         if not buried.all():
             kept = [row for row, inside in zip(rows, buried, strict=True) if not inside]
             courses.append(Course(kept, obstacle=obstacle, obstacle_bone=bone))
-    by_length = ", ".join(way.name for way in found.ligaments)
+    by_length = ", ".join(way.name for way in ligaments)
     notes += straight
     notes.append(
-        f"Over the knee: {counted(len(found.muscles), 'muscle')}"
+        f"Over the knee: {counted(len(over), 'muscle')}"
         + (f", {by_length} by its length" if by_length else "")
-        + (f"; on the patella: {', '.join(found.on_patella)}" if found.on_patella else "")
+        + (f"; on the patella: {', '.join(on_patella)}" if on_patella else "")
         + "."
     )
     names = tuple(way.name for way in ways)
     every = np.reshape(tension, (len(ways), len(time)))
     muscles = Muscles(ends[FEMUR], ends[TIBIA], every, names, add_lane_axis(courses))
-    return muscles, tensions(found.on_patella).sum(axis=0) + none
+    return muscles, tensions(on_patella).sum(axis=0) + none

@@ -65,32 +65,26 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
     for force in model.elements:
         if force.tag != FORCE:
             continue
-        pair = [_of_role(force, role, meshes) for role in ("target", "casting")]
-        places = [model.socket(mesh, "frame") for mesh, _ in pair]
-        bones = [knee.bone_of(body) for body, _ in places]
-        if force.applied and set(bones) in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
-            found = {
-                bone: _mesh_of(mesh, settings, bone, knee.rigid[body][1].after(frame))
-                for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
-            }
-            femur = found.pop(FEMUR)
-            contacts.append(_contact(force, femur, *found.values()))
+        found = {}
+        for role in ("target", "casting"):
+            tags = f"socket_{role}_mesh", f"socket_{role}_mesh_connectee_name"
+            name = force.last_word(*tags)
+            if name not in meshes:
+                word = force.word(*tags) or "missing"
+                raise force.problem(tags[0], word, f"a {MESH} of the model", meshes)
+            mesh = settings = meshes[name]
+            # Earlier versions of JAM keep the material with the force.
+            held = force.child(f"{role}_mesh_contact_params")
+            if held is not None and mesh.child("elastic_modulus") is None:
+                inner = (e for e in held.iter("*") if e.child("elastic_modulus") is not None)
+                settings = next(inner, mesh)
+            body, frame = model.socket(mesh, "frame")
+            found[knee.bone_of(body)] = mesh, settings, body, frame
+        if force.applied and {*found} in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
+            both = {bone: _mesh_of(mesh, settings, bone, knee.rigid[body][1].after(frame))
+                    for bone, (mesh, settings, body, frame) in found.items()}
+            contacts.append(_contact(force, both.pop(FEMUR), *both.values()))
     return contacts
-
-
-def _of_role(force: Element, role: str, meshes: dict[str, Element]) -> tuple[Element, Element]:
-    """The mesh of a role, and the element that holds its material."""
-    tags = f"socket_{role}_mesh", f"socket_{role}_mesh_connectee_name"
-    name = force.last_word(*tags)
-    if name not in meshes:
-        word = force.word(*tags) or "missing"
-        raise force.problem(tags[0], word, f"a {MESH} of the model", meshes)
-    # Earlier versions of JAM keep the material with the force.
-    held = force.child(f"{role}_mesh_contact_params")
-    if held is not None and meshes[name].child("elastic_modulus") is None:
-        inner = (e for e in held.iter("*") if e.child("elastic_modulus") is not None)
-        return meshes[name], next(inner, meshes[name])
-    return meshes[name], meshes[name]
 
 
 def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> OsimMesh:
@@ -153,10 +147,8 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
             "nu is 0.5: a layer that cannot change its volume has no elastic foundation, and its "
             "contact must be given with a smaller nu."
         )
-    return OsimContact(
-        force.name, femur, other, law, modulus, ratio, thickness, tuple(findings), tuple(doubts),
-        force,
-    )
+    return OsimContact(force.name, femur, other, law, modulus, ratio, thickness, tuple(findings),
+                       tuple(doubts), force)
 
 
 def _confined(nu: float) -> float:
@@ -270,7 +262,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
         expected = f"this file; there is {present}{without}"
         known = sorted(path.name for path in by_lower.values())
         raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
-    still = mesh.frame.turn is None and not any(mesh.frame.shift)
+    still = not mesh.frame.turns and not any(mesh.frame.shift)
     if still and mesh.scale == (1.0, 1.0, 1.0):
         return path
     import trimesh
@@ -280,7 +272,7 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     size = float(np.max(np.ptp(scaled, axis=0)))
     unit = 1e3 if size > 1.0 else 1.0  # a knee's cartilage is centimetres wide: mm or m
     shift = np.asarray(mesh.frame.shift, float) * unit
-    loaded.vertices = scaled @ mesh.frame.matrix.T + shift
+    loaded.vertices = scaled @ mesh.frame.turn.T + shift
     # What is said about it names the file that a person knows.
     moved = scratch / mesh.bone / ("back" if back else "front") / f"{path.stem}.stl"
     moved.parent.mkdir(parents=True, exist_ok=True)

@@ -10,9 +10,8 @@ import numpy as np
 
 from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim.frames import Registration, flexion_coordinate, flexions
-from kneejax.files.opensim.joints import Joint
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
-from kneejax.files.opensim.model import Model, read_model, simm_splines
+from kneejax.files.opensim.model import Model, read_model, simm_spline
 from kneejax.files.opensim.xml import element_of
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
@@ -66,7 +65,7 @@ class CoupledMotion:
 
     def at(self, flexion_deg: np.ndarray) -> np.ndarray:
         """The secondary motion at flexions `(n,)`, `(n, 5)`; straight beyond the knots."""
-        return simm_splines(self.flexion_deg, self.secondary, flexion_deg)
+        return simm_spline(self.flexion_deg, self.secondary, flexion_deg)
 
 
 def coupled_motion(
@@ -106,7 +105,7 @@ def coupled_motion(
         count = max(_FEWEST, 1 + round(float(np.ptp(flexion)) / _APART_DEG))
         knots = np.linspace(flexion.min(), flexion.max(), count)
     # Splines are linear in their values at the knots.
-    by_value = simm_splines(knots, np.eye(len(knots)), flexion)
+    by_value = simm_spline(knots, np.eye(len(knots)), flexion)
     bend = np.sqrt(_STIFF * len(flexion)) * np.diff(np.eye(len(knots)), 2, axis=0)
     wanted = np.vstack([secondary, np.zeros((len(bend), secondary.shape[1]))])
     values = np.linalg.lstsq(np.vstack([by_value, bend]), wanted, rcond=None)[0]
@@ -146,8 +145,9 @@ def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
     """Let a model's knee follow flexion as a motion does, in the frames to which `shifts` lead. Its
-    joint keeps its frames and the coordinate that bends it; its other coordinates go, with what
-    acts on them. Returns a sentence for each change; raises what `couple_model` does."""
+    joint keeps its frames and the coordinate that bends it; its other coordinates go, with the
+    constraints and forces that act on them. Returns a sentence for each change; raises what
+    `couple_model` does."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
@@ -166,8 +166,21 @@ def couple_knee(
     if off > 1.0:
         expected = "flexion that is the coordinate but for its sign and a constant"
         raise joint.element.problem(name, f"up to {off:.2g} degrees otherwise", expected)
-    gone = {c.name for c in joint.coordinates if c.name != name}
-    changes = _take_out(model, joint, gone)
+    gone, found = {c.name for c in joint.coordinates if c.name != name}, []
+    for element in model.elements:
+        for child in element.children:
+            asks = child.tag == "independent_coordinate_names" or child.tag.endswith("_coordinate")
+            words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
+            if gone & words:
+                expected = "a coordinate that stays: this one follows flexion from now on"
+                raise element.problem(child.tag, ", ".join(gone & words), expected)
+        own = element.tag == "Coordinate" and element.name in gone
+        own = own and joint.element in element.iterancestors()
+        if own or {element.last_word(tag) for tag in _ON_COORDINATE} & gone:
+            found.append((element, own))
+    for element, _ in found:
+        element.take_out()
+    changes = [f"{element.tag} {element.name}: taken out" for element, own in found if not own]
     # Knots with seven between each two: in frames far from the knee splines of the same knots
     # would be others, by up to 0.2 micrometres at 0.4 m and knots 10 degrees apart.
     count = len(motion.flexion_deg)
@@ -213,20 +226,11 @@ def transform_axes(
     flexion: tuple[float, float] = (1.0, 0.0),
     wrapped: bool = False,
 ) -> str:
-    """The axes of a SpatialTransform.
-
-    Args:
-        side: `right` or `left`.
-        coordinate: of the model, on which all depend.
-        knots: of the splines, in the coordinate's own unit, `(n,)`.
-        columns: coordinate of a pose by clinical meaning -> its values at the knots, rad or m,
-            `(n,)`.
-        flexion: slope and constant by which flexion, rad, follows from the coordinate.
-        wrapped: whether functions stand within an element `function`, as in schema 3.
-
-    Returns:
-        The text, axes in OpenSim's order.
-    """
+    """The axes of a SpatialTransform of a side, `right` or `left`, as text in OpenSim's order. They
+    depend on a coordinate of the model, in whose unit `knots` are, `(n,)`; `columns` has values at
+    the knots, rad or m, by coordinates of clinical meaning. Flexion, rad, follows from the
+    coordinate by a slope and a constant. In schema 3 functions are `wrapped` in an element
+    `function`."""
     axes, named = [], "" if wrapped else ' name="function"'
     for name, (axis, right, left) in _AXES.items():
         if name == "flexion":
@@ -240,22 +244,3 @@ def transform_axes(
         axes.append(_AXIS.format(name=axis, coordinate=coordinate, function=function,
                                  axis=left if side == "left" else right))
     return "\n".join(axes)
-
-
-def _take_out(model: Model, joint: Joint, gone: set[str]) -> list[str]:
-    """Take out coordinates that go, and the constraints and forces that act on them."""
-    found = []
-    for element in model.elements:
-        for child in element.children:
-            asks = child.tag == "independent_coordinate_names" or child.tag.endswith("_coordinate")
-            words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
-            if gone & words:
-                expected = "a coordinate that stays: this one follows flexion from now on"
-                raise element.problem(child.tag, ", ".join(gone & words), expected)
-        own = element.tag == "Coordinate" and element.name in gone
-        own = own and joint.element in element.iterancestors()
-        if own or {element.last_word(tag) for tag in _ON_COORDINATE} & gone:
-            found.append((element, own))
-    for element, _ in found:
-        element.take_out()
-    return [f"{element.tag} {element.name}: taken out" for element, own in found if not own]

@@ -92,50 +92,47 @@ MIRROR = {"r": np.eye(3), "l": np.diag([1.0, 1.0, -1.0])}
 class Rigid(NamedTuple):
     """Motions `x -> turn x + shift`, m, one or one an instant."""
 
-    # `(..., 3, 3)`; None where nothing turns, so that decimals stay exact.
-    turn: np.ndarray | None = None
+    turn: np.ndarray = np.eye(3)  # `(..., 3, 3)`
     shift: np.ndarray = ORIGIN  # `(..., 3)`: doubles, or decimals
 
     @classmethod
     def of(cls, translation: Point, angles: Point) -> Rigid:
         """The motion from a frame's coordinates, by its place and its X-Y-Z angles (rad)."""
-        return cls(turn_xyz(angles) if any(angles) else None, translation)
+        return cls(turn_xyz(angles), translation)
 
     @property
-    def matrix(self) -> np.ndarray:
-        """The rotation, also where nothing turns."""
-        return np.eye(3) if self.turn is None else self.turn
+    def turns(self) -> bool:
+        """Whether it turns anything; if not, decimals stay exact."""
+        return self.turn.ndim > 2 or not np.array_equal(self.turn, np.eye(3))
 
     def point(self, x: np.ndarray) -> np.ndarray:
         """Images of points, `(..., 3)`."""
-        return _sum(_turned(self.turn, x), self.shift)
+        if self.turns:
+            exact, x = x.dtype == object, (self.turn @ x.astype(float)[..., None])[..., 0]
+            x = decimals(x) if exact and x.ndim == 1 else x
+        return _sum(x, self.shift)
 
     def point_back(self, x: np.ndarray) -> np.ndarray:
         """The points whose images these are."""
-        return _turned(_back(self.turn), _sum(x, -self.shift))
+        return Rigid(np.swapaxes(self.turn, -1, -2)).point(_sum(x, -self.shift))
 
     def after(self, first: Rigid) -> Rigid:
         """This motion after `first`."""
-        if self.turn is None or first.turn is None:
-            turn = self.turn if first.turn is None else first.turn
-        else:
-            turn = self.turn @ first.turn
-        return Rigid(turn, self.point(first.shift))
+        return Rigid(self.turn @ first.turn, self.point(first.shift))
 
     def inverse(self) -> Rigid:
         """The motion that undoes this one."""
-        back = _back(self.turn)
-        return Rigid(back, _turned(back, -self.shift))
+        return Rigid(np.swapaxes(self.turn, -1, -2), self.point_back(ORIGIN))
 
     def at(self, rows) -> Rigid:
         """At some of the instants, as NumPy indexes."""
-        return Rigid(self.matrix[rows], self.shift[rows])
+        return Rigid(self.turn[rows], self.shift[rows])
 
 
 def poses_of(there: Rigid, side: str) -> np.ndarray:
     """Poses of a bone in the femur from the motion of its coordinates to the femur's, in rows of
     degrees and mm, by clinical meaning: of a left knee (`l`) that of the mirrored right one."""
-    turn, shift = MIRROR[side] @ there.matrix @ MIRROR[side], there.shift.astype(float)
+    turn, shift = MIRROR[side] @ there.turn @ MIRROR[side], there.shift.astype(float)
     rows = tuple(tuple(turn[..., i, j] for j in range(3)) for i in range(3))
     angles = np.rad2deg(np.stack([np.asarray(x) for x in angles_from_rotation(rows)], axis=-1))
     return np.concatenate([angles, 1e3 * shift @ MIRROR[side]], axis=-1) + 0.0
@@ -160,17 +157,6 @@ def angles_xyz(rotation: np.ndarray) -> np.ndarray:
     middle = np.arctan2(rotation[0, 2], np.hypot(rotation[0, 0], rotation[0, 1]))
     first = np.arctan2(-rotation[1, 2], rotation[2, 2])
     return np.array([first, middle, np.arctan2(-rotation[0, 1], rotation[0, 0])])
-
-
-def _back(turn: np.ndarray | None) -> np.ndarray | None:
-    return None if turn is None else np.swapaxes(turn, -1, -2)
-
-
-def _turned(turn: np.ndarray | None, x: np.ndarray) -> np.ndarray:
-    if turn is None:
-        return x
-    there = (turn @ x.astype(float)[..., None])[..., 0]
-    return decimals(there) if x.dtype == object and there.ndim == 1 else there
 
 
 def _sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from collections.abc import Sequence
-from decimal import Decimal
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ from kneejax.mechanics import BLANKEVOORT
 
 #: A slack length that was computed from a strain or force is the model's if it errs by less.
 _ROUNDING = 1e-12
+_STILL = exact.Rigid()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,8 +126,7 @@ class _Export:
 
     def __init__(self, known: KneeFile, base: OsimImport, replace: bool):
         self.known, self.base, self.replace = known, base, replace
-        self.document, self.name = known.document, base.model.name
-        self.origin = known.document.get("imported_from", {})
+        self.document, self.origin = known.document, known.document.get("imported_from", {})
         self.fibres = {fibre.key: fibre for fibre in base.ligaments.values()}
         self.keys = {name: self.key("ligaments", name) for name in self.document["ligaments"]}
         self.changes: list[str] = []
@@ -148,11 +147,44 @@ class _Export:
             expected = f"what the model has, {model_value or 'none'}: only numbers are written back"
             raise InputProblem(self.known.path, place, value or "none", expected)
 
-    def say(self, name: str, old, new) -> None:
-        """Note a change, if it is one."""
-        if old != new:
-            shown = (" ".join(f"{float(x):.10g}" for x in np.ravel(one)) for one in (old, new))
-            self.changes.append(f"{name}: {' -> '.join(shown)}")
+    def write(
+        self, field: str, parent: Element, tag: str, was, new,
+        carrier: exact.Rigid = _STILL, kind: str = "length",
+    ) -> None:  # fmt: skip
+        """Write those numbers of a child that changed, and all if it has none yet; note the change.
+        They are a `number`, a `length` or three, mm, or a `point`, mm, or three angles, degrees
+        (`turn`), stated in coordinates that `carrier` takes to the bone's."""
+        was, new = (np.ravel(one).tolist() for one in (was, new))
+        changed: Collection[int] = [k for k, (x, y) in enumerate(zip(new, was, strict=True))
+                                    if float(x) != y]
+        if not changed:
+            return
+        back = carrier.turn.T
+        if kind == "turn" and not carrier.turns:
+            every = np.array([exact.radians(float(x)) for x in new])
+        elif kind == "turn":
+            every = exact.decimals(exact.angles_xyz(back @ exact.turn_xyz(np.deg2rad(new))))
+        elif kind == "point":
+            every = carrier.point_back(exact.metres(new))
+        else:
+            places = exact.METRES_TO_MM if kind == "length" else 0
+            every = np.array([exact.unshifted(x, places) for x in new])
+        if kind == "point" and carrier.turns:
+            for _ in range(3):  # a rounding of the way there is taken back
+                there = exact.millimetres(carrier.point(every))
+                every = exact.decimals(every.astype(float) + back @ np.subtract(new, there) / 1e3)
+        if carrier.turns:
+            changed = range(3)
+        elif kind in ("point", "turn"):
+            stated = parent.point(tag)
+            every = np.array([every[k] if k in changed else stated[k] for k in range(3)])
+        leaf, words = parent.child(tag), [exact.write_decimal(value) for value in every]
+        if leaf is None:
+            parent.add(tag, " ".join(words))
+        else:
+            leaf.set_words(words, changed)
+        shown = (" ".join(f"{float(x):.10g}" for x in one) for one in (was, new))
+        self.changes.append(f"{field}: {' -> '.join(shown)}")
 
     def write_ligaments(self) -> None:
         """Numbers of those fibres that the model has."""
@@ -162,7 +194,8 @@ class _Export:
             if key not in names and self.replace:
                 continue
             if key not in names:
-                expected = f"a fibre of {self.name} that spans the knee, or --replace to add it"
+                expected = f"a fibre of {self.base.model.name} that spans the knee"
+                expected += ", or --replace to add it"
                 raise InputProblem(self.known.path, place, key, expected, names)
             ligament, old = self.fibres[key], self.base.document["ligaments"][names[key]]
             for field, (tag, *_) in NUMBERS.items():
@@ -173,9 +206,8 @@ class _Export:
                 computed = field not in entry and abs(new - old[field]) <= _ROUNDING * old[field]
                 if new == old[field] or computed:
                     continue
-                number = exact.unshifted(new, exact.METRES_TO_MM if length else 0)
-                _write(ligament.element, tag, [number], [0])
-                self.say(f"{name}.{field}", old[field], new)
+                self.write(f"{name}.{field}", ligament.element, tag, old[field], new,
+                           kind="length" if length else "number")
             points, was = ([x["femoral_attachment_mm"], *x.get("via_points", ()),
                             x["tibial_attachment_mm"]] for x in (entry, old))
             bones = [[via["bone"] for via in x[1:-1]] or "none" for x in (points, was)]
@@ -186,9 +218,8 @@ class _Export:
                     new, other = new["point_mm"], other["point_mm"]
                 else:
                     field = "tibial_attachment_mm" if i else "femoral_attachment_mm"
-                carrier = point.carrier_in_bone(self.base.knee)
-                _write_vector(point.element, "location", carrier, other, new)
-                self.say(f"{name}.{field}", other, new)
+                self.write(f"{name}.{field}", point.element, "location", other, new,
+                           point.carrier_in_bone(self.base.knee), "point")
             wrap = entry.get("wrap")
             if wrap is not None:  # by the name that it has when the model is read again
                 key = self.key("wraps", wrap)
@@ -204,22 +235,18 @@ class _Export:
             if key not in by_key and name not in used:
                 continue
             if key not in by_key:
-                expected = f"a wrap object of {self.name} on the knee's bones"
+                expected = f"a wrap object of {self.base.model.name} on the knee's bones"
                 raise InputProblem(self.known.path, f"wraps.{name}", key, expected, by_key)
             wrap, old = self.base.wraps[by_key[key]], self.base.document["wraps"][by_key[key]]
             for field in ("kind", "bone", "side"):
                 self.check_same(f"wraps.{name}.{field}", entry.get(field), old.get(field))
             carrier = wrap.carrier_in_bone(self.base.knee)
-            for field, tag, turns in (("center_mm", "translation", False),
-                                      ("rotation_deg", "xyz_body_rotation", True)):
+            for field, tag, kind in (("center_mm", "translation", "point"),
+                                     ("rotation_deg", "xyz_body_rotation", "turn")):
                 was, new = (x.get(field, [0.0, 0.0, 0.0]) for x in (old, entry))
-                _write_vector(wrap.element, tag, carrier, was, new, turns)
-                self.say(f"{name}.{field}", was, new)
+                self.write(f"{name}.{field}", wrap.element, tag, was, new, carrier, kind)
             for field, tag, _ in WRAP_KINDS[wrap.element.tag][1]:
-                new, was = (np.ravel(x[field]).tolist() for x in (entry, old))
-                changed = [i for i, (x, y) in enumerate(zip(new, was, strict=True)) if x != y]
-                _write(wrap.element, tag, exact.metres(new), changed)
-                self.say(f"{name}.{field}", old[field], entry[field])
+                self.write(f"{name}.{field}", wrap.element, tag, old[field], entry[field])
 
     def replace_fibres(self) -> None:
         """Take out fibres that the knee has not, and put those in that the model has not."""
@@ -228,7 +255,7 @@ class _Export:
             if self.keys[name] in self.fibres:
                 continue
             if name in self.base.found.outside | self.base.found.unsupported:
-                expected = f"a name that no other force of {self.name} has"
+                expected = f"a name that no other force of {self.base.model.name} has"
                 raise InputProblem(self.known.path, f"ligaments.{name}", name, expected)
             entry = {"damping_N_s": 0.0} | entry | {"slack_length_mm": self.slack_length_mm(name)}
             new.append(self.fibre(name, entry))
@@ -313,35 +340,3 @@ class _Export:
                     notes.append(
                         f"{name} now ends inside {entry['wrap']}: OpenSim lets it run straight.")
         return notes
-
-
-def _write(parent: Element, tag: str, every: Sequence[Decimal], changed) -> None:
-    """Write those numbers of a child that changed, by their places; all if it has none yet."""
-    leaf, words = parent.child(tag), [exact.write_decimal(value) for value in every]
-    if changed and leaf is None:
-        parent.add(tag, " ".join(words))
-    elif changed and leaf is not None:
-        leaf.set_words(words, changed)
-
-
-def _write_vector(parent: Element, tag: str, carrier: exact.Rigid, old, new, turns=False) -> None:
-    """Move a point, mm, or turn what has three angles, degrees, which a child states in
-    coordinates that `carrier` takes to the bone's."""
-    changed = [i for i in range(3) if float(new[i]) != old[i]]
-    if not changed:
-        return
-    if carrier.turn is None:
-        there = [exact.radians(float(x)) for x in new] if turns else exact.metres(new)
-        inner = there if turns else carrier.point_back(there)
-        stated = parent.point(tag)
-        inner = [inner[i] if i in changed else stated[i] for i in range(3)]
-        return _write(parent, tag, inner, changed)
-    back = carrier.matrix.T
-    if turns:
-        inner = exact.decimals(exact.angles_xyz(back @ exact.turn_xyz(np.deg2rad(new))))
-    else:
-        inner = carrier.point_back(exact.metres(new))
-        for _ in range(3):  # a rounding of the way there is taken back
-            there = exact.millimetres(carrier.point(inner))
-            inner = exact.decimals(inner.astype(float) + back @ np.subtract(new, there) / 1e3)
-    _write(parent, tag, inner, range(3))

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim.joints import moved, read_joints, turning
+from kneejax.files.opensim.joints import coordinates_of, moved, read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.ligaments import OsimLigament
 from kneejax.files.opensim.model import GROUND, Model, read_model
@@ -172,8 +172,7 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
     """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
     more of it bends the knee (1), extends it (-1), or that is not known (0)."""
-    angles = turning(knee.joints)
-    every = [c for joint in knee.joints for c in joint.coordinates if c.name in angles]
+    every = [c for c in coordinates_of(knee.joints) if c.turns]
     named = [c for c in every if _BENDS.search(c.name)]
     found = named if len(named) == 1 else every
     if len(found) != 1:
@@ -182,7 +181,7 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     # By this coordinate alone: nothing that is coupled to it follows.
     bent = {c.name: c.default for c in every} | {bend.name: bend.default + 0.1}
     there = moved(model, bent).between(knee.femur, knee.tibia)
-    axis = _axis_of(there.matrix @ knee.tibia_in_femur.matrix.T)
+    axis = _axis_of(there.turn @ knee.tibia_in_femur.turn.T)
     if not axis.any():
         return None, 0.0
     low, high = bend.range or (0.0, 0.0)
@@ -295,9 +294,9 @@ def registration(
     degrees = sign * np.deg2rad(np.array([*_BETWEEN, reference]))
     there = moved(model, {name: degrees}).between(bones.femur, bones.tibia)
     turn = there.at(1).after(there.at(0).inverse())
-    axis = _axis_of(turn.matrix)
+    axis = _axis_of(turn.turn)
     # A point of the flexion axis, which stays, nearest to the tibia's origin along it.
-    still = np.linalg.lstsq(np.eye(3) - turn.matrix, turn.shift, rcond=1e-6)[0]
+    still = np.linalg.lstsq(np.eye(3) - turn.turn, turn.shift, rcond=1e-6)[0]
     center = still + axis @ (there.shift[2] - still) * axis
     femur = own - 1e3 * center @ MIRROR[bones.side]
     tibia = on_tibia - 1e3 * there.at(2).inverse().point(center) @ MIRROR[bones.side]
@@ -344,8 +343,7 @@ def registered(
 def flexion_coordinate(bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee: the first angle of its joints; raises without one.
     """
-    angles = turning(bones.joints)
-    names = [c.name for joint in bones.joints for c in joint.coordinates if c.name in angles]
+    names = [c.name for c in coordinates_of(bones.joints) if c.turns]
     if not names:
         joint = bones.joints[0]
         raise joint.element.problem("coordinates", "none", "an angle of the knee")

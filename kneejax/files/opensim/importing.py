@@ -149,7 +149,7 @@ def import_osim(
         ()
     """
     model = read_model(path, data)
-    knee = find_knee(model, side, femur, tibia, may_be_named=True)
+    knee = find_knee(model, side, femur, tibia)
     whole = with_pelvis_and_foot(model, knee, at)
     found = fibres.find_ligaments(model, whole)
     unwanted = _leave_out(model, found, without)

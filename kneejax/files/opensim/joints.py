@@ -37,7 +37,13 @@ class Coordinate:
     range: tuple[float, float] | None  # rad or m; None if the file states none
     locked: bool  # whether it cannot move
     clamped: bool  # whether it stays within its range
+    turns: bool  # whether it is an angle
     prescribed: Element | None = None  # the function of time that prescribes it; None without
+
+    @property
+    def unit(self) -> tuple[float, str]:
+        """Degrees in a rad or mm in a m, and what that unit is called."""
+        return (180.0 / np.pi, "degrees") if self.turns else (1e3, "mm")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -104,9 +110,7 @@ class Joint:
                 turn = turn @ turn_about(axis.direction, amount)
             else:
                 shift = shift + amount[..., None] * axis.direction
-        moved = Rigid(turn, shift)
-        if shape is None:
-            moved = Rigid(None if np.array_equal(turn, np.eye(3)) else turn, decimals(shift))
+        moved = Rigid(turn, decimals(shift) if shape is None else shift)
         moved = moved.inverse() if self.reverse else moved
         return self.parent_frame.after(moved).after(self.child_frame.inverse())
 
@@ -114,7 +118,7 @@ class Joint:
         """Its coordinates and axes, a sentence each, for a report."""
         lines = []
         for coordinate in self.coordinates:
-            scale, unit = unit_of([self], coordinate.name)
+            scale, unit = coordinate.unit
             text = f"coordinate {coordinate.name}: default {coordinate.default * scale:.6g} {unit}"
             if coordinate.range is not None:
                 lower, upper = (x * scale for x in coordinate.range)
@@ -203,16 +207,6 @@ def moved(model: Model, values: Mapping[str, Any]) -> Movement:
     return Movement(model, tuple(joints), every, found)
 
 
-def turning(joints: Iterable[Joint]) -> set[str]:
-    """Coordinates that are angles."""
-    return {name for j in joints for axis in j.axes if axis.turns for name in axis.coordinates}
-
-
-def unit_of(joints: Iterable[Joint], name: str) -> tuple[float, str]:
-    """Degrees in a rad or mm in a m, and what that unit of a coordinate is called."""
-    return (180.0 / np.pi, "degrees") if name in turning(joints) else (1e3, "mm")
-
-
 def coordinates_of(joints: Iterable[Joint]) -> list[Coordinate]:
     """All coordinates of joints."""
     return [coordinate for joint in joints for coordinate in joint.coordinates]
@@ -269,50 +263,39 @@ def _joint(model: Model, element: Element) -> Joint:
     if element.child("parent_body") is not None and outer is not None:
         parent, child = model.body_of(element, "parent_body"), outer.name
         parent_frame, child_frame = (
-            Rigid.of(element.point(f"location{where}"),
-                      element.point(f"orientation{where}"))
+            Rigid.of(element.point(f"location{where}"), element.point(f"orientation{where}"))
             for where in ("_in_parent", "")
         )
     else:
         parent, parent_frame = model.socket(element, "parent_frame")
         child, child_frame = model.socket(element, "child_frame")
     listed = element.inside("coordinates") or element.inside("CoordinateSet", "objects")
-    coordinates = tuple(_coordinate(c) for c in listed if c.tag == "Coordinate")
-    axes = _axes(element, coordinates)
-    reverse = element.truth("reverse", False)
-    return Joint(element, parent, child, parent_frame, child_frame, coordinates, axes, reverse)
-
-
-def _coordinate(element: Element) -> Coordinate:
-    limits = None
-    if element.word("range"):
-        lower, upper = element.numbers("range", 2)
-        limits = float(lower), float(upper)
-    default, locked = element.number("default_value", "0"), element.truth("locked", False)
-    prescribed = not locked and element.truth("prescribed", False)
-    function = function_of(element) if prescribed else None
-    if function is not None:
-        default = float(evaluate(function, [0.0]))
-    clamped = element.truth("clamped", False)
-    return Coordinate(element.name, default, limits, locked, clamped, function)
-
-
-def _axes(element: Element, coordinates: tuple[Coordinate, ...]) -> tuple[Axis, ...]:
+    listed, axes = [c for c in listed if c.tag == "Coordinate"], []
     if element.tag in _AXES:
-        pairs = zip(_AXES[element.tag], coordinates, strict=False)
-        return tuple(
-            Axis(a[0] == "R", np.eye(3)["xyz".index(a[1])], (c.name,), None) for a, c in pairs)
-    answer = []
-    for axis in element.inside("SpatialTransform"):
-        if axis.tag != "TransformAxis":
+        axes = [Axis(kind == "R", np.eye(3)["xyz".index(along)], (c.name,), None)
+                for (kind, along), c in zip(_AXES[element.tag], listed, strict=False)]
+    for axis in element.inside("SpatialTransform") if element.tag not in _AXES else ():
+        function, names = function_of(axis), tuple(axis.word("coordinates").split())
+        if axis.tag != "TransformAxis" or (function is None and not names):
             continue
         direction = np.array(axis.point("axis"), float)
         size = float(np.linalg.norm(direction))
-        function, names = function_of(axis), tuple(axis.word("coordinates").split())
-        if function is None and not names:
-            continue
         if size == 0:
             raise axis.problem("axis", axis.word("axis") or "missing", "a direction")
         turns = axis.name.lower().startswith("rotation")
-        answer.append(Axis(turns, direction / size, names, function))
-    return tuple(sorted(answer, key=lambda axis: not axis.turns))
+        axes.append(Axis(turns, direction / size, names, function))
+    axes.sort(key=lambda axis: not axis.turns)
+    angles = {name for axis in axes if axis.turns for name in axis.coordinates}
+    coordinates = []
+    for c in listed:
+        lower, upper = c.numbers("range", 2) if c.word("range") else (0, 0)
+        default, locked = c.number("default_value", "0"), c.truth("locked", False)
+        prescribed = not locked and c.truth("prescribed", False)
+        function = function_of(c) if prescribed else None
+        if function is not None:
+            default = float(evaluate(function, [0.0]))
+        coordinates.append(Coordinate(
+            c.name, default, (float(lower), float(upper)) if c.word("range") else None, locked,
+            c.truth("clamped", False), c.name in angles, function))
+    return Joint(element, parent, child, parent_frame, child_frame, tuple(coordinates),
+                 tuple(axes), element.truth("reverse", False))

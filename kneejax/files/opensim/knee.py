@@ -11,11 +11,11 @@ from kneejax.files.opensim.exact import Rigid, poses_of
 from kneejax.files.opensim.joints import (
     Joint,
     Movement,
+    coordinates_of,
     moved,
     placed,
     reached,
     read_joints,
-    unit_of,
 )
 from kneejax.files.opensim.model import GROUND, Model
 from kneejax.files.reading import InputProblem
@@ -77,17 +77,11 @@ class OsimKneeJoint:
 
 
 def find_knee(
-    model: Model,
-    side: str,
-    femur: str | None = None,
-    tibia: str | None = None,
-    *,
-    may_be_named: bool = False,
+    model: Model, side: str, femur: str | None = None, tibia: str | None = None
 ) -> OsimKneeJoint:
     """Find the knee of a side: its bones, what is rigidly joined to each, and the reference pose.
     It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
-    the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed;
-    where a person may name these (`may_be_named`), errors say how."""
+    the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed."""
     if side not in SIDES:
         raise InputProblem(model.file.path, "--side", side, "r or l")
     joints, findings, doubts = read_joints(model), list[str](), list[str]()
@@ -107,7 +101,7 @@ def find_knee(
                 "model's joints say otherwise: have --femur and --tibia changed places?"
             )
     else:
-        found = _guess(model, joints, side, findings, may_be_named)
+        found = _guess(model, joints, side, findings)
         femur, tibia = found[0].parent, found[-1].child
         if _carries_upwards(joints, found, femur, tibia):
             femur, tibia, found = tibia, femur, found[::-1]
@@ -198,14 +192,14 @@ def with_pelvis_and_foot(
                     parts[bone].append((joint, joint.child))
                     waiting.append(joint.child)
     moving = [joint for found in parts.values() for joint, _ in found if joint.parent != GROUND]
-    known = {c.name: (joint, c) for joint in moving for c in joint.coordinates}
+    known = {c.name: c for c in coordinates_of(moving)}
     values = {}
     for name, value in (at or {}).items():
         if name not in known:
             expected = f"a coordinate of hip or foot: {', '.join(known) or 'the model has none'}"
             raise InputProblem(model.file.path, "--at", name, expected, known)
-        joint, coordinate = known[name]
-        scale, unit = unit_of([joint], name)
+        coordinate = known[name]
+        scale, unit = coordinate.unit
         if coordinate.range is not None:
             lower, upper = (x * scale for x in coordinate.range)
             if not lower <= value <= upper:
@@ -220,9 +214,7 @@ def with_pelvis_and_foot(
     return dataclasses.replace(knee, rigid=rigid)
 
 
-def _guess(
-    model: Model, joints: list[Joint], side: str, findings: list[str], may_be_named: bool
-) -> list[Joint]:
+def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) -> list[Joint]:
     def words(joint: Joint) -> str:
         return " ".join((joint.name, joint.child, *(c.name for c in joint.coordinates)))
 
@@ -239,8 +231,8 @@ def _guess(
         if not marked[side]:
             other = "l" if side == "r" else "r"
             names = ", ".join(joint.name for joint in marked[other])
-            expected = f"a side the model has a knee of: {other} ({names})"
-            expected += "; or give --femur and --tibia" if may_be_named else ""
+            expected = (f"a side the model has a knee of: {other} ({names}); or give --femur and "
+                        "--tibia")
             raise InputProblem(model.file.path, "--side", side, expected)
         candidates = marked[side]
     elif candidates:
@@ -258,8 +250,8 @@ def _guess(
     shown = candidates or moving
     names = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in shown[:12]) or "no joint"
     many = f"{len(candidates)} joints that may be the knee" if candidates else "no joint of a knee"
-    say = "; say which bodies with --femur BODY --tibia BODY" if may_be_named else ""
-    raise InputProblem(model.file.path, "knee joint", many, f"one{say} ({names})")
+    expected = f"one; say which bodies with --femur BODY --tibia BODY ({names})"
+    raise InputProblem(model.file.path, "knee joint", many, expected)
 
 
 def _side(joint: Joint) -> str:

@@ -258,35 +258,30 @@ def describe(function: Element) -> str:
 
 
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
-    """The cubic spline of SIMM and OpenSim at a number or several `(m,)`; lines where knots do not
-    increase, or are two."""
-    if len(knots) == 2 or np.any(np.diff(knots) <= 0):
-        return _between(knots, values, x)
-    return simm_splines(knots, values, np.ravel(x)).reshape(np.shape(x))
-
-
-def simm_splines(knots: np.ndarray, values: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Cubic splines of SIMM and OpenSim, with the same knots.
 
     Twice continuously differentiable; its third derivative in the first and last interval is that
-    of the cubic through the first and last four points; straight outside.
+    of the cubic through the first and last four points; straight outside, and between knots that do
+    not increase, or are two.
 
     Args:
-        knots: shape `(n,)`, increasing, three or more.
-        values: shape `(n, ...)`.
-        x: where, shape `(m,)`.
+        knots: shape `(n,)`.
+        values: shape `(n, ...)`; `(n,)` where knots do not increase or are two.
+        x: where, a number or of any shape.
 
     Returns:
-        Shape `(m, ...)`.
+        The shape of `x`, and that of one of the values.
 
     Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
     """
+    if len(knots) == 2 or np.any(np.diff(knots) <= 0):
+        return _between(knots, values, x)
     ends = [(3, np.zeros(values.shape[1:]))] * 2
     if len(knots) > 3:
         ends = [(3, _third_derivative(knots[k], values[k])) for k in (slice(4), slice(-4, None))]
     spline = make_interp_spline(knots, values, k=3, bc_type=([ends[0]], [ends[1]]))
     inside = np.clip(x, knots[0], knots[-1])
-    beyond = (x - inside).reshape(-1, *[1] * (values.ndim - 1))
+    beyond = np.reshape(x - inside, (*np.shape(x), *[1] * (values.ndim - 1)))
     return spline(inside) + beyond * spline(inside, 1)
 
 

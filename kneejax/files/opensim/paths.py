@@ -87,7 +87,7 @@ class OsimWrap(_Carried):
         """
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
-        if carrier.turn is not None:
+        if carrier.turns:
             turn = exact.decimals(exact.angles_xyz(carrier.turn @ exact.turn_xyz(turn)))
         document: dict[str, Any] = {
             "kind": kind,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,6 @@ from kneejax.files.opensim.joints import (
     couplers,
     moved,
     read_joints,
-    turning,
 )
 from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
@@ -50,23 +48,8 @@ _REACTION = (
     (1000.0, "a moment, N m; N mm are suspected"),
     (1.0, "a point of the tibia, m; mm are suspected"),
 )
-_KINDS = "coordinates", "muscle forces", "external loads", "joint reactions"
-
-
-@dataclasses.dataclass(frozen=True)
-class RecordedFiles:
-    """Tables of a movement by kind: coordinates, muscle forces, ground, joint reactions."""
-
-    motion: Storage
-    muscles: Storage | None
-    ground: forces.ExternalLoads | None
-    reaction: Storage | None
-
-    @property
-    def tables(self) -> list[Storage]:
-        """All of them."""
-        own = (self.motion, self.muscles, self.reaction, self.ground and self.ground.table)
-        return [table for table in own if table is not None]
+#: Kinds of table, in the order in which the times of the first of equally coarse ones are taken.
+_KINDS = "coordinates", "muscle forces", "joint reactions", "external loads"
 
 
 def read_activity(
@@ -108,50 +91,54 @@ def read_activity(
             numbers are in another unit than they should be, or the model has no such knee.
     """
     model = read_model(model_path)
-    bones = find_knee(model, side, femur, tibia, may_be_named=True)
+    bones = find_knee(model, side, femur, tibia)
     given = sorted_files(model, bones, files, called)
-    time = common_times(given.tables, instants)
+    motion, pulls, reaction, external = map(given.get, _KINDS)
+    time = common_times([x.table if x is external else x for x in given.values()], instants)
     shifts = frames
     if not isinstance(shifts, Registration):
         shifts = registration(model, bones, knee, document or {}, shifts)
-    around = moved_around(model, bones, given.motion, time)
+    around = moved_around(model, bones, motion, time)
     movement = around.at(2)
     below = bodies_below(movement.joints, bones)
     frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
                  for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
-    mass, ground = 0.0, np.zeros((len(time), 3))
-    if given.reaction is not None:
-        acting = {"joint reaction": _reaction(given.reaction, bones, time, shifts)}
-    else:
-        acting, mass, ground = acting_on(given, movement, around, below, frames_of[TIBIA], time)
-    missing = [*_missing(model, bones, below, given.motion)]
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    doubts += _doubts(bones, given.motion, coordinate_columns(model, given.motion), missing)
-    absent = [name for free, names in missing if free != names for name in names]
+    told, absent = _of_columns(model, bones, below, motion)
+    doubts += told
     if absent:
         notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
-    if given.ground is not None:
-        doubts += [*given.ground.doubts, *forces.place_doubts(given.ground, movement, below, time)]
-    elif given.reaction is None and not ground.any():
-        notes.append("No external loads were given: none act on the leg.")
+    mass, ground = 0.0, (np.zeros((len(time), 3)),) * 2
+    if external is not None:
+        *ground, told = forces.on_bodies(external, movement, below, time)
+        doubts += told
+    elif reaction is None:  # the contacts of the model, if it has some
+        ground = forces.of_contacts(model, pulls, below, time)
+        if not ground[0].any():
+            notes.append("No external loads were given: none act on the leg.")
+    if reaction is None:
+        acting, mass = acting_on(ground, movement, around, below, frames_of[TIBIA])
+    else:
+        acting = {"joint reaction": _reaction(reaction, bones, time, shifts)}
+        ground = (np.zeros((len(time), 3)),)
     muscles, quadriceps = forces.recorded_muscles(
-        given.muscles, movement, bones, below, frames_of, shifts, time, notes)
+        pulls, movement, bones, below, frames_of, shifts, time, notes)
     there = frames_of[FEMUR].after(frames_of[TIBIA].inverse())
     own = poses_of(Rigid(there.turn, there.shift / 1e3), "r")
-    if given.reaction is not None and given.muscles is not None:
+    if reaction is not None and pulls is not None:
         if muscles.names:  # the reaction includes the muscles, which pull by themselves
-            pulls = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(own)})))
-            acting = {"besides muscles": acting["joint reaction"] - pulls.sum(axis=0).T}
+            theirs = np.asarray(muscles.on_tibia(State({TIBIA: Pose.from_table(own)})))
+            acting = {"besides muscles": acting["joint reaction"] - theirs.sum(axis=0).T}
         notes.append("Other loads than the muscles' are what the joint reaction leaves.")
-    return LegRecord(time, own, acting, muscles, quadriceps, ground, shifts.same, mass,
+    return LegRecord(time, own, acting, muscles, quadriceps, ground[0], shifts.same, mass,
                      tuple(notes), tuple(doubts))
 
 
 def sorted_files(
     model: Model, bones: OsimKneeJoint, files: Sequence[str | os.PathLike[str]],
     called: Mapping[str, str] | None = None,
-) -> RecordedFiles:  # fmt: skip
-    """Each file by what it has."""
+) -> dict[str, Any]:  # fmt: skip
+    """Tables of a movement by what they have, one of `_KINDS`; external loads with their table."""
     kinds: dict[str, Any] = {}
     called, muscles = called or {}, {e.name for e in model.muscles()}
     known = {*(c.name for c in coordinates_of(read_joints(model))), *model.bodies, *muscles}
@@ -190,7 +177,7 @@ def sorted_files(
     if "joint reactions" not in kinds and "muscle forces" not in kinds:
         expected = "a table of muscle forces, or one of joint reactions, among the files"
         raise InputProblem("FILES", "muscle forces", "missing", expected)
-    return RecordedFiles(*(kinds.get(kind) for kind in _KINDS))
+    return {kind: kinds[kind] for kind in _KINDS if kind in kinds}
 
 
 def bodies_below(joints: Sequence[Joint], bones: OsimKneeJoint) -> set[str]:
@@ -208,10 +195,10 @@ def moved_around(
 ) -> Movement:
     """The model at five instants about each of `(n,)`, along a first axis."""
     columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
-    angles = turning(read_joints(model))
+    known = coordinates_of(read_joints(model))
     angles_rad(table, columns[flexion])
     for c in coordinates_of(bones.joints):
-        if c.name in columns and c.name not in angles:
+        if c.name in columns and not c.turns:
             values = table.columns[columns[c.name]]
             farthest = float(values[np.abs(values - c.default).argmax()])
             if abs(farthest - c.default) > _MOST_M:
@@ -220,10 +207,10 @@ def moved_around(
                 raise InputProblem(table.file, columns[c.name], f"{farthest:g}", expected)
     steps = time + _STEP_S * np.arange(-2, 3)[:, None]
     values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
-    if table.in_degrees:
-        values = {k: np.deg2rad(x) if k in angles else x for k, x in values.items()}
-    for c in coordinates_of(read_joints(model)):
-        if c.prescribed is not None and c.name not in values:
+    for c in known:
+        if c.turns and table.in_degrees and c.name in values:
+            values[c.name] = np.deg2rad(values[c.name])
+        elif c.prescribed is not None and c.name not in values:
             values[c.name] = np.broadcast_to(evaluate(c.prescribed, [steps]), steps.shape)
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for c in coordinates_of(bones.joints)} & {*values} - {flexion}:
@@ -232,45 +219,36 @@ def moved_around(
 
 
 def acting_on(
-    given: RecordedFiles, movement: Movement, around: Movement, below: set[str], frame: Rigid,
-    time: np.ndarray,
-) -> tuple[dict[str, np.ndarray], float, np.ndarray]:
-    """What acts besides muscles, by name, in the knee's tibia; the leg's mass; force of the ground
-    on this foot."""
-    model = movement.model
+    ground: Sequence[np.ndarray], movement: Movement, around: Movement, below: set[str],
+    frame: Rigid,
+) -> tuple[dict[str, np.ndarray], float]:  # fmt: skip
+    """What acts besides muscles, by name, in the knee's tibia, where force and moment of the ground
+    are known; the leg's mass."""
+    model, masses = movement.model, []
     gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
-    masses = [_mass(model, around, name) for name in sorted(below)]
-    if given.ground is not None:
-        ground = forces.on_bodies(given.ground, movement, below, time)
-    else:
-        assert given.muscles is not None  # with the contacts of the model, if it has some
-        ground = forces.of_contacts(model, given.muscles, below, time)
-    none = np.zeros((len(time), 3))
+    for name in sorted(below):
+        element, there = model.bodies[name], around.placed[name]
+        center = np.array(element.point("mass_center"), float)
+        if element.child("inertia") is not None:
+            xx, yy, zz, xy, xz, yz = map(float, element.numbers("inertia", 6))
+        else:
+            tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
+            xx, yy, zz, xy, xz, yz = (element.number(tag, "0") for tag in tags)
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        masses.append(MovingMass(
+            element.number("mass", "0"), inertia, there.turn, there.point(center), _STEP_S))
     parts = {
         "ground": [ground],
         "weight": [mass.weight(gravity) for mass in masses],
         "inertia": [mass.inertia() for mass in masses],
     }
-    inverse, found = frame.inverse(), {}
+    inverse, found, none = frame.inverse(), {}, np.zeros_like(ground[0])
     for name, pairs in parts.items():
         force, moment = (sum((pair[k] for pair in pairs), none) for k in (0, 1))
         found[name] = wrench_in_frame(force, moment, inverse.turn, inverse.shift / 1e3)
         # A moment is a product of two vectors: a mirror, which the frame may be, turns its sign.
         found[name][:, 3:] *= np.sign(np.linalg.det(frame.turn))[:, None]
-    return found, sum((mass.mass_kg for mass in masses), 0.0), ground[0]
-
-
-def _mass(model: Model, around: Movement, name: str) -> MovingMass:
-    element = model.bodies[name]
-    center = np.array(element.point("mass_center"), float)
-    if element.child("inertia") is not None:
-        xx, yy, zz, xy, xz, yz = map(float, element.numbers("inertia", 6))
-    else:
-        tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
-        xx, yy, zz, xy, xz, yz = (element.number(tag, "0") for tag in tags)
-    inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    there, mass = around.placed[name], element.number("mass", "0")
-    return MovingMass(mass, inertia, there.turn, there.point(center), _STEP_S)
+    return found, sum((mass.mass_kg for mass in masses), 0.0)
 
 
 def _reaction(
@@ -298,45 +276,41 @@ def _reaction(
     return -np.concatenate([force, about], axis=1)
 
 
-def _doubts(
-    bones: OsimKneeJoint, table: Storage, columns: Mapping[str, str],
-    missing: list[tuple[list[str], list[str]]],
-) -> Iterator[str]:  # fmt: skip
+def _of_columns(
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
+) -> tuple[list[str], list[str]]:
     """What looks wrong in a table of coordinates: times in another unit, and each joint that places
-    the leg below the knee in space and of which no coordinate has a column."""
-    file, steps = Path(table.file).name, np.diff(table.time)
-    name = next((c.name for c in coordinates_of(bones.joints)), "")
-    if name in columns and name in turning(bones.joints):
-        change = np.abs(np.diff(table.columns[columns[name]])) / steps
-        fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
-        if fastest > _FASTEST_DEG_S:
-            yield (
-                f"{file}: {name} turns by {fastest:,.0f} degrees/s: its times or angles are in "
-                "other units than s and those of the header."
-            )
+    the leg below the knee in space and of which no coordinate has a column. Also the coordinates of
+    such joints that have none while others do."""
+    joints, columns = read_joints(model), coordinate_columns(model, table)
+    file, steps, doubts, absent = Path(table.file).name, np.diff(table.time), [], []
+    for bend in coordinates_of(bones.joints)[:1]:
+        if bend.name in columns and bend.turns:
+            change = np.abs(np.diff(table.columns[columns[bend.name]])) / steps
+            fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
+            if fastest > _FASTEST_DEG_S:
+                doubts.append(
+                    f"{file}: {bend.name} turns by {fastest:,.0f} degrees/s: its times or angles "
+                    "are in other units than s and those of the header."
+                )
     if np.median(steps) >= _SLOWEST_S:
-        yield (
+        doubts.append(
             f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
             "inertia counts for nothing then."
         )
-    for free, names in missing:
-        if free and free == names:
-            yield (
-                f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which "
-                "decide how weight, inertia and ground act on the leg."
-            )
-
-
-def _missing(
-    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
-) -> Iterator[tuple[list[str], list[str]]]:
-    """Of each joint but the knee's between the ground and the bodies below the knee, coordinates
-    that are free, and those of them which neither the table nor the model states."""
-    joints = read_joints(model)
-    known = {*coordinate_columns(model, table), *(name for _, name, _ in couplers(model)),
+    known = {*columns, *(name for _, name, _ in couplers(model)),
              *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
     on_way = {joint.name: joint for body in sorted(below) for joint in chain(joints, body)}
     for joint in on_way.values():
         free = [c.name for c in joint.coordinates if not c.locked]
-        if joint not in bones.joints:
-            yield free, [c for c in free if c not in known]
+        unknown = [name for name in free if name not in known]
+        if joint in bones.joints or not unknown:
+            continue
+        if unknown != free:
+            absent += unknown
+            continue
+        doubts.append(
+            f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which decide "
+            "how weight, inertia and ground act on the leg."
+        )
+    return doubts, absent

@@ -122,7 +122,7 @@ def whole_body(
     """
     check_installed("opensim", "opensim")
     model = read_model(model_path)
-    bones = find_knee(model, side, femur, tibia, may_be_named=True)
+    bones = find_knee(model, side, femur, tibia)
     table = read_storage(motion)
     tables = [table] if loads is None else [table, read_external_loads(loads, model).table]
     if actuators is not None:

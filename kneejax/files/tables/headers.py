@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -101,20 +101,21 @@ def header_meaning(own: str) -> Header | None:
 
 
 def by_headers(
-    table, taken: Mapping[str, tuple[str, float]], ignore: Collection[str] = (), about: str = "",
+    table, ignore: Collection[str] = (), about: str = "",
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
-) -> tuple[dict[str, tuple[str, float]], list[str], list[str]]:  # fmt: skip
-    """Columns that their headers name, beside those that are `taken` (name -> column and factor).
-    `ignore` are columns that do not count, `known` names that do; `about` says what the table is
-    of, for a load without a direction. Doubts are added to the table's mistakes. Gives name ->
-    column and factor; what was assumed, a phrase each; columns that are not used."""
-    used = {column for column, _ in taken.values()} | {*ignore}
+) -> tuple[list[str], list[str]]:  # fmt: skip
+    """Name columns of a table by their headers, beside those that have a name. `ignore` are columns
+    that do not count, `known` names that do; `about` says what the table is of, for a load without
+    a direction. Doubts are added to the table's mistakes. Gives what was assumed, a phrase each;
+    columns that are not used."""
+    used = {column for column, _ in table.named.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]
     read = [_directed(one, about) for one in read if one is not None]
     unused = [one.own for one in read if not (one.name or one.nameless)]
-    read = [one for one in read if one.name in known and one.name not in taken]
     found: dict[str, Header] = {}
     for one in read:
+        if one.name not in known or one.name in table.named:
+            continue
         if one.name in found:
             both = f"{found[one.name].own} and {one.own}"
             expected = f"one column of {one.name} (columns:), the other left out (ignore:)"
@@ -128,7 +129,8 @@ def by_headers(
             phrases.append(words)
             found |= {one.name: one._replace(factor=factor * one.factor) for one in without}
     phrases += [f"{own} is not used, since flexion is prescribed" for own in unused]
-    return {name: (one.own, one.factor) for name, one in found.items()}, phrases, unused
+    table.named.update({name: (one.own, one.factor) for name, one in found.items()})
+    return phrases, unused
 
 
 def _directed(one: Header, about: str) -> Header:

@@ -239,26 +239,21 @@ def read_lab_table(
         ([90.0], 4.5)
     """
     table = Table.read(path)
-    named, sure = _named(table, columns or {})
+    sure, named = _name_columns(table, columns or {}), table.named
     for own in table.header:
         name = _ALSO.get(own, own)
         if own not in ignore and (name in _KNOWN or _is_reading(name)):
             named.setdefault(name, (own, 1.0))
+    stated = [*named]
     known = COLUMNS if flexion_deg is None else COLUMNS[1:]
     about = f"{os.path.basename(table.file)} {about}"
-    found, phrases, unused = by_headers(table, named, ignore, about, (*known, *NAMED_LOADS))
-    named |= found
-    _check_header(table, named, {*(columns or ())}, flexion_deg, {*ignore, *unused}, unloaded)
-
-    def column(name: str, allowed: Range, empty: bool = False) -> np.ndarray:
-        own, factor = named[name]
-        return table.column(own, allowed, factor, empty)
-
-    loads = {name: column(name, RANGES[name]) for name in NAMED_LOADS if name in named}
-    poses = {x: column(x, _range(x), x != COLUMNS[0]) for x in COLUMNS if x in named}
-    readings = {name: column(name, _range(name), True) for name in named if _is_reading(name)}
+    phrases, unused = by_headers(table, ignore, about, (*known, *NAMED_LOADS))
+    _check_header(table, {*(columns or ())}, flexion_deg, {*ignore, *unused}, unloaded)
+    loads = {name: table.column(name, RANGES[name]) for name in NAMED_LOADS if name in named}
+    poses = {x: table.column(x, _range(x), x != COLUMNS[0]) for x in COLUMNS if x in named}
+    readings = {x: table.column(x, _range(x), empty=True) for x in named if _is_reading(x)}
     weight, time_s = (
-        column(name, RANGES[name]) if name in named else None for name in ("weight", TIME)
+        table.column(name, RANGES[name]) if name in named else None for name in ("weight", TIME)
     )
     for name, size in loads.items():
         if name.endswith("_Nm") and np.abs(size).max(initial=0.0) > MOST_MOMENT_NM:
@@ -268,13 +263,22 @@ def read_lab_table(
     table.mistakes.check()
     absent = np.full(len(table.rows), np.nan)
     observed = np.stack([poses.get(name, absent) for name in COLUMNS], axis=1)
-    doubted = np.where([name in sure or name in found for name in COLUMNS], np.nan, observed)
-    table.check_units(doubted, [named.get(name, (name,))[0] for name in COLUMNS], least_deg=1.0)
+    doubted = [name in stated and name not in sure for name in COLUMNS]
+    table.check_units(np.where(doubted, observed, np.nan), least_deg=1.0)
     table.mistakes.check()
     assumed(table.file, phrases)
     if flexion_deg is not None:
         observed[:, 0] = flexion_deg
-    observed = _clinical(table, observed, convention)
+    table.check_rows_convention(convention)
+    if convention != CLINICAL:
+        if np.isnan(observed).any():
+            found = "not all six columns of a pose"
+            every = f"all of {', '.join(COLUMNS)}"
+            expected = f"{every}, without which {convention} cannot be converted"
+            raise InputProblem(table.file, "header", found, expected)
+        observed = convert_table(observed, convention, CLINICAL)
+        # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
+        observed[:, 0] = np.round(observed[:, 0], 6)
     return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight, time_s)
 
 
@@ -297,12 +301,12 @@ def _meant(name: str) -> str | None:
 
 
 def _check_header(
-    table: Table, named, mapped: set[str], flexion_deg: float | None, ignore, unloaded: bool
+    table: Table, mapped: set[str], flexion_deg: float | None, ignore: set[str], unloaded: bool
 ) -> None:
     """A load, a coordinate and a flexion; nothing that sounds like a load is left over. What a
     study maps counts as there: if it is not, that is a mistake of its own."""
-    used = {column for column, _ in named.values()} | ignore
-    there, loads_left = {*named, *mapped}, False
+    used = {column for column, _ in table.named.values()} | ignore
+    there, loads_left = {*table.named, *mapped}, False
     for own in table.header:
         if own in used or not _LOAD.search(own):
             continue
@@ -327,11 +331,9 @@ def _check_header(
         table.wrong(COLUMNS[0], "missing", expected)
 
 
-def _named(
-    table: Table, columns: Mapping[str, str]
-) -> tuple[dict[str, tuple[str, float]], set[str]]:
-    """Name -> column of the file and the factor that it is multiplied with, and names whose factor
-    is stated; mistakes are added to the table's."""
+def _name_columns(table: Table, columns: Mapping[str, str]) -> set[str]:
+    """Name columns as a study maps them, and give the names whose factor it states; mistakes are
+    added to the table's."""
     found, sure = {}, set()
     for name, said in columns.items():
         factor, own = 1.0, said.strip()
@@ -352,18 +354,5 @@ def _named(
             expected = "a factor before the *, as in 0.001 * Torque [Nmm]"
             table.wrong(f"columns.{name}", said, expected)
     table.seek([own for own, _ in found.values()])
-    return {x: own for x, own in found.items() if own[0] in table.header}, sure
-
-
-def _clinical(table: Table, observed: np.ndarray, convention: str) -> np.ndarray:
-    """Poses along the axes of Grood and Suntay."""
-    table.check_rows_convention(convention)
-    if convention == CLINICAL:
-        return observed
-    if np.isnan(observed).any():
-        expected = f"all of {', '.join(COLUMNS)}, without which {convention} cannot be converted"
-        raise InputProblem(table.file, "header", "not all six columns of a pose", expected)
-    found = convert_table(observed, convention, CLINICAL)
-    # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
-    found[:, 0] = np.round(found[:, 0], 6)
-    return found
+    table.named.update({x: own for x, own in found.items() if own[0] in table.header})
+    return sure

@@ -43,26 +43,15 @@ class Storage:
     unit_by: str = "as its header says"
 
     def named(self, name: str, what: str = "a column") -> np.ndarray:
-        """A column.
-
-        Args:
-            name: of the column.
-            what: of which kind, for the error.
-
-        Raises:
-            InputProblem: there is none; with the nearest name.
-        """
+        """A column, `what` it is for the error where there is none: with the nearest name."""
         if name not in self.columns:
             expected = f"{what} of the {counted(len(self.columns), 'column')} of this table"
             raise InputProblem(self.file, "columns", name, expected, self.columns)
         return self.columns[name]
 
     def renamed(self, called: Mapping[str, str]) -> Storage:
-        """The same with other names of coordinates, muscles, and bodies of joint reactions.
-
-        Args:
-            called: name -> what this table calls it.
-        """
+        """The same with other names of coordinates, muscles, and bodies of joint reactions: name ->
+        what this table calls it."""
         back, columns = {own: name for name, own in called.items()}, {}
         for column, values in self.columns.items():
             for own, name in back.items():
@@ -72,16 +61,8 @@ class Storage:
         return dataclasses.replace(self, columns=columns)
 
     def at(self, time: np.ndarray, names: Sequence[str], degree: int = _DEGREE) -> np.ndarray:
-        """Columns at other times, by splines through the rows.
-
-        Args:
-            time: within the table, `(...)`, s.
-            names: of the columns.
-            degree: of the splines; 1 where the columns jump, as forces from the ground do.
-
-        Returns:
-            `(len(names), ...)`.
-        """
+        """Columns at other times, `(...)`, s, by splines through the rows, `(len(names), ...)`; of
+        degree 1 where the columns jump, as forces from the ground do."""
         if not len(names):
             return np.zeros((0, *np.shape(time)))
         values = np.stack([self.named(name) for name in names], axis=1)
@@ -169,15 +150,8 @@ def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
 
 
 def angles_rad(table: Storage, name: str) -> np.ndarray:
-    """A column of angles, rad, by what the header says of it.
-
-    Args:
-        table: with the column.
-        name: of the column, the flexion of a knee, which no movement keeps within 3 degrees.
-
-    Raises:
-        InputProblem: the header says degrees and the numbers look like radians, or the reverse.
-    """
+    """A column of angles, rad, by what the header says of it: the flexion of a knee, which no
+    movement keeps within 3 degrees. Refuses degrees that look like radians, and the reverse."""
     values = table.named(name)
     largest, shown = np.abs(values).max(), f"{values.min():.3g} to {values.max():.3g}"
     said, other = ("degrees", "radians") if table.in_degrees else ("radians", "degrees")
@@ -189,18 +163,8 @@ def angles_rad(table: Storage, name: str) -> np.ndarray:
 
 
 def common_times(tables: Sequence[Storage], count: int | None = None) -> np.ndarray:
-    """Instants that all tables cover.
-
-    Args:
-        tables: one or more.
-        count: how many, evenly spaced; by default the rows of the coarsest table there.
-
-    Returns:
-        `(instants,)`, s.
-
-    Raises:
-        InputProblem: the times of two tables do not overlap.
-    """
+    """Instants that all tables cover, s: as many as asked for, evenly spaced, or the rows of the
+    coarsest table; refuses tables whose times do not overlap."""
     first, last = max(tables, key=lambda x: x.time[0]), min(tables, key=lambda x: x.time[-1])
     begin, end = float(first.time[0]), float(last.time[-1])
     if not begin < end:

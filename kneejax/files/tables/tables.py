@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import math
 import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -63,15 +64,14 @@ def read_poses(
             expected = f"the package's columns {', '.join(COLUMNS)}"
             raise InputProblem(file, "columns", name, expected, COLUMNS)
     read = Table.read(file)
-    named = {x: (names.get(x, x), 1.0) for x in COLUMNS if x in names or x in read.header}
-    found, phrases, _ = by_headers(read, named, known=COLUMNS)
-    named |= found
-    own = [named.get(name, (name,))[0] for name in COLUMNS]
-    read.check_columns(own)
+    given = (x for x in COLUMNS if x in names or x in read.header)
+    read.named.update({x: (names.get(x, x), 1.0) for x in given})
+    phrases, _ = by_headers(read, known=COLUMNS)
+    read.check_columns([read.named.get(name, (name,))[0] for name in COLUMNS])
     read.check_rows_convention(convention)
-    table = np.stack([read.column(named[x][0], pose_range(x), named[x][1]) for x in COLUMNS], 1)
+    table = np.stack([read.column(x, pose_range(x)) for x in COLUMNS], axis=1)
     read.mistakes.check()
-    read.check_units(table, own)
+    read.check_units(table)
     read.mistakes.check()
     assumed(file, phrases)
     return convert_table(table, convention, FEMORAL)
@@ -101,7 +101,8 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     return found
 
 
-class Table(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class Table:
     """A table as it was read, and what is wrong with its cells so far.
 
     Attributes:
@@ -109,12 +110,15 @@ class Table(NamedTuple):
         header: names of the columns.
         rows: line number and cells of each row.
         mistakes: the first of each column.
+        named: name of the package -> column that has it, and the factor that leads to its unit and
+            sense; any other name is that of a column itself.
     """
 
     file: str
     header: list[str]
     rows: list[tuple[int, list[str]]]
     mistakes: Mistakes
+    named: dict[str, tuple[str, float]] = dataclasses.field(default_factory=dict)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str], sought: Sequence[str] = ()) -> Self:
@@ -198,9 +202,10 @@ class Table(NamedTuple):
                     expected += f"; give --convention {said}, in a study convention: {said}"
                 raise InputProblem(self.file, place, said, expected)
 
-    def check_units(self, poses: np.ndarray, names: Sequence[str], least_deg: float = 0.5) -> None:
-        """Suspect metres and radians among poses `(n, 6)` of columns of these names; NaN where
-        there is nothing to doubt; flexions in radians span some degrees more than `least_deg`."""
+    def check_units(self, poses: np.ndarray, least_deg: float = 0.5) -> None:
+        """Suspect metres and radians among poses `(n, 6)`; NaN where there is nothing to doubt;
+        flexions in radians span some degrees more than `least_deg`."""
+        names = [self.named.get(name, (name,))[0] for name in COLUMNS]
         shifts, turns = (np.abs(poses[:, own]) for own in (slice(3, 6), slice(1, 3)))
         largest = np.nanmax(shifts, initial=0.0)
         if 0 < largest < METRES_BELOW:
@@ -220,11 +225,13 @@ class Table(NamedTuple):
         return [(self.place(k, name), x[column].strip()) for k, (_, x) in enumerate(self.rows)]
 
     def column(
-        self, name: str, allowed: Range | None = None, factor: float = 1.0, empty: bool = False
+        self, name: str, allowed: Range | None = None, empty: bool = False
     ) -> np.ndarray:
-        """Numbers of a column times a factor; NaN of a cell that may be empty and is, and of those
-        that are no finite number or out of range, the first of which is a mistake."""
-        values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(name)
+        """Numbers of a column, in the package's unit and sense; NaN of a cell that may be empty and
+        is, and of those that are no finite number or out of range, the first of which is a mistake.
+        """
+        own, factor = self.named.get(name, (name, 1.0))
+        values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(own)
         for row, (_, cells) in enumerate(self.rows):
             cell = cells[k].strip()
             x = plain_number(cell)
@@ -238,7 +245,7 @@ class Table(NamedTuple):
                 values[row] = factor * x
                 continue
             if good:
-                self.wrong(self.place(row, name), cell, expected)
+                self.wrong(self.place(row, own), cell, expected)
             good = False
         return values
 
@@ -349,7 +356,8 @@ def write_rows(
 
 def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header, which has the columns sought, and line number and cells of each row not blank."""
-    return Table.read(file, sought)[1:3]
+    table = Table.read(file, sought)
+    return table.header, table.rows
 
 
 def check_convention(file: str, convention: str) -> None:

@@ -383,7 +383,7 @@ def test_other_encodings_give_the_same_knee(encoding, tmp_path):
 def test_motions_undo_each_other():
     turned = Rigid.of(*(decimals(np.array(x)) for x in ((0.1, 0, 2), (0.3, 0.3, 0.3))))
     point = decimals(np.array([0.5, -1, 0.25]))
-    for motion in (turned, Rigid(None, decimals(np.ones(3)))):
+    for motion in (turned, Rigid(shift=decimals(np.ones(3)))):
         for back in (motion.point_back(motion.point(point)),
                      motion.inverse().point(motion.point(point)),
                      motion.inverse().after(motion).point(point)):  # fmt: skip
