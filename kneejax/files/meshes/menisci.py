@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from kneejax import geometry
@@ -26,7 +27,7 @@ from kneejax.files.meshes.importing import (
 from kneejax.files.meshes.points import cut_by_plane
 from kneejax.files.meshes.surfaces import SheetFit, quality
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Pose
+from kneejax.geometry import Plateau, Pose
 from kneejax.mechanics import QUADRATURE
 
 #: Numbers of the contact and of its ring that a mesh does not state.
@@ -113,8 +114,12 @@ def meniscus_of_mesh(
         sheets += (found := right_sheets(one, unit, left, findings))
         if len(found) > 1:
             raise InputProblem(one, "pieces", f"{len(found)} of them", "one meniscus, in one piece")
-    if len(paths) == 1:
+    if len(paths) == 1:  # its small holes are no border
         check_holes(sheets[0], doubts, bordered=False)
+        a, b, c = sheets[0].points[sheets[0].faces].swapaxes(0, 1)
+        inside_out = np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b - a, c - a)) < 0.0
+        whole = dataclasses.replace(sheets[0], closed=True)
+        sheets = [whole.turned() if inside_out else whole]
     (low, high), wide = _WIDTHS_MM, max(float(np.ptp(s.corners()[0], axis=0).max()) for s in sheets)
     if not low < wide < high:
         expected = f"a meniscus {low:g} to {high:g} mm wide; is the unit right?"
@@ -164,7 +169,7 @@ def meniscus_of_mesh(
         doubts.append(f"{stated}: edges of {edge:.1f} mm are coarse for a meniscus.")
     lower = local[-1].kept(local[-1].normals[:, 1] < _DOWN) if len(local) == 1 else local[-1]
     points, areas, _ = lower.corners()
-    gap = float(np.average(np.asarray(plateau.level(tuple(points.T))), weights=areas))
+    gap = float(np.average(np.asarray(_above(plateau, points)), weights=areas))
     said = f"{stated}: the lower side lies {gap:+.1f} mm above the {name} plateau on average"
     if abs(gap) > _FARTHEST_MM:
         expected = f"within {_FARTHEST_MM:g} mm of it; is the frame right?"
@@ -201,6 +206,12 @@ def meniscus_of_mesh(
         f"{name}_meniscus", mirror_part(contact) if left else contact, fit,
         sign * np.rad2deg(turns), inner, outer, height, area, tuple(findings), tuple(doubts),
     )  # fmt: skip
+
+
+@jax.jit
+def _above(plateau: Plateau, points: np.ndarray) -> jax.Array:
+    """How far points of the plateau's frame `(n, 3)` lie above it, mm, `(n,)`."""
+    return plateau.level(tuple(points.T))
 
 
 def _compartment(
