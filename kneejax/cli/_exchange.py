@@ -55,9 +55,10 @@ def import_model(arguments: ImportOsim) -> int:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
         coordinates = files.counted(free, "free coordinate")
         said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
-    waiting = [] if arguments.geometry else [*read.contacts, *read.patellofemoral]
-    if waiting:
-        names = ", ".join(contact.name for contact in waiting)
+    waiting = [contact.name for contact in (*read.contacts, *read.patellofemoral)]
+    waiting += [meniscus.body for meniscus in read.menisci]
+    if waiting and not arguments.geometry:
+        names = ", ".join(waiting)
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
     said += [f"left out: {line}" for line in read.left_out]
     name, sections = document["name"], import_sections(read, findings)

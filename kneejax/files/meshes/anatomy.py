@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import jax
 import numpy as np
 
 from kneejax.files.meshes.health import Sheet, borders, narrowest
@@ -67,7 +68,7 @@ def cylindrical(axis: Frame, points: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
     """Points of a bone in a frame placed in it, shape `(n, 3)`."""
-    return _rows(frame.placement.apply_inverse(tuple(points.T)), len(points))
+    return _rows(_of_numpy(frame.placement).apply_inverse(tuple(points.T)), len(points))
 
 
 def find_femur(
@@ -164,13 +165,18 @@ def condyle_region(
 
 def moved(placement: Placement, points: np.ndarray) -> np.ndarray:
     """Points after a motion, shape `(n, 3)`."""
-    return _rows(placement.apply(tuple(points.T)), len(points))
+    return _rows(_of_numpy(placement).apply(tuple(points.T)), len(points))
 
 
 def joined(sheets: list[Sheet]) -> Cloud:
     """Corners of several sheets."""
     parts = zip(*(sheet.corners() for sheet in sheets), strict=True)
     return Cloud(*(np.concatenate(part) for part in parts))
+
+
+def _of_numpy(placement: Placement) -> Placement:
+    """Without JAX, which compiles every product anew for another number of points."""
+    return jax.tree.map(np.asarray, placement)
 
 
 def _rows(vector, count: int) -> np.ndarray:

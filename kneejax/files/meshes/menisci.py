@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 
 from kneejax import geometry
@@ -26,7 +28,7 @@ from kneejax.files.meshes.importing import (
 from kneejax.files.meshes.points import cut_by_plane
 from kneejax.files.meshes.surfaces import SheetFit, quality
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Pose
+from kneejax.geometry import Plateau, Pose
 from kneejax.mechanics import QUADRATURE
 
 #: Numbers of the contact and of its ring that a mesh does not state.
@@ -105,7 +107,7 @@ def meniscus_of_mesh(
         InputProblem: the mesh is not closed, is in pieces, no arc, not of the size of a meniscus,
             or lies elsewhere; or the knee has no such contact.
     """
-    paths = [meshes] if isinstance(meshes, str | Path) else [*meshes]
+    paths = [meshes] if isinstance(meshes, str | os.PathLike) else [*meshes]
     left, findings, doubts = document["side"] == "left", [], []
     path, stated = paths[0], " and ".join(Path(one).name for one in paths)
     sheets: list[Sheet] = []
@@ -113,8 +115,12 @@ def meniscus_of_mesh(
         sheets += (found := right_sheets(one, unit, left, findings))
         if len(found) > 1:
             raise InputProblem(one, "pieces", f"{len(found)} of them", "one meniscus, in one piece")
-    if len(paths) == 1:
+    if len(paths) == 1:  # its small holes are no border
         check_holes(sheets[0], doubts, bordered=False)
+        a, b, c = sheets[0].points[sheets[0].faces].swapaxes(0, 1)
+        inside_out = np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b - a, c - a)) < 0.0
+        whole = dataclasses.replace(sheets[0], closed=True)
+        sheets = [whole.turned() if inside_out else whole]
     (low, high), wide = _WIDTHS_MM, max(float(np.ptp(s.corners()[0], axis=0).max()) for s in sheets)
     if not low < wide < high:
         expected = f"a meniscus {low:g} to {high:g} mm wide; is the unit right?"
@@ -164,7 +170,7 @@ def meniscus_of_mesh(
         doubts.append(f"{stated}: edges of {edge:.1f} mm are coarse for a meniscus.")
     lower = local[-1].kept(local[-1].normals[:, 1] < _DOWN) if len(local) == 1 else local[-1]
     points, areas, _ = lower.corners()
-    gap = float(np.average(np.asarray(plateau.level(tuple(points.T))), weights=areas))
+    gap = float(np.average(np.asarray(_above(plateau, points)), weights=areas))
     said = f"{stated}: the lower side lies {gap:+.1f} mm above the {name} plateau on average"
     if abs(gap) > _FARTHEST_MM:
         expected = f"within {_FARTHEST_MM:g} mm of it; is the frame right?"
@@ -203,6 +209,12 @@ def meniscus_of_mesh(
     )  # fmt: skip
 
 
+@jax.jit
+def _above(plateau: Plateau, points: np.ndarray) -> jax.Array:
+    """How far points of the plateau's frame `(n, 3)` lie above it, mm, `(n,)`."""
+    return plateau.level(tuple(points.T))
+
+
 def _compartment(
     path: MeshPath, cloud: anatomy.Cloud, contacts: Mapping[str, Any], asked: str | None
 ) -> str:
@@ -210,7 +222,7 @@ def _compartment(
     away = {}
     for name in ("medial", "lateral"):
         if contacts.get(name, {}).get("tibial_surface", {}).get("kind") == "plateau":
-            plateau = build_surface(contacts[name]["tibial_surface"])
+            plateau: Any = build_surface(contacts[name]["tibial_surface"])
             local = anatomy.in_frame(plateau.frame, cloud.points)[:, [0, 2]]
             middle = np.mean([np.asarray(plateau.x), np.asarray(plateau.z)], axis=1)
             off = np.average(local, axis=0, weights=cloud.areas) - middle

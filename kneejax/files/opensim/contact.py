@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from kneejax.files.opensim.exact import METRES_TO_MM, PASCAL_TO_MPA, Rigid, shifted
+from kneejax.files.opensim.joints import moved, read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint
 from kneejax.files.opensim.model import Model
 from kneejax.files.opensim.xml import Element
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 FORCE = "Smith2018ArticularContactForce"
 MESH = "Smith2018ContactMesh"
 _LAWS = {"linear": "linear", "nonlinear": "log"}
+_FORMULATION = "elastic_foundation_formulation"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,13 +61,33 @@ class OsimContact:
     element: Element  # the force in the file
 
 
-def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
-    """Contacts between the knee's bones; what is wrong in one is an InputProblem."""
+@dataclasses.dataclass(frozen=True)
+class OsimMeniscus:
+    """A meniscus: a body that moves on the tibia, for which a ring stands."""
+
+    body: str
+    upper: OsimMesh  # that meets the femur, in the tibia's frame
+    lower: OsimMesh  # that meets the tibia, likewise
+    law: str  # of `kneejax.mechanics.cartilage_law`
+    findings: tuple[str, ...]  # what was taken, and what was not
+    elements: tuple[Element, ...]  # the forces in the file
+
+
+def find_contacts(
+    model: Model, knee: OsimKneeJoint
+) -> tuple[list[OsimContact], list[OsimMeniscus]]:
+    """Contacts between the knee's bones, and menisci that are in contact with both femur and
+    tibia; what is wrong in one is an InputProblem."""
     meshes, contacts = {e.name: e for e in model.elements if e.tag == MESH}, []
+    movement, joints = moved(model, {}), read_joints(model)
+    menisci = [x for x in model.bodies if "menisc" in x.lower() and not knee.bone_of(x)]
+    rigid = knee.rigid | {x: (x, knee.rigid[knee.tibia][1].after(movement.between(knee.tibia, x)))
+                          for x in menisci}  # fmt: skip
+    touching: dict[str, dict[str, tuple[Element, OsimMesh]]] = {x: {} for x in menisci}
     for force in model.elements:
         if force.tag != FORCE:
             continue
-        found = {}
+        pair: list[tuple[Element, Element]] = []
         for role in ("target", "casting"):
             tags = f"socket_{role}_mesh", f"socket_{role}_mesh_connectee_name"
             name = force.last_word(*tags)
@@ -78,13 +100,32 @@ def find_contacts(model: Model, knee: OsimKneeJoint) -> list[OsimContact]:
             if held is not None and mesh.child("elastic_modulus") is None:
                 inner = (e for e in held.iter("*") if e.child("elastic_modulus") is not None)
                 settings = next(inner, mesh)
-            body, frame = model.socket(mesh, "frame")
-            found[knee.bone_of(body)] = mesh, settings, body, frame
-        if force.applied and {*found} in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
-            both = {bone: _mesh_of(mesh, settings, bone, knee.rigid[body][1].after(frame))
-                    for bone, (mesh, settings, body, frame) in found.items()}
-            contacts.append(_contact(force, both.pop(FEMUR), *both.values()))
-    return contacts
+            pair.append((mesh, settings))
+        places = [model.socket(mesh, "frame") for mesh, _ in pair]
+        bones = [rigid[body][0] if body in rigid else "" for body, _ in places]
+        if not force.applied or "" in bones or len({*bones}) < 2:
+            continue
+        found = {
+            bone: _mesh_of(mesh, settings, bone, rigid[body][1].after(frame))
+            for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
+        }
+        if {*found} in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
+            contacts.append(_contact(force, found.pop(FEMUR), *found.values()))
+        for body, bone in (bones, bones[::-1]):
+            if body in touching and bone in (FEMUR, TIBIA):
+                touching[body][bone] = force, found[body]
+    rings = []
+    for body, found in touching.items():
+        if len(found) == 2:
+            forces, (upper, lower) = zip(*(found[x] for x in (FEMUR, TIBIA)), strict=True)
+            free = sum(not c.locked for j in joints if j.child == body for c in j.coordinates)
+            said = (
+                f"A ring stands for it and for its {free} coordinates: meshes {upper.file} and "
+                f"{lower.file}, layers of {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. The "
+                "model states no hoop modulus, horns or coronary attachment of a ring: assumed."
+            )
+            rings.append(OsimMeniscus(body, upper, lower, _law(forces[0]), (said,), forces))
+    return contacts, rings
 
 
 def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> OsimMesh:
@@ -108,11 +149,8 @@ def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> Osi
 
 
 def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
-    tag = "elastic_foundation_formulation"
-    word, pair, doubts = force.word(tag, default="linear"), (femur, other), []
-    if word not in _LAWS:
-        raise force.problem(tag, word, f"one of {', '.join(_LAWS)}")
-    law = _LAWS[word]
+    law, pair, doubts = _law(force), (femur, other), []
+    word = force.word(_FORMULATION, default="linear")
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     for mesh in pair:
         layer = "to its back mesh" if mesh.varies else f"{mesh.thickness_mm:g} mm"
@@ -129,10 +167,8 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
-            # One layer that is as stiff as both in a row.
-            soft = sum(m.thickness_mm / (m.youngs_modulus_MPa * _confined(m.poisson_ratio))
-                       for m in pair)
-            modulus = thickness / soft / _confined(ratio)
+            modulus = _in_a_row([(m.thickness_mm, m.youngs_modulus_MPa, m.poisson_ratio)
+                                 for m in pair], ratio)  # fmt: skip
         findings.append(
             "The layers are springs in series: E is that of one layer of both thicknesses and the "
             "mean nu with the same pressure."
@@ -149,6 +185,20 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
         )
     return OsimContact(force.name, femur, other, law, modulus, ratio, thickness, tuple(findings),
                        tuple(doubts), force)
+
+
+def _law(force: Element) -> str:
+    word = force.word(_FORMULATION, default="linear")
+    if word not in _LAWS:
+        raise force.problem(_FORMULATION, word, f"one of {', '.join(_LAWS)}")
+    return _LAWS[word]
+
+
+def _in_a_row(layers: list[tuple[float, float, float]], ratio: float) -> float:
+    """Young's modulus of one layer that is as stiff as several, by their thickness, modulus and
+    Poisson's ratio, together."""
+    soft = sum(h / (e * _confined(nu)) for h, e, nu in layers)
+    return sum(h for h, *_ in layers) / soft / _confined(ratio)
 
 
 def _confined(nu: float) -> float:
@@ -214,6 +264,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
         from kneejax.files.meshes.importing import MeshOptions, import_meshes
+        from kneejax.files.meshes.menisci import meniscus_of_mesh
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
@@ -228,8 +279,13 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
             source=", ".join(mesh.file for mesh in pair),
         )
         found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
-    document = copy.deepcopy(read.document)
-    document["contacts"] = dict(found.contacts)
+        document = copy.deepcopy(read.document)
+        document["contacts"] = dict(found.contacts)
+        menisci = [
+            meniscus_of_mesh([*dict.fromkeys(_mesh(folder, x, Path(scratch)) for x in (
+                meniscus.upper, meniscus.lower))], document)
+            for meniscus in read.menisci
+        ]  # fmt: skip
     stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
     for part in document["contacts"].values():
         part["source"] |= dict.fromkeys(stated, f"{file.name}, {contact.name}")
@@ -239,7 +295,24 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         entry = found.patellofemoral | {field: getattr(joint, field) for field in own}
         entry["source"] = dict.fromkeys(entry["source"], f"{file.name}, {joint.name}")
         document["patella"]["contacts"] = {"patellofemoral": entry}
-    return OsimGeometry(document, tuple(found.findings), found.doubtful)
+    findings = [*found.findings]
+    for meniscus, fit in zip(read.menisci, menisci, strict=True):
+        own = [(x.thickness_mm, x.youngs_modulus_MPa, x.poisson_ratio)
+               for x in (meniscus.upper, meniscus.lower)]  # fmt: skip
+        cartilage = found.contacts[fit.name.removesuffix("_meniscus")]
+        layers = [(cartilage["layer_thickness_mm"], contact.youngs_modulus_MPa,
+                   contact.poisson_ratio), *own]  # fmt: skip
+        ratio = float(np.mean([nu for *_, nu in layers]))
+        if max(nu for *_, nu in layers) >= 0.5:
+            raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
+        stated = {"youngs_modulus_MPa": _in_a_row(layers, ratio), "poisson_ratio": ratio,
+                  "layer_thickness_mm": sum(h for h, *_ in layers)}  # fmt: skip
+        entry = fit.contact | {"law": meniscus.law} | stated
+        entry["source"] |= dict.fromkeys(stated, f"{file.name}, {meniscus.body} and both cartilages")
+        document["contacts"][fit.name] = entry
+        findings += [*fit.findings, *fit.doubts]
+    doubtful = found.doubtful or any(fit.doubts for fit in menisci)
+    return OsimGeometry(document, tuple(findings), doubtful)
 
 
 def _only(

@@ -14,7 +14,7 @@ from typing import Any
 from kneejax.files.knee import check_knee
 from kneejax.files.opensim import ligaments as fibres
 from kneejax.files.opensim import report
-from kneejax.files.opensim.contact import OsimContact, find_contacts
+from kneejax.files.opensim.contact import OsimContact, OsimMeniscus, find_contacts
 from kneejax.files.opensim.frames import anatomical, turned
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
 from kneejax.files.opensim.model import Model, read_model
@@ -39,9 +39,10 @@ class OsimImport:
         found: fibres, with those left out and why.
         contacts: contacts of femur and tibia.
         untaken: forces and constraints of the model that are no part of the knee.
-        bodies: at the knee that are part of none of its bones, as menisci.
+        bodies: at the knee that are part of none of its bones.
         patellofemoral: contacts of femur and patella.
         patella: what was assumed or left out of it and the muscles.
+        menisci: those for which rings stand.
     """
 
     document: dict[str, Any]
@@ -55,6 +56,7 @@ class OsimImport:
     bodies: tuple[str, ...]
     patellofemoral: tuple[OsimContact, ...]
     patella: fibres.PatellaSection
+    menisci: tuple[OsimMeniscus, ...] = ()
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -92,7 +94,7 @@ class OsimImport:
         titles = {
             report.ACTS: "left out", report.ASKED: report.ASKED,
             report.WITHOUT_PATELLA: report.WITHOUT_PATELLA,
-            report.OFF: "switched off in the model", report.ELSEWHERE: "not at this knee",
+            report.OFF: "switched off in the model", report.IN_RING: "for which rings stand", report.ELSEWHERE: "not at this knee",
         }  # fmt: skip
         tags = {how: [] for how in titles} | {report.ACTS: [e.tag for e in self.found.answered]}
         for one in self.untaken:
@@ -170,19 +172,21 @@ def import_osim(
     names = file_names((ligament.key for ligament in found.ligaments), "L")
     ligaments = dict(zip(names, found.ligaments, strict=True))
     wraps = fibres.wrap_names(found.ligaments)
-    contacts = find_contacts(model, knee)
+    contacts, menisci = find_contacts(model, knee)
     of_tibia, of_patella = (tuple(c for c in contacts if (c.other.bone == PATELLA) == there)
                             for there in (False, True))
     section = fibres.PatellaSection({}, ())
     if patella:
         section = fibres.read_patella(model, whole, beside, knee, at or {})
     taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
+    taken += [force for meniscus in menisci for force in meniscus.elements]
+    rings = [meniscus.body for meniscus in menisci]
     if section.document:
         taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
     else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
-    others, bodies = report.untaken(model, knee, taken, unwanted, patella)
-    bodies = [body for body in bodies if patella or "menisc" in body.lower()]
+    others, bodies = report.untaken(model, knee, taken, unwanted, patella, rings)
+    bodies = [x for x in bodies if x not in rings and (patella or "menisc" in x.lower())]
     bodies += [knee.patella] if patella and knee.patella and not section.document else []
     if not section.document and any(x.muscle_or_patella and x.how == report.ACTS for x in others):
         say = f"{section.notes[0]} --without-patella does without it and its muscles."
@@ -195,6 +199,8 @@ def import_osim(
              for joint in knee.joints]
     for contact in of_tibia:
         lines += [f"Contact {contact.name} of the model:", *contact.findings]
+    for meniscus in menisci:
+        lines += [f"Meniscus {meniscus.body} of the model:", *meniscus.findings]
     origin = {
         "file": file,
         "sha256": hashlib.sha256(model.file.original).hexdigest(),
@@ -224,7 +230,7 @@ def import_osim(
     document = {name: x for name, x in document.items() if x or name not in optional}
     check_knee(document, path)
     return OsimImport(document, model, knee, ligaments, wraps, found, of_tibia, tuple(others),
-                      tuple(bodies), of_patella, section)
+                      tuple(bodies), of_patella, section, tuple(menisci))
 
 
 def _with_small_bones(

@@ -14,16 +14,17 @@ from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, beyond, is_between
 from kneejax.files.opensim.ligaments import KIND, TRANSITION_WIDTH
 from kneejax.files.opensim.model import GROUND, Model
 from kneejax.files.opensim.xml import Element
-from kneejax.geometry import COLUMNS, PATELLA
+from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 from kneejax.mechanics import ligament_law
 
 if TYPE_CHECKING:
     from kneejax.files.opensim.importing import OsimImport
 
-ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA = (
+ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA, IN_RING = (
     "acts on the knee", "acts on the knee in motion only", "acts on the knee when it is driven",
     "would act on the knee, switched off in the model", "does not act on this knee",
     "as asked by --without", "as asked by --without-patella",
+    "holds a meniscus, for which a ring stands",
 )
 #: What a class of OpenSim is called: the first whose words stand in its name.
 _KINDS = {
@@ -52,11 +53,12 @@ class Untaken:
 
 def untaken(
     model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
-    patella: bool,
+    patella: bool, rings: Collection[str] = (),
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those that were read or about which everything has been said, and
     bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
-    `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`.
+    `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`;
+    `rings` are menisci for which rings stand, with what holds them on the tibia.
     One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
     the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
     does not matter: every word of it that is the name of a body, of a frame or contact geometry on
@@ -77,6 +79,7 @@ def untaken(
     bodies = _bodies(model)
     coordinates = {c.name for joint in cut for c in joint.coordinates
                    if {joint.parent, joint.child} & near}
+    of_rings = {c.name for joint in between if joint.child in rings for c in joint.coordinates}
     answer = []
     for element in model.forces():
         if element in known:
@@ -87,6 +90,9 @@ def untaken(
         across = len(sides) > 1 or (alone and sides != {joined})
         how = _how(element) if asked or (across and on & near) else ELSEWHERE
         goes = any(knee.bone_of(body) == PATELLA for body in on) or element.tag.endswith("Muscle")
+        held = on <= {x for x in near if x in rings or knee.bone_of(x) == TIBIA}
+        if held and how == ACTS and (on & {*rings} or asked) and asked <= of_rings:
+            how = IN_RING
         if element.name in unwanted:
             how = ASKED
         elif goes and not patella and how != ELSEWHERE:
@@ -215,6 +221,7 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     joints = [f"{joint.name} ({joint.kind}): {text}"
               for joint in knee.joints for text in joint.describe()]
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
+    contacts += [f"{m.body}: {text}" for m in read.menisci for text in m.findings]
     if geometry:
         contacts += geometry
     elif read.contacts:

@@ -40,10 +40,11 @@ def wedge(document, compartment, horns=None, fine=1.0, parts=("lower", "wall", "
     middles = 0.5 * (up + np.roll(up, -1))
     which = np.where(middles == 0.0, "lower", np.where(middles == 1.0, "upper", "wall"))
     faces = faces[:, np.isin(which, parts)].reshape(-1, 3)
-    if len(parts) == 3:
-        for line, way in ((row[0], -1), (row[-1], 1)):
-            fan = np.stack([np.full(count - 2, line[0]), line[1:-1], line[2:]], axis=1)
+    if len(parts) == 3:  # the ends of both horns, from a point in their middles
+        for line, way, end in ((row[0], 1, points[row[0]]), (row[-1], -1, points[row[-1]])):
+            fan = np.stack([np.full(count, len(points)), line, np.roll(line, -1)], axis=1)
             faces = np.concatenate([faces, fan[:, ::way]])
+            points = np.vstack([points, end.mean(axis=0)])
     local = tuple(points.T)
     there = plateau.frame.placement.apply(local)
     points = np.stack([np.asarray(v) for v in there], axis=1)
