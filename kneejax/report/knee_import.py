@@ -168,7 +168,7 @@ def meniscus_import_answer(found: Any, replaced: bool) -> Answer:
         f"mm high, horns at {begin:.0f} and {end:.0f} degrees from the front towards the person's "
         f"right; the upper surface is {quality.rms:.3f} mm rms off its mesh and "
         f"{quality.maximum:.2f} mm at most{'; it replaces the one there was' * replaced}.",
-        tables=answer.tables | {"sections": Table.of(columns, "Sections through the middle")},
+        tables={**answer.tables, "sections": Table.of(columns, "Sections through the middle")},
         sections=[*answer.sections, Section("Sections", [], ["sections"])],
         doubts=[*found.doubts],
     )

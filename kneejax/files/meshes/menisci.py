@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -106,7 +107,7 @@ def meniscus_of_mesh(
         InputProblem: the mesh is not closed, is in pieces, no arc, not of the size of a meniscus,
             or lies elsewhere; or the knee has no such contact.
     """
-    paths = [meshes] if isinstance(meshes, str | Path) else [*meshes]
+    paths = [meshes] if isinstance(meshes, str | os.PathLike) else [*meshes]
     left, findings, doubts = document["side"] == "left", [], []
     path, stated = paths[0], " and ".join(Path(one).name for one in paths)
     sheets: list[Sheet] = []
@@ -130,7 +131,7 @@ def meniscus_of_mesh(
     right = mirror_document({**document}) if left else document
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
-    plateau = build_surface(cartilage["tibial_surface"])
+    plateau: Any = build_surface(cartilage["tibial_surface"])
     local = [dataclasses.replace(s, points=anatomy.in_frame(plateau.frame, s.points))
              for s in sheets]  # fmt: skip
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])
@@ -221,7 +222,7 @@ def _compartment(
     away = {}
     for name in ("medial", "lateral"):
         if contacts.get(name, {}).get("tibial_surface", {}).get("kind") == "plateau":
-            plateau = build_surface(contacts[name]["tibial_surface"])
+            plateau: Any = build_surface(contacts[name]["tibial_surface"])
             local = anatomy.in_frame(plateau.frame, cloud.points)[:, [0, 2]]
             middle = np.mean([np.asarray(plateau.x), np.asarray(plateau.z)], axis=1)
             off = np.average(local, axis=0, weights=cloud.areas) - middle
