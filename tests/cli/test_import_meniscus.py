@@ -63,8 +63,9 @@ def test_what_is_wrong_is_said_and_nothing_written(words, more, said, tmp_path, 
 @pytest.mark.long
 def test_the_knee_bears_load_on_it_and_without_it(words, tmp_path):
     assert main(words) == 0
-    simulate = ["simulate", "compression", "--knee", str(tmp_path / "out" / "knee.yaml"),
-                "--flexion", "0", "--cut", "medial_meniscus", "--out", str(tmp_path / "run")]  # fmt: skip
+    knee, out = str(tmp_path / "out" / "knee.yaml"), str(tmp_path / "run")
+    simulate = ["simulate", "compression", "--knee", knee, "--flexion", "0", "--cut",
+                "medial_meniscus", "--out", out]  # fmt: skip
     assert main(simulate) == 0
     with open(tmp_path / "run" / "contact.csv", newline="") as file:
         rows = {(row.get("knee", ""), row["contact"]): row for row in csv.DictReader(file)}

@@ -131,7 +131,7 @@ def meniscus_of_mesh(
     right = mirror_document({**document}) if left else document
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
-    plateau = build_surface(cartilage["tibial_surface"])
+    plateau: Any = build_surface(cartilage["tibial_surface"])
     local = [dataclasses.replace(s, points=anatomy.in_frame(plateau.frame, s.points))
              for s in sheets]  # fmt: skip
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])

@@ -120,9 +120,9 @@ def find_contacts(
             forces, (upper, lower) = zip(*(found[x] for x in (FEMUR, TIBIA)), strict=True)
             free = sum(not c.locked for j in joints if j.child == body for c in j.coordinates)
             said = (
-                f"A ring stands for it and for its {free} coordinates: meshes {upper.file} and "
-                f"{lower.file}, layers of {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. The "
-                "model states no hoop modulus, horns or coronary attachment of a ring: assumed."
+                f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
+                f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. The "
+                "stiffness of its arc, horns and border is not the model's: assumed."
             )
             rings.append(OsimMeniscus(body, upper, lower, _law(forces[0]), (said,), forces))
     return contacts, rings
@@ -295,7 +295,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         entry = found.patellofemoral | {field: getattr(joint, field) for field in own}
         entry["source"] = dict.fromkeys(entry["source"], f"{file.name}, {joint.name}")
         document["patella"]["contacts"] = {"patellofemoral": entry}
-    findings = [*found.findings]
+    findings, name = [*found.findings], file.name
     for meniscus, fit in zip(read.menisci, menisci, strict=True):
         own = [(x.thickness_mm, x.youngs_modulus_MPa, x.poisson_ratio)
                for x in (meniscus.upper, meniscus.lower)]  # fmt: skip
@@ -307,9 +307,9 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
             raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
         stated = {"youngs_modulus_MPa": _in_a_row(layers, ratio), "poisson_ratio": ratio,
                   "layer_thickness_mm": sum(h for h, *_ in layers)}  # fmt: skip
-        entry = fit.contact | {"law": meniscus.law} | stated
-        entry["source"] |= dict.fromkeys(stated, f"{file.name}, {meniscus.body} and both cartilages")
-        document["contacts"][fit.name] = entry
+        source = dict.fromkeys(stated, f"{name}, {meniscus.body} and both cartilages")
+        document["contacts"][fit.name] = fit.contact | stated | {
+            "law": meniscus.law, "source": fit.contact["source"] | source}
         findings += [*fit.findings, *fit.doubts]
     doubtful = found.doubtful or any(fit.doubts for fit in menisci)
     return OsimGeometry(document, tuple(findings), doubtful)

@@ -94,7 +94,8 @@ class OsimImport:
         titles = {
             report.ACTS: "left out", report.ASKED: report.ASKED,
             report.WITHOUT_PATELLA: report.WITHOUT_PATELLA,
-            report.OFF: "switched off in the model", report.IN_RING: "for which rings stand", report.ELSEWHERE: "not at this knee",
+            report.OFF: "switched off in the model",
+            report.IN_RING: "for which rings stand", report.ELSEWHERE: "not at this knee",
         }  # fmt: skip
         tags = {how: [] for how in titles} | {report.ACTS: [e.tag for e in self.found.answered]}
         for one in self.untaken:
