@@ -3,10 +3,9 @@ import pytest
 
 import kneejax as kj
 from kneejax.explorer import Setting, Solver, Subject
-from kneejax.explorer.saving import Folder
 from kneejax.files import load_knee_file
 from kneejax.mechanics import load_of
-from kneejax.parameters import cut, fibres_cut
+from kneejax.parameters import cut
 from kneejax.statics import Status
 
 
@@ -75,20 +74,6 @@ def test_a_cut_is_a_number_and_carries_nothing(solver):
     assert torn.coordinates["anterior"] > whole.coordinates["anterior"] + 1.0
     saved = solver.subject.knee_at(torn.setting)
     assert cut(saved, ["ACL"]).ligaments.stiffness.tolist() == saved.ligaments.stiffness.tolist()
-
-
-@pytest.mark.parametrize("name, groups", [("four_ligament", ["ACL"]),
-                                          ("lenhart2015_reduced", ["PCL", "mPFL"])])
-def test_a_saved_knee_is_without_what_is_cut(tmp_path, name, groups):
-    read = load_knee_file(name)
-    patella = "patella" in read.document
-    knee = read.with_patella() if patella else read.knee
-    subject = Subject.of(knee)
-    folder = Folder(tmp_path, subject, read.document, np.empty((0, 6)))
-    changed = {f"{one}.cut": 1.0 for one in groups} | {"MCL.stiffness": 3000.0}
-    saved = kj.load_knee(folder.knee(subject.within(Setting.of(changed))), patella=patella)
-    gone = {knee.ligaments.names[row] for row in fibres_cut(knee, groups)}
-    assert gone and {*saved.ligaments.names} == {*knee.ligaments.names} - gone
 
 
 @pytest.mark.parametrize("name", ["ACL.stiffness", "MCL.reference_strain",
