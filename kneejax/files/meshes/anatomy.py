@@ -175,7 +175,7 @@ def joined(sheets: list[Sheet]) -> Cloud:
 
 
 def _of_numpy(placement: Placement) -> Placement:
-    """Without JAX, which compiles every product anew for another number of points."""
+    """Without JAX, which compiles every product for each number of points."""
     return jax.tree.map(np.asarray, placement)
 
 

@@ -104,14 +104,14 @@ def read_activity(
     frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
                  for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
     notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    told, absent = _of_columns(model, bones, below, motion)
-    doubts += told
+    said, absent = _of_columns(model, bones, below, motion)
+    doubts += said
     if absent:
         notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
     mass, ground = 0.0, (np.zeros((len(time), 3)),) * 2
     if external is not None:
-        *ground, told = forces.on_bodies(external, movement, below, time)
-        doubts += told
+        *ground, said = forces.on_bodies(external, movement, below, time)
+        doubts += said
     elif reaction is None:  # the contacts of the model, if it has some
         ground = forces.of_contacts(model, pulls, below, time)
         if not ground[0].any():
