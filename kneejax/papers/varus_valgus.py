@@ -83,9 +83,10 @@ class VarusValgusRamp:
 
     @property
     def load_cases(self) -> LoadCases:
-        """Flexion and loads for statics."""
-        load = load_of(compression_N=self.axial_N, varus_Nm=self.moment_Nm, name="varus_valgus")
-        return LoadCases.at(np.full(len(self), self.flexion_deg), [load])
+        """Flexion and loads for statics, one after the other: so each moment is reached by way
+        of the lighter ones."""
+        loads = load_of(compression_N=self.axial_N), load_of(varus_Nm=self.moment_Nm)
+        return LoadCases.at(np.full(len(self), self.flexion_deg), loads)
 
 
 @dataclasses.dataclass(frozen=True)
