@@ -21,7 +21,7 @@ import numpy as np
 from _protocol import arguments, finish, load
 
 import kneejax as kj
-from kneejax.experiments import mechanics_of
+from kneejax.experiments import load_share, mechanics_of
 from kneejax.files import LaxityBand, bundled_bands, bundled_measurements, read_lab_table
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.parameters import cut, fibre_rows
@@ -105,11 +105,14 @@ def _carried(knee, test: kj.LabTest) -> list[dict[str, float]]:
 
 
 def under_compression(knee) -> dict[str, float | str]:
-    """What 1 kN does: how far the tibia moves, how much the most stretched fibre has left."""
+    """What 1 kN does: how far the tibia moves, how much the most stretched fibre has left, and what
+    menisci carry of their compartments' load."""
     flexion = np.arange(0.0, 91.0, 15.0)
     (test,) = kj.lab_tests("compression", flexion, force_N=COMPRESSION_N, steps=4)
     (curves,) = kj.load_curves(knee, test)
     mechanics, pose = mechanics_of(curves), np.asarray(curves.motion.to_table("grood-suntay"))
+    carried, extrusion = load_share(knee, mechanics), np.asarray(mechanics.max_extrusion)
+    menisci = {name: knee.contact_names.index(name) for name in knee.menisci}
     rows: dict[str, float | str] = {}
     for angle, nodes in zip(flexion, np.asarray(curves.nodes), strict=True):
         rest, full = nodes[0], nodes[-1]
@@ -123,6 +126,11 @@ def under_compression(knee) -> dict[str, float | str]:
             f"compressed_{angle:g}deg_deepest_mm": float(deep),
             f"compressed_{angle:g}deg_largest_strain": float(strain),
         }
+        for name, row in menisci.items():
+            rows |= {
+                f"compressed_{angle:g}deg_{name}_share": float(carried[full, row]),
+                f"compressed_{angle:g}deg_{name}_extrusion_mm": float(extrusion[full, row]),
+            }
     return rows
 
 

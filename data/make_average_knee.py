@@ -88,6 +88,8 @@ TORSION_DEG, TORSION_NM, TORSION_SD_DEG = (12.1, -10.1), 5.0, 2.5
 #: Of the coronary attachment of a meniscus, N/mm: assumed.
 CORONARY_SD = 15.0
 CORONARY_BOUNDS = [5.0, 120.0]
+#: Flexion up to which menisci leave the femur room, degrees: beyond, it takes them along.
+ROOM_DEG = 90.0
 COUPLED_DEG, COUPLED_N, COUPLED_AT = (3.0, 4.0), 110.0, (15, 30, 60, 90)
 #: Mean posterior slopes of the medial and the lateral plateau, degrees, of 33 women and 22 men:
 #: Hashemi 2008, the mean of both sexes.
@@ -96,12 +98,12 @@ _RIM = (
     "height of the posterior horn in vivo, {} mm unloaded (magnetic resonance, 20 knees), the same "
     "all around; width 10 mm; Haut Donahue 2003: 20 MPa and 0.2 across its fibres, 120 MPa along "
     "them; a horn's attachment: 18 springs of 10 N/mm; what holds its border: calibrated, study "
-    "average_knee; the layer is the rim with both cartilages; nowhere higher than the femur leaves "
-    "room"
+    "average_knee; the layer is the rim with both cartilages; {:g} mm higher than the femur leaves "
+    "room from 0 to {:g} degrees"
 )
 RIMS = {
-    "medial_meniscus": Rim("medial", 1, 6.8, _RIM.format(6.8)),
-    "lateral_meniscus": Rim("lateral", -1, 7.6, _RIM.format(7.6)),
+    "medial_meniscus": Rim("medial", 1, 6.8, _RIM.format(6.8, Rim.over_mm, ROOM_DEG)),
+    "lateral_meniscus": Rim("lateral", -1, 7.6, _RIM.format(7.6, Rim.over_mm, ROOM_DEG)),
 }
 #: Just taut in the reference pose. Stiffness: 41.9 N/mm (Helito 2016, 14 knees) times the length.
 ANTEROLATERAL = {
@@ -229,6 +231,7 @@ def unfitted() -> dict:
     """The start's knee document with menisci and the ligaments that it lacks."""
     document = yaml.safe_load((HERE / "knees" / f"{START}.yaml").read_text())
     poses = read_poses(HERE / "studies" / "average_knee_room.csv")
+    poses = poses[poses[:, 0] <= ROOM_DEG]
     document["name"] = NAME
     document["ligaments"] |= copy.deepcopy(ADDED)
     for name, slope in SLOPES.items():

@@ -1,11 +1,11 @@
 """Menisci: rings on a plateau, further contacts of the same femoral condyles.
 
-A ring lies along the border of the cartilage, open towards the middle of the knee. It rises from
-nothing at its inner edge to its height at the border, and nowhere higher than the femur leaves room
-while the knee flexes: at rest it only touches. So it does little to passive motion. A condyle that
-leaves its path pushes sections of the ring outwards, and others move inwards with them. In life a
-meniscus moves with an unloaded femur too (a few mm medially, a centimetre laterally): where the
-femur passes in deep flexion there is no ring in extension either.
+A ring lies along the border of the cartilage, open towards the middle of the knee. It fills the
+room that the femur leaves above the plateau while the knee flexes, as far as the height of its
+wedge, and a little more: an unloaded knee rests on its menisci. A condyle that leaves its path, or
+bends further, pushes sections of the ring outwards, and others move inwards with them. In life a
+meniscus moves with an unloaded femur from extension on (a few mm medially, a centimetre laterally):
+where the femur passes in flexion there is no ring in extension either.
 """
 
 from __future__ import annotations
@@ -39,6 +39,8 @@ class Rim:
         open_towards: sign of the lateral direction in which its horns end.
         height_mm: at the border, above the plane of the plateau.
         source: of its numbers.
+        inner_mm: the same at the inner edge; what the femur leaves is less there.
+        over_mm: by which it is higher than the room that the femur leaves.
         hoop_modulus_MPa: along its fibres.
         horn_stiffness_N_per_mm: of the attachment of each horn.
         coronary_stiffness_N_per_mm: of all that holds its border.
@@ -48,6 +50,8 @@ class Rim:
     open_towards: int
     height_mm: float
     source: str
+    inner_mm: float = 4.0
+    over_mm: float = 0.9
     width_mm: float = 10.0
     youngs_modulus_MPa: float = 20.0
     poisson_ratio: float = 0.2
@@ -121,8 +125,9 @@ def _heights(contact: Contact, rim: Rim, poses: np.ndarray) -> np.ndarray:
     columns = np.stack([np.ones_like(x), x, z], axis=-1)
     plane = columns @ np.linalg.lstsq(columns[flat], cartilage[flat], rcond=None)[0]
     part = 1.0 - np.clip(inwards / rim.width_mm, -0.3, 1.6)
-    wedge = np.clip(plane - cartilage + rim.height_mm * part, -3.0, 16.0)
-    room = np.clip(_room(contact, x, z, cartilage, poses), -2.0, 14.0)
+    height = rim.inner_mm + (rim.height_mm - rim.inner_mm) * part
+    wedge = np.clip(plane - cartilage + height, -3.0, 16.0)
+    room = np.clip(_room(contact, x, z, cartilage, poses), -2.0, 14.0) + rim.over_mm
     rise = 0.5 * (room + wedge - np.sqrt((room - wedge) ** 2 + _ROUNDING_MM**2))
     first, second = (_basis(n - 3, s) for n, s in zip(table.shape, across, strict=True))
     added = np.linalg.lstsq(first, rise, rcond=1e-6)[0]

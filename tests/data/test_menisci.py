@@ -46,10 +46,20 @@ force_of = eqx.filter_jit(lambda contact, tibia: jnp.stack(contact.wrench(tibia)
 
 
 @pytest.mark.long
-def test_they_leave_the_path_of_passive_flexion_free(rims):
-    for contact in rims.values():
-        for pose in read_poses(ROOM)[::2]:
-            assert float(jnp.linalg.norm(force_of(contact, tibia_at(pose)))) < 20.0
+def test_an_unloaded_knee_rests_on_them_and_moves_them_less_than_in_life(knee):
+    """From extension to 120 degrees they move by 5.1 mm medially and 11.2 mm laterally (Thompson
+    1991), which here is the way of a section that gives way; the path is hardly another."""
+    flexion = np.arange(0.0, 121.0, 20.0)
+    motion = kj.passive_flexion(knee, flexion)
+    found = kj.evaluate(knee, motion.pose)
+    rows = [knee.contact_names.index(name) for name in RIMS]
+    push = np.linalg.norm(np.asarray(found.contact_force)[:, rows], axis=-1)
+    assert (push[0] > 10.0).all() and push.max() < 80.0
+    assert (np.asarray(found.max_extrusion)[:, rows] < [5.1, 11.2]).all()
+    without = kj.passive_flexion(kj.cut(knee, list(RIMS)), flexion)
+    apart = np.asarray(motion.to_table("grood-suntay")) - without.to_table("grood-suntay")
+    # Degrees and mm.
+    assert np.abs(apart[:, 1:]).max() < 2.0
 
 
 def test_they_push_a_tibia_back_that_is_drawn_forwards(rims, forwards):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import mechanics_of
+from kneejax.experiments import load_share, mechanics_of
 from kneejax.files import bundled_bands
 from kneejax.parameters import cut, fibre_rows, stated
 from kneejax.statics import Status
@@ -84,11 +84,16 @@ def test_it_bears_a_person(knee):
     moved = np.abs(poses[:, 2] - poses[:, 0])
     # Degrees of axial rotation, and mm forwards.
     assert moved[:, 2].max() < 10.0 and moved[:, 3].max() < 6.0
-    own = [knee.contact_names.index(name) for name in knee.menisci]
-    loaded = np.asarray(curves.nodes)[:, -1]
-    extrusion = np.asarray(mechanics_of(curves).max_extrusion)[loaded][:, own]
+    own = [knee.contact_names.index(name) for name in ("medial_meniscus", "lateral_meniscus")]
+    loaded, mechanics = np.asarray(curves.nodes)[:, -1], mechanics_of(curves)
+    extrusion = np.asarray(mechanics.max_extrusion)[loaded][:, own]
     # Both give way, and stay on the plateau: they are 10 mm wide.
     assert extrusion.min() > 0.1 and extrusion.max() < 6.0
+    # Of the load of their compartments they bear, kept aside from the fit, half medially and most
+    # laterally (Walker and Erkman 1975), 45 % of all at least (Shrive 1978).
+    medial, lateral = load_share(knee, mechanics)[loaded][:, own].T
+    assert (medial > 0.35).all() and (lateral > 0.35).all()
+    assert 0.5 * (medial + lateral).mean() > 0.45 and lateral[3:].min() > 0.5
 
 
 def test_its_study_is_bundled_and_whole():
