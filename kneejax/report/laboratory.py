@@ -197,10 +197,12 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     slope = f"{load.unit}/{unit}"
     observed = COORDINATES[test.observed].phrase
     counted = ", from the intact knee" if curves.intact is not None else ""
+    to, fro = max(test.path) > 0.0, min(test.path) < 0.0
     columns = [
-        Column("flexion_deg", "flexion, deg", ".1f"), Column("range", f"range, {ends}", ".2f"),
-        Column("positive", f"under {load.positive}, {ends}", ".2f"),
-        Column("negative", f"under {load.negative}, {ends}", ".2f"),
+        Column("flexion_deg", "flexion, deg", ".1f"),
+        Column("range", f"range, {ends}", ".2f", shown=to and fro),
+        Column("positive", f"under {load.positive}, {ends}", ".2f", shown=to),
+        Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
         Column("neutral", f"neutral, {unit}", ".2f"),
         Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
         Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True),
