@@ -181,9 +181,7 @@ def fit_transient(
             break
         grid = found.grid
         motion = _Motions(moving, names, given_of(moving, start, grid, **options), grid.asked)
-        fit = fit_lanes(
-            motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told
-        )
+        fit = fit_lanes(motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told)
         x = fit.values
     assert found is not None and fit is not None and motion is not None
     seen = data.seen.any(axis=0)

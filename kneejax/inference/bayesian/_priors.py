@@ -177,9 +177,7 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
     return found.slopes
 
 
-def laplace_covariance(
-    problem: Problem, found: Slopes, priors: tuple[Prior, ...]
-) -> np.ndarray:
+def laplace_covariance(problem: Problem, found: Slopes, priors: tuple[Prior, ...]) -> np.ndarray:
     """Covariance of the normal density at the most probable parameters (Laplace's approximation),
     `(p, p)`; NaN where data and priors do not determine the parameters."""
     _, jacobian = problem.residual(found)

@@ -125,9 +125,7 @@ class CalibrationProblem:
             noise = noise.as_stated()
             noise.check_stated("prior" if prior else "readings")
         weights = noise.first**-2.0
-        fitted = Problem.of(
-            knee, selection, measured, weights, offsets, loads, tests, noise.stated
-        )
+        fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, noise.stated)
         check_finite(fitted.measured)
         _check_offsets(fitted)
         lower, upper = stated_bounds(knee, selection, bounds or {})

@@ -37,9 +37,7 @@ _BLOCKED, _SOFT, _FEW = 4.0, 0.2, 0.15
 _STEPPINGS = 2
 
 
-def calibrate(
-    problem: CalibrationProblem, *, progress: Progress | None = None
-) -> Calibration:
+def calibrate(problem: CalibrationProblem, *, progress: Progress | None = None) -> Calibration:
     """Identify parameters of a knee from measured poses, and from how far it gave under load.
 
     Args:

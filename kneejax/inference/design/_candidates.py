@@ -169,9 +169,7 @@ class Candidate:
         return {name: getattr(self, name) for name in NAMED_LOADS}
 
 
-def usual_candidates(
-    flexion_deg: Sequence[float] = USUAL_FLEXION_DEG,
-) -> tuple[Candidate, ...]:
+def usual_candidates(flexion_deg: Sequence[float] = USUAL_FLEXION_DEG) -> tuple[Candidate, ...]:
     """The tests of a laxity rig: no load, drawers, torques, varus, valgus and compression.
 
     Args:

@@ -139,9 +139,7 @@ class BoundedLevenbergMarquardt:
             self._best = self._begun(residual.shape[1])
         width = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)[rows]
         with np.errstate(all="ignore"):
-            point = _judged(
-                self._best.take(rows), self.trial[rows], residual, jacobian, width
-            )
+            point = _judged(self._best.take(rows), self.trial[rows], residual, jacobian, width)
             bounds = self.lower[rows], self.upper[rows]
             trial, promise = _following(point, bounds, width, self.rtol)
             upcoming = np.max(np.abs(trial - point.x) / width, axis=1, initial=0.0)

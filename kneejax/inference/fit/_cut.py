@@ -30,13 +30,7 @@ from kneejax.geometry import State, coordinates_of
 from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled, on_all_cores
-from kneejax.parameters import (
-    Selection,
-    UnsuitableData,
-    fibre_rows,
-    fibres_cut,
-    without_menisci,
-)
+from kneejax.parameters import Selection, UnsuitableData, fibre_rows, fibres_cut, without_menisci
 from kneejax.statics import (
     Equilibrium,
     LoadCases,

@@ -151,9 +151,7 @@ class Interval:
         return self
 
 
-def _within_prior(
-    low: float, high: float, best: float, prior: float
-) -> tuple[float, float, bool]:
+def _within_prior(low: float, high: float, best: float, prior: float) -> tuple[float, float, bool]:
     """Limits no farther apart than a prior's, whose half width is given, and whether they are
     nearly its own."""
     sides = np.array([best - low, high - best])
@@ -295,9 +293,7 @@ def estimate(
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
     fits, weighed = maximum_likelihood(balance, data, near, noise, lower, upper, far=far)
     threshold = rise_at_limits(spare if noise.estimated else None)
-    here, found = follow_to_the_lowest(
-        balance, weighed, fits, lower, upper, threshold, names, pace
-    )
+    here, found = follow_to_the_lowest(balance, weighed, fits, lower, upper, threshold, names, pace)
     prior = np.full(size, np.inf) if data.prior is None else data.prior[1]
     _, slope = weighed.residual(here)
     judged = []
