@@ -162,7 +162,7 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
     The problem is weighted by one over the noise's variances; the search begins at parameters and
     offsets `fit`, `(p,)`, and raises where a pose that counts has no balance there.
     """
-    lower, upper = (np.array([[getattr(p, end) for p in priors]]) for end in ("lower", "upper"))
+    lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
     begin = problem.begin(np.clip(fit[None], lower, upper))
     believed = np.array([p.mean for p in priors]), np.array([p.sd for p in priors])
     cases = dataclasses.replace(problem.cases, prior=believed)
@@ -187,9 +187,6 @@ def laplace_covariance(problem: Problem, found: Slopes, priors: tuple[Prior, ...
     if not np.linalg.cond(scaled) < 1e14:
         return np.full_like(precision, np.nan)
     return np.linalg.inv(scaled) / np.outer(unit, unit)
-
-
-# A hundred numbers that are this much off, mm, move a log density by less than 1e-4.
 
 
 class MotionDensity(eqx.Module):

@@ -190,60 +190,33 @@ def fit_of(
     names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
     for i, (name, unit) in enumerate(names):
-        interval = None
+        numbers = map(float, (trail.x[i], start[i], lower[i], upper[i]))
+        one = Estimate(name, unit, *numbers, np.nan, bool(held[i]))
         if likely is not None:
-            best = float(likely.best.values[0, i])
-            interval = likely.intervals[i].beside(float(trail.x[i]), best)
-        where = slack.get(problem.selection.ligament(i), np.zeros(1)) if i < size else np.zeros(1)
-        numbers = (trail.x[i], start[i], lower[i], upper[i])
-        estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, where.mean()))
-    failed = int((~found.converged[0]).sum())
+            loose = slack.get(problem.selection.ligament(i)) if i < size else None
+            interval = likely.intervals[i].beside(one.value, float(likely.best.values[0, i]))
+            one = _with_interval(one, interval, 0.0 if loose is None else float(loose.mean()))
+        estimates.append(one)
     correlation = np.full((size, size), np.nan)
     if likely is not None:
         correlation = likely.correlation[:size, :size]
+    looks, cases = trail.evaluations, len(problem.cases.load_cases)
+    counts = {"residual": looks, "jacobian": looks, "equilibria": looks * cases, **trail.counts}
     return Fit(
-        procedure,
-        tuple(estimates[:size]),
-        objective_of(problem, found),
-        partial_objectives_of(problem, found),
-        rmse_of(problem, found),
-        correlation,
-        motion_of(problem, found),
-        tuple(trail.history),
-        {
-            "residual": trail.evaluations,
-            "jacobian": trail.evaluations,
-            "equilibria": trail.evaluations * len(problem.cases.load_cases),
-            **trail.counts,
-        },
-        bool(trail.converged and not failed),
-        trail.reason,
-        tuple(estimates[size:]),
-        trail.ending,
-        tests=fitted_tests(problem, found),
-    )
+        procedure, tuple(estimates[:size]), problem.objective(found), squares_of(problem, found),
+        rmse_of(problem, found), correlation, motion_of(problem, found), tuple(trail.history),
+        counts, bool(trail.converged and found.converged[0].all()), trail.reason,
+        tuple(estimates[size:]), trail.ending, tests=fitted_tests(problem, found),
+    )  # fmt: skip
 
 
-def _estimate(name, unit, numbers, held, interval: Interval | None, loose) -> Estimate:
-    value, start, lower, upper = map(float, numbers)
-    if interval is None:
-        return Estimate(name, unit, value, start, lower, upper, np.nan, held)
+def _with_interval(one: Estimate, interval: Interval, loose: float) -> Estimate:
     vague = interval.kind in (IntervalKind.NOT_DETERMINED, IntervalKind.ONE_SIDED)
-    return Estimate(
-        name,
-        unit,
-        value,
-        start,
-        lower,
-        upper,
-        np.nan if held else interval.standard_error,
-        held,
-        float(loose) if vague else 0.0,
-        interval.low,
-        interval.high,
-        interval.kind,
-        interval.reason,
-    )
+    return dataclasses.replace(
+        one, low=interval.low, high=interval.high, interval=interval.kind, reason=interval.reason,
+        standard_error=np.nan if one.at_bound else interval.standard_error,
+        slack=loose if vague else 0.0,
+    )  # fmt: skip
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
@@ -288,24 +261,15 @@ def motion_at(
         parts = len(knee.ligaments.names), len(knee.contact_names)
         return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
     mechanics = evaluate_mechanics(knee, state, contact_points)
+    contact_forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    others = {bone: np.asarray(x.to_table()) for bone, x in state.poses.items() if bone != TIBIA}
     return Motion(
-        table,
-        with_flips(status, mechanics),
-        np.asarray(mechanics.tension),
-        np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
-        knee,
-        mechanics,
-        {bone: np.asarray(pose.to_table()) for bone, pose in state.poses.items() if bone != TIBIA},
-    )
+        table, with_flips(status, mechanics), np.asarray(mechanics.tension), contact_forces, knee,
+        mechanics, others,
+    )  # fmt: skip
 
 
-def objective_of(problem: Problem, found: Slopes) -> float:
-    """Weighted sum of squares of one fit, with what a prior says of the values."""
-    residual, _ = problem.residual(found)
-    return float(residual @ residual)
-
-
-def partial_objectives_of(problem: Problem, found: Slopes) -> dict[str, float]:
+def squares_of(problem: Problem, found: Slopes) -> dict[str, float]:
     """Coordinate -> `Problem.squares`."""
     return dict(zip(FREE_COORDINATES, problem.squares(found).tolist(), strict=True))
 

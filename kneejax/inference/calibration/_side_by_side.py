@@ -13,14 +13,18 @@ from kneejax.inference.calibration._calibrate import (
     estimates_of,
     fit_of,
     motion_of,
-    objective_of,
-    partial_objectives_of,
     rmse_of,
+    squares_of,
     starts_of,
 )
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
-from kneejax.inference.calibration._search import Trail, run_side_by_side, together
+from kneejax.inference.calibration._search import (
+    Trail,
+    run_procedure,
+    run_side_by_side,
+    together,
+)
 from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
 from kneejax.inference.intervals import MaximumLikelihood
 from kneejax.numerics import adding_up, lap, stopwatch
@@ -121,12 +125,11 @@ def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress)
 
 def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibration:
     """With how far motions are from repeating themselves."""
-    fit = answer.fit
-    tests = (
+    fit, *others = answer.fits
+    tests = tuple(
         dataclasses.replace(own, restless=restless.get(own.test.name, 0.0)) for own in fit.tests
     )
-    fit = dataclasses.replace(fit, tests=tuple(tests))
-    return dataclasses.replace(answer, fits=(fit, *answer.fits[1:]))
+    return dataclasses.replace(answer, fits=(dataclasses.replace(fit, tests=tests), *others))
 
 
 def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> list:
@@ -176,11 +179,11 @@ def _answers(
             walked = _walked(problem, first.knee[row], _values(answer))
             spare = max(problem.counted_numbers - problem.size, 1)
             lower = objective * (1.0 - _LOWER / spare)
-            if objective_of(problem, walked) < lower:
+            if problem.objective(walked) < lower:
                 anew[row] = walked
                 continue
             freed = _past_what_blocks(problem, members[row], walked, objective / spare)
-            if freed is not None and objective_of(problem, freed) < lower:
+            if freed is not None and problem.objective(freed) < lower:
                 anew[row] = freed
     if not anew:
         return answers
@@ -192,7 +195,7 @@ def _answers(
         again = _answer(members[row], problem, begin[row], *rest)
         # Its own noise, where that is estimated, would make any fit as good as another.
         there = _walked(knees.problems[row], first.knee[row], _values(again))
-        if objective_of(knees.problems[row], there) < answers[row].fit.objective:
+        if knees.problems[row].objective(there) < answers[row].fit.objective:
             answers[row] = again
     return answers
 
@@ -226,14 +229,11 @@ def _past_what_blocks(
         used, begin = problem.cases.counted.copy(), there
         used[cases[far]] = False
         for own in (problem.with_used(used), problem):
-            knees = SeveralKnees.of([own])
-            (trail,) = run_side_by_side(
-                knees, "III", [begin], one.lower, one.upper, unit=one.noise.unit
-            )
+            trail = run_procedure(own, "III", begin, one.lower, one.upper, unit=one.noise.unit)
             begin = _walked(problem, there.knee[0], trail.x)
             found.append(begin)
-    known = [one for one in found if np.isfinite(objective_of(problem, one))]
-    return min(known, key=lambda one: objective_of(problem, one), default=None)
+    known = [one for one in found if np.isfinite(problem.objective(one))]
+    return min(known, key=problem.objective, default=None)
 
 
 def _values(answer: Calibration) -> np.ndarray:
@@ -315,7 +315,7 @@ def _at_the_bottom(
         return trail
     there = _walked(problem, first.knee[0], likely.best.values[0])
     lost = problem.used & ~there.converged[0]
-    if lost.any() or objective_of(problem, there) > trail.objective:
+    if lost.any() or problem.objective(there) > trail.objective:
         return trail
     return trail.moved(problem, there, "III") if likely.converged else trail
 
@@ -370,8 +370,8 @@ def _answer(
         measured=problem.measured,
         start=motion_of(problem, first),
         start_rmse=start_rmse,
-        start_partial_objectives=partial_objectives_of(problem, first),
-        start_objective=objective_of(problem, first),
+        start_partial_objectives=squares_of(problem, first),
+        start_objective=problem.objective(first),
         start_tests=start_tests,
         fits=tuple(fits),
         ligaments=problem.knee.ligaments.names,

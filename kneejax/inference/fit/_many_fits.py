@@ -11,7 +11,6 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -27,9 +26,6 @@ from kneejax.inference.fit._observed import (
 )
 from kneejax.inference.fit._problem import Problem
 from kneejax.statics import Own, Slopes
-
-if TYPE_CHECKING:
-    from kneejax.inference.fit._problem import Problem
 
 #: Evaluations of each of several starts.
 _STEPS_OF_STARTS = 40
@@ -87,7 +83,7 @@ def fit_lanes(
         data: measured motion, one for all or one per fit.
         begin: known balances, one variant per fit, from which the starts are predicted.
         starts: `(fits, p)`.
-        lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
+        lower: bounds, `(p,)` or `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
         asked: fits to be made, `(fits,)`; the others cost nothing and mean nothing.
         most: evaluations of a fit before it is given up.
@@ -141,15 +137,15 @@ def several_starts(
     Returns:
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
     """
-    size, count = len(problem.selection), len(starts)
+    size = len(problem.selection)
     # The best constants between frames are known at every step.
     prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
     data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
-    balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
-    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
+    balance = balances_of(problem.knee, problem.selection, data)
+    values, *box = (x[..., :size] for x in (starts, lower, upper))
     found = fit_lanes(balance, data, balance(values), values, *box, most=_STEPS_OF_STARTS, far=True)
-    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
-    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2
+    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(len(starts))]
+    return np.hstack([found.values, np.reshape(shifts, (len(starts), -1))]), found.chi2
 
 
 #: Of load cases what knees that stand side by side must have in common, beside what is observed.

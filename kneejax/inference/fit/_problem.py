@@ -256,6 +256,11 @@ class Problem:
         residual, slope = self.cases.residual(found)
         return residual[0], slope[0]
 
+    def objective(self, found: Slopes) -> float:
+        """Weighted sum of squares of one fit, with what a prior says of the values."""
+        residual, _ = self.residual(found)
+        return float(residual @ residual)
+
 
 def check_finite(measured: np.ndarray) -> None:
     """Refuse measured poses with a number that is none.

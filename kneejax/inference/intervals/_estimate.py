@@ -244,12 +244,11 @@ def maximum_likelihood(
     Returns:
         The fits, and the data with the noise that is stated or that the fits leave, `(fits, 5)`.
     """
-    count = len(near.values)
-    box = [np.tile(bound, (count, 1)) for bound in (lower, upper)]
-    weighed = np.where(noise.unknown, np.broadcast_to(data.noise, (count, 5)), noise.stated)
+    weighed = np.broadcast_to(data.noise, (len(near.values), 5))
+    weighed = np.where(noise.unknown, weighed, noise.stated)
     data = dataclasses.replace(data, noise=weighed)
     for _ in range(_ROUNDS if noise.estimated else 1):
-        fits = fit_lanes(balance, data, near, near.values, *box, most=PATIENT, far=far)
+        fits = fit_lanes(balance, data, near, near.values, lower, upper, most=PATIENT, far=far)
         near, far = fits.slopes, False
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
     return fits, data

@@ -270,10 +270,8 @@ def follow_to_the_lowest(
         if not which.any() or not left:
             break
         rows, lowest = rows[which], lowest.take(which)
-        box = [np.tile(bound, (len(rows), 1)) for bound in (lower, upper)]
-        moved = fit_lanes(
-            balance, data.take(rows), lowest, lowest.values, *box, most=PATIENT, far=True
-        )
+        own, start = data.take(rows), lowest.values
+        moved = fit_lanes(balance, own, lowest, start, lower, upper, most=PATIENT, far=True)
         here.put(rows, moved.slopes)
     return here, found
 
