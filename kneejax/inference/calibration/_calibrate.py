@@ -8,11 +8,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from kneejax.experiments import MeasuredTest, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
-from kneejax.geometry import FREE_COORDINATES, TIBIA, State
+from kneejax.geometry import FREE_COORDINATES, TIBIA
 from kneejax.inference.calibration._quality import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import (
@@ -235,32 +234,20 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 
 
 def motion_of(problem: Problem, found: Slopes) -> Motion:
-    """The poses of one fit that were measured as such, with the forces that hold them."""
-    rows = problem.cases.posed
-    state = jax.tree.map(lambda x: x[rows], problem.state(found))
-    table = np.array(state.tibia.to_table())
-    table[:, 0] = problem.measured[:, 0]
-    knee = problem.knee_at(found.values[0])
-    contact_points, status = problem.contact_points(found)[..., rows], found.status[0][rows]
-    return motion_at(knee, table, state, contact_points, status)
-
-
-def motion_at(
-    knee: Knee, table: np.ndarray, state: State, contact_points: ArrayLike, status: ArrayLike
-) -> Motion:
-    """Poses with the forces that hold them.
+    """The poses of one fit that were measured as such, with the forces that hold them.
 
     Args:
-        knee: that was balanced.
-        table: what is shown of the poses, degrees and mm, `(n, 6)`.
-        state: the balances, `(n,)`.
-        contact_points: parameters of the contact points, `(patches, 2, n)`.
-        status: `Status` values, `(n,)`.
+        problem: that was fitted.
+        found: balances at its values, one variant.
     """
+    rows, knee = problem.cases.posed, problem.knee_at(found.values[0])
+    state = jax.tree.map(lambda x: x[rows], problem.state(found))
+    table, status = np.array(state.tibia.to_table()), found.status[0][rows]
+    table[:, 0] = problem.measured[:, 0]
     if not len(table):
         parts = len(knee.ligaments.names), len(knee.contact_names)
-        return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
-    mechanics = evaluate_mechanics(knee, state, contact_points)
+        return Motion(table, status, *(np.empty((0, count)) for count in parts))
+    mechanics = evaluate_mechanics(knee, state, problem.contact_points(found)[..., rows])
     contact_forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
     others = {bone: np.asarray(x.to_table()) for bone, x in state.poses.items() if bone != TIBIA}
     return Motion(

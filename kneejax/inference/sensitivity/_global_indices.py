@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -154,9 +154,8 @@ def global_indices(
         "names": list(names),
         "bounds": np.column_stack([lower, upper]).tolist(),
     }
-    scheme = _sobol if method == "sobol" else _morris
     # To SALib a seed of 0 is none.
-    x, analyse = scheme(problem, samples, seed + 1, confidence)
+    x, analyse = _scheme(method, problem, samples, seed + 1, confidence)
     y = np.asarray(model(x), float).reshape(len(x), len(outputs))
     sound = np.isfinite(y).all(axis=1)
     size = len(x) // samples
@@ -207,38 +206,20 @@ def check_request(method: str, names, lower: np.ndarray, upper: np.ndarray, samp
         )
 
 
-def _sobol(problem: dict, samples: int, seed: int, confidence: float):
+def _scheme(method: str, problem: dict, samples: int, seed: int, confidence: float):
     """The runs to make, `(runs, p)`, and what is to be done with their outputs."""
-    with _salib_installed():
-        from SALib.analyze.sobol import analyze
-        from SALib.sample.sobol import sample
-    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
-
-    def analyse(x: np.ndarray, y: np.ndarray):
-        return analyze(problem, y, calc_second_order=False, **options)
-
-    return sample(problem, samples, calc_second_order=False, seed=seed), analyse
-
-
-def _morris(problem: dict, samples: int, seed: int, confidence: float):
-    """As `_sobol`."""
-    with _salib_installed():
-        from SALib.analyze.morris import analyze
-        from SALib.sample.morris import sample
-    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
-
-    def analyse(x: np.ndarray, y: np.ndarray):
-        return analyze(problem, x, y, num_levels=_LEVELS, **options)
-
-    return sample(problem, samples, num_levels=_LEVELS, seed=seed), analyse
-
-
-@contextlib.contextmanager
-def _salib_installed():
     try:
-        yield
+        analyze = importlib.import_module(f"SALib.analyze.{method}").analyze
+        sample = importlib.import_module(f"SALib.sample.{method}").sample
     except ModuleNotFoundError as missing:
         raise UnsuitableData(
             f"global indices need the package SALib ({missing.name} is missing): "
             "pip install 'kneejax[sensitivity]'"
         ) from None
+    own = {"calc_second_order": False} if method == "sobol" else {"num_levels": _LEVELS}
+    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed, **own}
+
+    def analyse(x: np.ndarray, y: np.ndarray):
+        return analyze(problem, *([y] if method == "sobol" else [x, y]), **options)
+
+    return sample(problem, samples, seed=seed, **own), analyse
