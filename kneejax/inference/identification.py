@@ -9,7 +9,15 @@ import numpy as np
 
 from kneejax.geometry import BY_COORDINATE
 from kneejax.inference.calibration import CalibrationProblem, Motion, motion_of
-from kneejax.inference.fit import Noise, Observations, Problem, best_offsets, on_bounds, slack_at
+from kneejax.inference.fit import (
+    Noise,
+    Observations,
+    Problem,
+    best_offsets,
+    named,
+    on_bounds,
+    slack_at,
+)
 from kneejax.inference.intervals import (
     Interval,
     MaximumLikelihood,
@@ -17,7 +25,6 @@ from kneejax.inference.intervals import (
     Profile,
     estimate,
     maximum_likelihood,
-    named,
 )
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named

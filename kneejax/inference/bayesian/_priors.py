@@ -244,21 +244,13 @@ class MotionDensity(eqx.Module):
         counted = own.at(rows)
         arrays = {f.name: getattr(counted, f.name)[0] for f in dataclasses.fields(counted)}
         known = {name: jnp.asarray(x) for name, x in arrays.items() if name != "knee"}
+        target, edge = problem.cases.target.T[:, rows], 0.25 * (upper - lower)
+        mean, precision = np.array([(prior.mean, prior.sd**-2.0) for prior in priors]).T
+        numbers = mean, precision, in_log, lower, upper, np.fmin(0.5 * deviation, edge)
         return cls(
-            problem.selection,
-            problem.offsets,
-            problem.knee,
-            problem.cases.load_cases.take(rows),
-            jnp.asarray(problem.cases.target.T[:, rows]),
-            jnp.asarray(noise),
-            known,
-            jnp.array([prior.mean for prior in priors]),
-            jnp.array([prior.sd**-2.0 for prior in priors]),
-            jnp.asarray(in_log),
-            jnp.asarray(lower),
-            jnp.asarray(upper),
-            jnp.asarray(np.fmin(0.5 * deviation, 0.25 * (upper - lower))),
-        )
+            problem.selection, problem.offsets, problem.knee, problem.cases.load_cases.take(rows),
+            jnp.asarray(target), jnp.asarray(noise), known, *map(jnp.asarray, numbers),
+        )  # fmt: skip
 
     def values(self, position: Array) -> Array:
         """Parameters and offsets at positions `(..., p)`."""

@@ -20,19 +20,17 @@ from kneejax.inference.calibration._search import (
     Stage,
     Trail,
     procedures_of,
-    together,
 )
 from kneejax.inference.fit import (
     Noise,
     Problem,
-    SeveralKnees,
     check_finite,
-    offset_units,
+    named,
     on_bounds,
     slack_at,
     without_offsets,
 )
-from kneejax.inference.intervals import Interval, IntervalKind, MaximumLikelihood, estimate, named
+from kneejax.inference.intervals import Interval, IntervalKind, MaximumLikelihood
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, start_within, stated_bounds
 from kneejax.statics import Slopes
@@ -122,7 +120,11 @@ class CalibrationProblem:
         if prior or any(test.readings for test in tests):
             # What is not of a pose counts in a standard deviation of its own.
             noise = noise.as_stated()
-            noise.check_stated("prior" if prior else "readings")
+            if noise.estimated:
+                what = "prior" if prior else "readings"
+                raise UnsuitableData(
+                    f"{what}: expected noise_mm and noise_deg too, against which it counts"
+                )
         weights = noise.first**-2.0
         fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, noise.stated)
         check_finite(fitted.measured)
@@ -161,16 +163,6 @@ def _check_offsets(problem: Problem) -> None:
 _APART = 3.84
 
 
-def estimates_of(
-    knees: SeveralKnees, trails: Sequence[Trail], noise: Noise, lower: np.ndarray, upper: np.ndarray
-) -> list[MaximumLikelihood]:
-    """The best fits near the answers of several knees, and how sure they are; constants between
-    frames are values like others."""
-    first = knees.problems[0]
-    names = named(first.selection) + offset_units(first.offsets)
-    return estimate(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
-
-
 def fit_of(
     problem: Problem,
     procedure: str,
@@ -186,9 +178,8 @@ def fit_of(
     own = without_offsets(found, problem.offsets, problem.cases.posed)
     slack = slack_at(problem.knee, problem.selection, problem.cases, own)
     held = on_bounds(trail.x, lower, upper)
-    names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
-    for i, (name, unit) in enumerate(names):
+    for i, (name, unit) in enumerate(named(problem.selection, problem.offsets)):
         numbers = map(float, (trail.x[i], start[i], lower[i], upper[i]))
         one = Estimate(name, unit, *numbers, np.nan, bool(held[i]))
         if likely is not None:

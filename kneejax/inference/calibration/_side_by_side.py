@@ -10,7 +10,6 @@ import numpy as np
 from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.inference.calibration._calibrate import (
     CalibrationProblem,
-    estimates_of,
     fit_of,
     motion_of,
     rmse_of,
@@ -25,8 +24,16 @@ from kneejax.inference.calibration._search import (
     run_side_by_side,
     together,
 )
-from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
-from kneejax.inference.intervals import MaximumLikelihood
+from kneejax.inference.fit import (
+    Noise,
+    Problem,
+    Progress,
+    SeveralKnees,
+    form_of,
+    named,
+    several_starts,
+)
+from kneejax.inference.intervals import MaximumLikelihood, estimate
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -275,7 +282,10 @@ def _fits(
         lap("search")
         if not number:
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
-            sure = estimates_of(knees, trails, one.noise, lower, upper)
+            # Constants between frames are values like others.
+            names = named(one.fitted.selection, one.fitted.offsets)
+            near, data = together(trails), knees.cases
+            sure = estimate(knees.balance, data, near, one.noise, lower, upper, names)
             if procedure == "III":
                 noise = [likely.noise for likely in sure]
                 knees = knees.weighing(_weighing(knees.problems, noise, one))
@@ -364,25 +374,15 @@ def _answer(
     poor = misfits(fits[0].rmse, start_rmse, stated, counted, poses)
     for own, before in zip(fits[0].tests, start_tests, strict=True):
         poor += misfits_of_test(own, before, stated, counted)
+    knee, noise = problem.knee, map(float, likely.noise)
     return Calibration(
-        title=one.title,
-        knee=problem.knee.name,
-        measured=problem.measured,
-        start=motion_of(problem, first),
-        start_rmse=start_rmse,
+        title=one.title, knee=knee.name, measured=problem.measured,
+        start=motion_of(problem, first), start_rmse=start_rmse, start_tests=start_tests,
         start_partial_objectives=squares_of(problem, first),
-        start_objective=problem.objective(first),
-        start_tests=start_tests,
-        fits=tuple(fits),
-        ligaments=problem.knee.ligaments.names,
-        contacts=problem.knee.contact_names,
-        truth=dict(one.truth),
-        noise=dict(zip(FREE_COORDINATES, map(float, likely.noise), strict=True)),
-        noise_estimated=likely.noise_estimated,
-        misfits=poor,
-        weights=problem.weights,
-        left_out=int((~problem.used).sum()),
-        seconds={},
-        versions=versions(),
+        start_objective=problem.objective(first), fits=tuple(fits),
+        ligaments=knee.ligaments.names, contacts=knee.contact_names, truth=dict(one.truth),
+        noise=dict(zip(FREE_COORDINATES, noise, strict=True)),
+        noise_estimated=likely.noise_estimated, misfits=poor, weights=problem.weights,
+        left_out=int((~problem.used).sum()), seconds={}, versions=versions(),
         settings=dict(one.settings),
-    )
+    )  # fmt: skip

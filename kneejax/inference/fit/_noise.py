@@ -110,17 +110,6 @@ class Noise:
         """The same by what is stated alone: of weights counts only which are zero."""
         return Noise(self.stated, DEFAULT_WEIGHTS**-0.5)
 
-    def check_stated(self, beside: str) -> None:
-        """Refuse noise that is estimated beside what counts in a standard deviation of its own.
-
-        Raises:
-            UnsuitableData: some noise is not stated.
-        """
-        if self.estimated:
-            raise UnsuitableData(
-                f"{beside}: expected noise_mm and noise_deg too, against which it counts"
-            )
-
     def left(
         self, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray
     ) -> np.ndarray:

@@ -237,15 +237,11 @@ def synthetic_motion(
         UnsuitableData: where the knee with these parameters has no balance.
         Implausible: no knee has these parameters.
     """
-    true_knee = knee.replace(truth)
-    table = np.zeros((len(flexion_deg), 6))
-    table[:, 0] = flexion_deg
-    motion = balance_one(true_knee, LoadCases.at(flexion_deg, tuple(loads)))
+    motion = balance_one(knee.replace(truth), LoadCases.at(flexion_deg, tuple(loads)))
     poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])
         raise UnsuitableData(f"the knee that makes the data has no balance at {angles} degrees")
     scatter = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
     noise = np.random.default_rng(seed).standard_normal((len(flexion_deg), 5))
-    table[:, 1:] = poses + scatter * noise
-    return table
+    return np.column_stack([flexion_deg, poses + scatter * noise])

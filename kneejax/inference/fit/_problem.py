@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.geometry import FREE_COORDINATES, State
+from kneejax.geometry import COORDINATES, State
 from kneejax.inference.fit._cut import Passage, balances_of, state_of, without
 from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.inference.fit._observed import (
@@ -273,7 +273,7 @@ def check_finite(measured: np.ndarray) -> None:
         raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
 
 
-def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Constants between frames with their units, as `named` gives them of parameters."""
-    degrees = dict(zip(FREE_COORDINATES, TABLE_UNITS != 1.0, strict=True))
-    return [(name, "deg" if degrees[name] else "mm") for name in offsets]
+def named(selection: Selection, offsets: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Names and units of parameters, then of constants between frames."""
+    parameters = [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
+    return parameters + [(name, COORDINATES[name].unit) for name in offsets]

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import PATIENT, Balance, ManyFits, Observations, balances_of, fit_lanes
+from kneejax.inference.fit import (
+    PATIENT,
+    Balance,
+    ManyFits,
+    Observations,
+    balances_of,
+    fit_lanes,
+    named,
+)
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
@@ -140,14 +148,8 @@ def profiles(
     Returns:
         One profile per parameter.
     """
-    balance = balances_of(knee, selection, data)
-    names = named(selection)
+    balance, names = balances_of(knee, selection, data), named(selection)
     return follow(balance, data, fit, lower, upper, threshold, names)[0][0]
-
-
-def named(selection: Selection) -> list[tuple[str, str]]:
-    """Names and units of parameters."""
-    return [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
 
 
 def follow(
@@ -186,7 +188,12 @@ def follow(
     arms = Arms(fits, residual, slope, lower, upper, np.sqrt(threshold), pace)
     of_arms = data.take(arms.fit_of)
     for last in [*[False] * _ROUNDS, True]:
-        _walk(balance, of_arms, arms, leave)
+        while arms.active.any():
+            rows, values = arms.trials()
+            found = balance(values, arms.near.take(rows))
+            arms.advance(rows, found, *of_arms.take(rows).residual(found))
+            if leave:
+                arms.leave(rows)
         narrow = arms.too_narrow()
         if not narrow:
             break
@@ -194,14 +201,10 @@ def follow(
         values = np.array([n.point.parameters for n in narrow])
         there = _led(balance, arms.near.take(donors), values)
         arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
-    error = np.array([uncertainty(one).standard_error for one in slope])
-    profiles_ = [
-        tuple(
-            _profile(names[i], arms, fit, i, float(error[fit, i]), threshold)
-            for i in range(len(names))
-        )
-        for fit in range(len(fits.values))
-    ]
+    profiles_ = []
+    for fit, one in enumerate(slope):
+        each = enumerate(zip(names, uncertainty(one).standard_error, strict=True))
+        profiles_.append(tuple(_profile(*x, arms, fit, i, threshold) for i, x in each))
     return profiles_, arms.near.take(arms.lowest())
 
 
@@ -217,16 +220,6 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
             here = balance(stop, here)
         there.put(lost, here)
     return there
-
-
-def _walk(balance: Balance, data: Observations, arms: Arms, leave: bool) -> None:
-    """Advance all arms to their ends; data are those of each arm."""
-    while arms.active.any():
-        rows, values = arms.trials()
-        found = balance(values, arms.near.take(rows))
-        arms.advance(rows, found, *data.take(rows).residual(found))
-        if leave:
-            arms.leave(rows)
 
 
 def follow_to_the_lowest(
@@ -277,7 +270,7 @@ def follow_to_the_lowest(
 
 
 def _profile(
-    name: tuple[str, str], arms: Arms, fit: int, i: int, error: float, threshold: float
+    name: tuple[str, str], error: float, arms: Arms, fit: int, i: int, threshold: float
 ) -> Profile:
     down, up = (2 * (fit * arms.size + i) + way for way in (0, 1))
     points = [*reversed(arms.curve(down)[1:]), *arms.curve(up)]
@@ -285,16 +278,8 @@ def _profile(
         float(np.where(arms.end[row], bound[i], arms.limit[row]))
         for row, bound in ((down, arms.lower), (up, arms.upper))
     )
+    curve = (np.array([getattr(p, x) for p in points]) for x in ("value", "rise", "parameters"))
     return Profile(
-        *name,
-        arms.points[up][0].value,
-        error,
-        np.array([p.value for p in points]),
-        np.array([p.rise for p in points]),
-        np.array([p.parameters for p in points]),
-        low,
-        high,
-        arms.end[down],
-        arms.end[up],
-        threshold,
-    )
+        *name, arms.points[up][0].value, float(error), *curve, low, high, arms.end[down],
+        arms.end[up], threshold,
+    )  # fmt: skip

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import importlib
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +14,8 @@ from kneejax.parameters import UnsuitableData
 
 #: Method -> measures in the order of tables; the first ranks the parameters.
 MEASURES = {"sobol": ("total_order", "first_order"), "morris": ("mu_star", "sigma", "mu")}
-_SALIB_NAMES = {
-    "total_order": ("ST", "ST_conf"),
-    "first_order": ("S1", "S1_conf"),
-    "mu_star": ("mu_star", "mu_star_conf"),
-    "sigma": ("sigma", None),
-    "mu": ("mu", None),
-}
+#: What SALib calls a measure, where it has a name of its own; and measures without an interval.
+_SALIB_NAMES, _BARE = {"total_order": "ST", "first_order": "S1"}, ("sigma", "mu")
 #: Samples where nobody says how many.
 USUAL_SAMPLES = {"sobol": 256, "morris": 64}
 #: Fewest blocks from which anything is computed.
@@ -149,11 +143,8 @@ def global_indices(
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     check_request(method, names, lower, upper, samples)
-    problem = {
-        "num_vars": len(names),
-        "names": list(names),
-        "bounds": np.column_stack([lower, upper]).tolist(),
-    }
+    bounds = np.column_stack([lower, upper]).tolist()
+    problem = {"num_vars": len(names), "names": list(names), "bounds": bounds}
     # To SALib a seed of 0 is none.
     x, analyse = _scheme(method, problem, samples, seed + 1, confidence)
     y = np.asarray(model(x), float).reshape(len(x), len(outputs))
@@ -166,26 +157,18 @@ def global_indices(
     columns = np.ascontiguousarray(y[kept].T)
     found = [analyse(x[kept], y) if enough and np.ptp(y) > _CONSTANT * np.abs(y).max() else None
              for y in columns]
-    return GlobalIndices(
-        method, tuple(names), tuple(outputs), lower, upper, *_numbers(method, found, len(names)),
-        confidence, len(x), int((~sound).sum()), samples, int((~whole).sum()),
-    )  # fmt: skip
-
-
-def _numbers(
-    method: str, found: Sequence[Mapping[str, Any] | None], count: int
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Measures, and half widths of those that have one, `(outputs, p)`; NaN where none is known."""
 
     def table(key: str) -> np.ndarray:
-        unknown = np.full(count, np.nan)
+        unknown = np.full(len(names), np.nan)
         return np.array([unknown if one is None else one[key] for one in found], float)
 
-    names = {name: _SALIB_NAMES[name] for name in MEASURES[method]}
-    return (
-        {name: table(value) for name, (value, _) in names.items()},
-        {name: table(half_width) for name, (_, half_width) in names.items() if half_width},
-    )
+    keys = {name: _SALIB_NAMES.get(name, name) for name in MEASURES[method]}
+    measures = {name: table(key) for name, key in keys.items()}
+    halves = {name: table(f"{key}_conf") for name, key in keys.items() if name not in _BARE}
+    return GlobalIndices(
+        method, tuple(names), tuple(outputs), lower, upper, measures, halves, confidence, len(x),
+        int((~sound).sum()), samples, int((~whole).sum()),
+    )  # fmt: skip
 
 
 def check_request(method: str, names, lower: np.ndarray, upper: np.ndarray, samples: int) -> None:

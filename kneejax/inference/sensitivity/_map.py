@@ -105,21 +105,15 @@ def sensitivity_maps(
             knee, selection, base, LoadCases.at(flexion), weights, back, measured, offsets,
             convention, failures,
         )  # fmt: skip
-    size = len(study.load_cases)
-    total = len(pairs) * grid[0] * grid[1] * size
-    maps, done = [], 0
+    each, maps = grid[0] * grid[1] * len(study.load_cases), []
     for pair in pairs:
-        x, y = (
-            np.linspace(limits[name][0], limits[name][1], points)
-            for name, points in zip(pair, grid, strict=True)
-        )
+        x, y = (np.linspace(*limits[name], count) for name, count in zip(pair, grid, strict=True))
 
-        def report(count: int, _: int, before: int = done) -> None:
+        def report(count: int, _: int, before: int = each * len(maps)) -> None:
             if progress is not None:
-                progress(min(before + count, total), total)
+                progress(min(before + count, each * len(pairs)), each * len(pairs))
 
         maps.append(study.map(pair, x, y, store, report))
-        done += x.size * y.size * size
     return tuple(maps)
 
 
