@@ -106,8 +106,14 @@ def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Populat
     total = float(weight @ (variance + (mean - middle) ** 2))
     below = np.cumsum(weight) - 0.5 * weight
     low, between, high = (float(np.interp(level, below, tau)) for level in _LEVELS)
-    shrunk, spread, alone = _knees(np.where(told, y, 0.0), np.where(told, s, np.inf),
-                                   tau, weight, mean, variance)  # fmt: skip
+    share = np.ones((len(y), len(tau)))  # of the population in what is known of a knee
+    square = s[told, None] ** 2
+    share[told] = square / (square + tau**2)
+    each = share * mean + (1.0 - share) * np.where(told, y, 0.0)[:, None]
+    shrunk = each @ weight
+    inner = share * tau**2 + share**2 * variance
+    spread = (inner + (each - shrunk[:, None]) ** 2) @ weight
+    alone = float(weight @ (tau**2 + variance + (mean - middle) ** 2))
     # With few knees the tail of the spread is heavy: its median says what to expect.
     following, side = float(np.sqrt(total + between**2)), 1.96 * float(np.sqrt(total))
     own = np.clip(1.0 - spread / alone, 0.0, 1.0)
@@ -134,17 +140,3 @@ def _posterior(y: np.ndarray, s: np.ndarray):
         if not closely:
             grid = np.linspace(0.0, far, _POINTS)
     return grid, weight, mean, variance
-
-
-def _knees(y, s, tau, weight, mean, variance):
-    """Posterior mean and variance of every knee, and the variance without its own data."""
-    share = np.ones((len(y), len(tau)))  # of the population in what is known of a knee
-    told = np.isfinite(s)
-    square = s[told, None] ** 2
-    share[told] = square / (square + tau**2)
-    own = share * mean + (1.0 - share) * y[:, None]
-    middle = own @ weight
-    inner = share * tau**2 + share**2 * variance
-    spread = (inner + (own - middle[:, None]) ** 2) @ weight
-    alone = float(weight @ (tau**2 + variance + (mean - weight @ mean) ** 2))
-    return middle, spread, alone

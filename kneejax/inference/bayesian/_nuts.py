@@ -102,17 +102,13 @@ def sample(
     seen = [chains.advance(adapting=False) for _ in range(-(-draws // _CHUNK))]
     trace = {key: np.concatenate([s[key] for s in seen])[:draws] for key in seen[0]}
     trace = {key: np.swapaxes(value, 0, 1) for key, value in trace.items()}
+    position = np.asarray(scaled.outwards(trace.pop("position")))
+    seconds = {"compile": chains.first, "warmup": warmed - chains.begun - chains.first}
+    seconds["sampling"] = time.perf_counter() - warmed
     return Chains(
-        position=np.asarray(scaled.outwards(trace.pop("position"))),
-        **trace,
-        step_size=float(final(chains.tuning)),
-        warmup_evaluations=evaluations,
-        seconds={
-            "compile": chains.first,
-            "warmup": warmed - chains.begun - chains.first,
-            "sampling": time.perf_counter() - warmed,
-        },
-    )
+        position=position, **trace, step_size=float(final(chains.tuning)),
+        warmup_evaluations=evaluations, seconds=seconds,
+    )  # fmt: skip
 
 
 class _Run:

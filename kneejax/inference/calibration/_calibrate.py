@@ -142,7 +142,7 @@ class CalibrationProblem:
     def weighing(self, noise: np.ndarray) -> CalibrationProblem:
         """The same whose squares weigh by the noise that an answer left, `(5,)`, where it was
         estimated."""
-        if self.noise.given or not self.noise.estimated:
+        if not self.noise.weighs:
             return self
         return dataclasses.replace(self, fitted=self.fitted.weighing(np.asarray(noise, float)))
 
@@ -164,14 +164,9 @@ _APART = 3.84
 
 
 def fit_of(
-    problem: Problem,
-    procedure: str,
-    trail: Trail,
-    start: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    likely: MaximumLikelihood | None,
-) -> Fit:
+    problem: Problem, procedure: str, trail: Trail, start: np.ndarray, lower: np.ndarray,
+    upper: np.ndarray, likely: MaximumLikelihood | None,
+) -> Fit:  # fmt: skip
     """The answer of one procedure that began at parameters and offsets `start`; `likely` says how
     sure it is, None for a procedure that is there to compare."""
     found, size = trail.known, len(problem.selection)

@@ -253,11 +253,9 @@ def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
 
 
 def _fits(
-    knees: SeveralKnees,
-    members: Sequence[CalibrationProblem],
-    first: Sequence[Slopes],
+    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Sequence[Slopes],
     progress: Progress,
-) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:
+) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:  # fmt: skip
     """The knees with the noise that is known in the end; the answers of each procedure from given
     balances; and how sure that of the first is, a knee each."""
     one = members[0]
@@ -273,7 +271,7 @@ def _fits(
                 # Ends of several starts are compared with the noise that one of them leaves.
                 trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
                 left = one.noise.left(knees.cases, together(trails), lower, upper)
-                knees = knees.weighing(_weighing(knees.problems, left, one))
+                knees = knees.weighing(left) if one.noise.weighs else knees
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
@@ -287,8 +285,8 @@ def _fits(
             near, data = together(trails), knees.cases
             sure = estimate(knees.balance, data, near, one.noise, lower, upper, names)
             if procedure == "III":
-                noise = [likely.noise for likely in sure]
-                knees = knees.weighing(_weighing(knees.problems, noise, one))
+                if one.noise.weighs:
+                    knees = knees.weighing([likely.noise for likely in sure])
                 where = zip(knees.problems, first, trails, sure, strict=True)
                 trails = [_at_the_bottom(*each, one.noise) for each in where]
             lap("limits")
@@ -305,21 +303,11 @@ def _fits(
     return knees, fits, sure
 
 
-def _weighing(problems: Sequence[Problem], noise, one: CalibrationProblem) -> list[Problem]:
-    """Problems with estimated noise, `(5,)` each, where that decides what a square weighs."""
-    if one.noise.given or not one.noise.estimated:
-        return list(problems)
-    return [
-        own if np.isnan(left).any() else own.weighing(left)
-        for own, left in zip(problems, noise, strict=True)
-    ]
-
-
 def _at_the_bottom(
     problem: Problem, first: Slopes, trail: Trail, likely: MaximumLikelihood, noise: Noise
 ) -> Trail:
     """The trail on to the best fit, around which the limits are."""
-    if noise.estimated and not noise.given:
+    if noise.weighs:
         trail = trail.weighed(problem)
     if not trail.converged:
         return trail
@@ -361,12 +349,9 @@ def _walked_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 
 def _answer(
-    one: CalibrationProblem,
-    problem: Problem,
-    first: Slopes,
-    fits: list[Fit],
+    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit],
     likely: MaximumLikelihood,
-) -> Calibration:
+) -> Calibration:  # fmt: skip
     """What is reported of one knee; seconds are those of all, and follow."""
     start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())

@@ -105,15 +105,9 @@ def departures(
 
 #: Loads of the usual tests, of the size that laxity tests use: name of a load -> its size.
 USUAL_LOADS: tuple[dict[str, float], ...] = (
-    {},
-    {"anterior_N": 100.0},
-    {"anterior_N": -100.0},
-    {"internal_Nm": 3.0},
-    {"internal_Nm": -3.0},
-    {"varus_Nm": 10.0},
-    {"varus_Nm": -10.0},
-    {"compression_N": 200.0},
-)
+    {}, {"anterior_N": 100.0}, {"anterior_N": -100.0}, {"internal_Nm": 3.0}, {"internal_Nm": -3.0},
+    {"varus_Nm": 10.0}, {"varus_Nm": -10.0}, {"compression_N": 200.0},
+)  # fmt: skip
 #: Flexions of the usual tests, degrees.
 USUAL_FLEXION_DEG = tuple(range(0, 121, 15))
 

@@ -197,8 +197,7 @@ class Passage:
         if not begin.converged.all():
             status = Status(int(begin.status[0, 0]))
             raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
-        moving = frames.moving(vary(knee, jnp.asarray(values)))
-        moving = moving.critically_damped(frames.critical)
+        moving = frames.moving(vary(knee, jnp.asarray(values))).critically_damped(frames.critical)
         moving = moving.damped_everywhere(frames.damping_N_s_per_mm)
         start = _start(knee, frames, begin)[0][0]
         led = _led(knee, frames, load_cases)

@@ -208,8 +208,10 @@ class SeveralKnees:
         """The same with only some load cases that count, `(cases,)`."""
         return self._with([one.with_used(rows) for one in self.problems])
 
-    def weighing(self, problems: Sequence[Problem]) -> SeveralKnees:
-        """The same with the noise that problems have now, each its own."""
+    def weighing(self, noise: Sequence[np.ndarray]) -> SeveralKnees:
+        """The same with a noise each, `(5,)`, where it is known."""
+        every = zip(self.problems, noise, strict=True)
+        problems = [one if np.isnan(own).any() else one.weighing(own) for one, own in every]
         noise = np.stack([one.cases.noise for one in problems])
         cases = dataclasses.replace(self.cases, noise=noise if len(noise) > 1 else noise[0])
         return dataclasses.replace(self, problems=tuple(problems), cases=cases)

@@ -93,6 +93,11 @@ class Noise:
         return bool(self.unknown.any())
 
     @property
+    def weighs(self) -> bool:
+        """Whether it decides, as estimated, what a square weighs."""
+        return self.estimated and not self.given
+
+    @property
     def unit(self) -> float:
         """What the first sum of squares rises by where chi squared does by one; infinite where the
         noise is not known."""
