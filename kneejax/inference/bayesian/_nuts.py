@@ -68,16 +68,9 @@ class Chains:
 
 
 def sample(
-    target: Target,
-    start: ChainState,
-    origin: np.ndarray,
-    covariance: np.ndarray,
-    *,
-    draws: int,
-    warmup: int,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Chains:
+    target: Target, start: ChainState, origin: np.ndarray, covariance: np.ndarray, *, draws: int,
+    warmup: int, seed: int = 0, progress: Callable[[int, int], None] | None = None,
+) -> Chains:  # fmt: skip
     """Draw from a density by the no-U-turn sampler.
 
     Positions are scaled so that the density is near a standard normal one: about an `origin`,

@@ -176,17 +176,10 @@ def run_procedure(
 
 
 def run_side_by_side(
-    knees: SeveralKnees,
-    procedure: str,
-    starts: Sequence[Slopes],
-    lower: np.ndarray,
-    upper: np.ndarray,
-    cycles: int = USUAL_CYCLES,
-    method: str = "least_squares",
-    stages: Sequence[Stage] = (),
-    unit: float = np.inf,
-    progress: Progress | None = None,
-) -> list[Trail]:
+    knees: SeveralKnees, procedure: str, starts: Sequence[Slopes], lower: np.ndarray,
+    upper: np.ndarray, cycles: int = USUAL_CYCLES, method: str = "least_squares",
+    stages: Sequence[Stage] = (), unit: float = np.inf, progress: Progress | None = None,
+) -> list[Trail]:  # fmt: skip
     """As `run_procedure`, of several knees at once where the search allows it.
 
     Args:

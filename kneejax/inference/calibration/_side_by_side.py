@@ -18,12 +18,7 @@ from kneejax.inference.calibration._calibrate import (
 )
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
-from kneejax.inference.calibration._search import (
-    Trail,
-    run_procedure,
-    run_side_by_side,
-    together,
-)
+from kneejax.inference.calibration._search import Trail, run_procedure, run_side_by_side, together
 from kneejax.inference.fit import (
     Noise,
     Problem,

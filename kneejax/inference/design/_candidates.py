@@ -71,15 +71,9 @@ def load_case_derivatives(
 
 
 def departures(
-    selection: Selection,
-    knee: Knee,
-    values: np.ndarray,
-    covariance: np.ndarray,
-    noise: np.ndarray,
-    candidates: Sequence[Candidate],
-    chosen: Sequence[int],
-    foreseen: LoadCaseDerivatives,
-) -> np.ndarray:
+    selection: Selection, knee: Knee, values: np.ndarray, covariance: np.ndarray, noise: np.ndarray,
+    candidates: Sequence[Candidate], chosen: Sequence[int], foreseen: LoadCaseDerivatives,
+) -> np.ndarray:  # fmt: skip
     """How wrong first derivatives are over the width that matters, for each chosen test,
     `(chosen,)`.
 

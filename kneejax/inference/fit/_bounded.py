@@ -152,21 +152,15 @@ class BoundedLevenbergMarquardt:
 
     def _begun(self, readings: int) -> _Point:
         count, size = self.trial.shape
+        each = count, readings
         return _Point(
-            x=self.trial.copy(),
-            residual=np.full((count, readings), np.inf),
-            jacobian=np.zeros((count, readings, size)),
-            damping=np.full(count, self._damping),
-            steepest=np.zeros((count, size)),
-            led=np.full((count, readings), np.nan),
-            inwards=np.zeros((count, readings)),
-            jumps=np.zeros((count, readings), bool),
-            earlier=np.zeros((count, 2, readings)),
-            reduction=np.full(count, np.inf),
-            seen=np.zeros(count, bool),
-            accepted=np.zeros(count, bool),
+            x=self.trial.copy(), residual=np.full(each, np.inf), jacobian=np.zeros((*each, size)),
+            damping=np.full(count, self._damping), steepest=np.zeros((count, size)),
+            led=np.full(each, np.nan), inwards=np.zeros(each), jumps=np.zeros(each, bool),
+            earlier=np.zeros((count, 2, readings)), reduction=np.full(count, np.inf),
+            seen=np.zeros(count, bool), accepted=np.zeros(count, bool),
             refused=np.zeros(count, int),
-        )
+        )  # fmt: skip
 
 
 def _judged(

@@ -267,15 +267,9 @@ class _Varied:
 
 
 def passed(
-    lanes_of: Callable[..., MovingKnee],
-    moving: MovingKnee,
-    fixed: Any,
-    given: Given,
-    equilibrium: Equilibrium,
-    asked: Array,
-    values: ArrayLike,
-    slope: ArrayLike,
-) -> Passed:
+    lanes_of: Callable[..., MovingKnee], moving: MovingKnee, fixed: Any, given: Given,
+    equilibrium: Equilibrium, asked: Array, values: ArrayLike, slope: ArrayLike,
+) -> Passed:  # fmt: skip
     """What variants of a moving knee pass, and its derivatives by the values.
 
     Args:

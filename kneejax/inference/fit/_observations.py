@@ -191,12 +191,9 @@ def _acting(
 
 
 def _together(
-    loads: tuple[Load | Pull, ...],
-    acting: list[list[Load | Pull]],
-    poses: int,
-    count: int,
+    loads: tuple[Load | Pull, ...], acting: list[list[Load | Pull]], poses: int, count: int,
     constants: int,
-) -> tuple[Load | Pull, ...]:
+) -> tuple[Load | Pull, ...]:  # fmt: skip
     """Loads at the poses, then those of the tests, each zero where the others act; of the first
     few, which are constant, those that act."""
     after = (0, count - poses), (0, 0)

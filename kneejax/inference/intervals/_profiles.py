@@ -153,16 +153,9 @@ def profiles(
 
 
 def follow(
-    balance: Balance,
-    data: Observations,
-    fits: Slopes,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    threshold: float,
-    names: Sequence[tuple[str, str]],
-    pace: Pace = Pace.FINE,
-    leave: bool = False,
-) -> tuple[list[tuple[Profile, ...]], Slopes]:
+    balance: Balance, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray,
+    threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE, leave: bool = False,
+) -> tuple[list[tuple[Profile, ...]], Slopes]:  # fmt: skip
     """Profiles of many fits at once.
 
     All arms advance together, an evaluation each, to where the linear model at their last points
@@ -223,16 +216,10 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
 
 
 def follow_to_the_lowest(
-    balance: Balance,
-    data: Observations,
-    fits: ManyFits,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    threshold: float,
-    names: Sequence[tuple[str, str]],
-    pace: Pace = Pace.FINE,
+    balance: Balance, data: Observations, fits: ManyFits, lower: np.ndarray, upper: np.ndarray,
+    threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE,
     restarts: int = _RESTARTS,
-) -> tuple[Slopes, list[tuple[Profile, ...]]]:
+) -> tuple[Slopes, list[tuple[Profile, ...]]]:  # fmt: skip
     """Profiles of fits; a fit moves where one of its profiles has found a lower valley.
 
     Args:

@@ -28,14 +28,13 @@ from kneejax.statics import (
 
 
 class _Part(NamedTuple):
-    """Load cases with the same ligaments cut: their rows, a knee whose fibres cannot tear where
-    they are cut, what varies and cuts it, the load cases, and its balances there at `base`."""
+    """Load cases with the same ligaments cut."""
 
-    rows: np.ndarray
-    knee: Knee
-    vary: Vary
-    load_cases: LoadCases
-    own: Equilibria
+    rows: np.ndarray  # theirs
+    knee: Knee  # whose fibres cannot tear where they are cut
+    vary: Vary  # what varies and cuts it
+    load_cases: LoadCases  # these
+    own: Equilibria  # balances there at `base`
 
 
 #: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
@@ -57,10 +56,30 @@ class Maps(abc.ABC):
     # Number of poses or load cases that count nowhere.
     left_out: int = dataclasses.field(init=False)
     start_objective: float = dataclasses.field(init=False)  # at `base`
+    parts: list[_Part] = dataclasses.field(init=False, default_factory=list)
 
-    @abc.abstractmethod
+    def _at_home(self, rows, knee: Knee, vary: Vary, load_cases: LoadCases) -> Equilibria:
+        """Add a part; balances of the knee's own values there."""
+        itself = np.asarray(self.selection.read(self.knee))
+        both = balance_many(knee, vary, np.stack([self.base, itself]), load_cases)
+        self.parts.append(_Part(rows, knee, vary, load_cases, both.at([0])))
+        return both.at([1])
+
     def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        """Balance lines of grid points, as `kneejax.statics.balance_lines`."""
+        """Balance lines of grid points, as `kneejax.statics.balance_lines`, part by part."""
+        found, done = [], 0
+        for number, part in enumerate(self.parts):
+
+            def report(count: int, of: int, before: int = done) -> None:
+                if progress is not None:
+                    progress(before + count, of)
+
+            found.append(balance_lines(
+                part.knee, part.vary, values, part.load_cases, begin,
+                near=near and near[number], progress=report,
+            ))  # fmt: skip
+            done += values.shape[0] * values.shape[1] * len(part.rows)
+        return found
 
     @abc.abstractmethod
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
@@ -119,18 +138,12 @@ class LoadedMaps(Maps):
     def __post_init__(self) -> None:
         """The knee's own balances say what counts and what is physiological; searches begin at
         those of `base`."""
-        every, itself = self.load_cases.of(self.knee), np.asarray(self.selection.read(self.knee))
-        self.parts: list[_Part] = []
-        homes = []
+        every, homes = self.load_cases.of(self.knee), []
         for number, names in enumerate(self.problem.cases.cuts):
             rows = np.flatnonzero(self.problem.cases.cut == number)
-            if not len(rows):
-                continue
-            knee, vary = without(self.knee, self.selection, names)
-            load_cases = every.take(rows)
-            both = balance_many(knee, vary, np.stack([self.base, itself]), load_cases)
-            homes.append(both.at([1]))
-            self.parts.append(_Part(rows, knee, vary, load_cases, both.at([0])))
+            if len(rows):
+                varied = without(self.knee, self.selection, names)
+                homes.append(self._at_home(rows, *varied, every.take(rows)))
         used = converged(self._joined(homes, "status")[0])
         if not used.any():
             raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
@@ -139,21 +152,6 @@ class LoadedMaps(Maps):
         self.left_out = int((~self.cases.counted).sum())
         here = [part.own for part in self.parts]
         self.start_objective = float(self._misfit(self.base[None], here)[0][0])
-
-    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        found, done = [], 0
-        for number, part in enumerate(self.parts):
-
-            def report(count: int, of: int, before: int = done) -> None:
-                if progress is not None:
-                    progress(before + count, of)
-
-            found.append(balance_lines(
-                part.knee, part.vary, values, part.load_cases, begin,
-                near=near and near[number], progress=report,
-            ))  # fmt: skip
-            done += values.shape[0] * values.shape[1] * len(part.rows)
-        return found
 
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         shape, counted = values.shape[:-1], self.cases.counted
@@ -206,22 +204,14 @@ class PassiveMaps(Maps):
     def __post_init__(self) -> None:
         """The knee's own motion says what counts and what is physiological; searches begin at the
         motion of `base`."""
-        vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
-        found = balance_many(self.knee, vary, np.stack([self.base, own]), self.load_cases)
-        here, home = found.at([0]), found.at([1])
+        rows = np.arange(len(self.load_cases))
+        home = self._at_home(rows, self.knee, self.selection.apply, self.load_cases)
         self.own_table, used = home.table[0], home.converged[0][self.back]
         if not used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
         self.left_out = int((~used).sum())
         self.back, self.measured = self.back[used], self.measured[used]
-        self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
-
-    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        found = balance_lines(
-            self.knee, self.selection.apply, values, self.load_cases, begin,
-            near=near and near[0], progress=progress,
-        )  # fmt: skip
-        return [found]
+        self.start_objective = float(self.weights @ self._partial(self.parts[0].own.table)[:, 0])
 
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         (own,) = found
