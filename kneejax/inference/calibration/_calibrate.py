@@ -175,8 +175,8 @@ def fit_of(
     held = on_bounds(trail.x, lower, upper)
     estimates = []
     for i, (name, unit) in enumerate(named(problem.selection, problem.offsets)):
-        numbers = map(float, (trail.x[i], start[i], lower[i], upper[i]))
-        one = Estimate(name, unit, *numbers, np.nan, bool(held[i]))
+        value, begin, low, high = map(float, (trail.x[i], start[i], lower[i], upper[i]))
+        one = Estimate(name, unit, value, begin, low, high, np.nan, bool(held[i]))
         if likely is not None:
             loose = slack.get(problem.selection.ligament(i)) if i < size else None
             interval = likely.intervals[i].beside(one.value, float(likely.best.values[0, i]))

@@ -212,8 +212,8 @@ class SeveralKnees:
         """The same with a noise each, `(5,)`, where it is known."""
         every = zip(self.problems, noise, strict=True)
         problems = [one if np.isnan(own).any() else one.weighing(own) for one, own in every]
-        noise = np.stack([one.cases.noise for one in problems])
-        cases = dataclasses.replace(self.cases, noise=noise if len(noise) > 1 else noise[0])
+        now = np.stack([one.cases.noise for one in problems])
+        cases = dataclasses.replace(self.cases, noise=now if len(now) > 1 else now[0])
         return dataclasses.replace(self, problems=tuple(problems), cases=cases)
 
     def with_data(self, names: Sequence[str]) -> SeveralKnees:

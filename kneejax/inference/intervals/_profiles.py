@@ -265,8 +265,8 @@ def _profile(
         float(np.where(arms.end[row], bound[i], arms.limit[row]))
         for row, bound in ((down, arms.lower), (up, arms.upper))
     )
-    curve = (np.array([getattr(p, x) for p in points]) for x in ("value", "rise", "parameters"))
+    values, rise, parameters, _ = map(np.array, zip(*points, strict=True))
     return Profile(
-        *name, arms.points[up][0].value, float(error), *curve, low, high, arms.end[down],
-        arms.end[up], threshold,
+        *name, arms.points[up][0].value, float(error), values, rise, parameters, low, high,
+        arms.end[down], arms.end[up], threshold,
     )  # fmt: skip

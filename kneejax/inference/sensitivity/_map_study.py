@@ -115,9 +115,9 @@ class Maps(abc.ABC):
         whole = {key: np.concatenate([part[key] for part in parts], axis=-2) for key in parts[0]}
         units = (self.selection.unit(column), self.selection.unit(row))
         start = (float(self.base[column]), float(self.base[row]))
-        numbers = (whole[key] for key in ("objective", "partial", "condition", "lost"))
         return ParameterMap(
-            (pair[0], pair[1]), units, x, y, *numbers, start, self.start_objective, self.left_out,
+            (pair[0], pair[1]), units, x, y, whole["objective"], whole["partial"],
+            whole["condition"], whole["lost"], start, self.start_objective, self.left_out,
             self.weights,
         )  # fmt: skip
 
