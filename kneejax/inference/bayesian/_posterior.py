@@ -219,7 +219,7 @@ def posterior(
     imported("blackjax", "blackjax")
     imported("arviz", "arviz")
     # A calibration's problem must not forget its own weights and poses.
-    problem = dataclasses.replace(problem, cases=dataclasses.replace(problem.cases, noise=noise))
+    problem = problem.weighing(noise)
     beliefs = normal_priors(problem, priors, bounds)
     found = most_probable(problem, beliefs, np.asarray(fit, float))
     likely, covariance = found.values[0], laplace_covariance(problem, found, beliefs)

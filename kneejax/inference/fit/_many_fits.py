@@ -17,13 +17,7 @@ import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of
-from kneejax.inference.fit._observed import (
-    Balance,
-    Observations,
-    add_offsets,
-    best_offsets,
-    with_offsets,
-)
+from kneejax.inference.fit._observed import Balance, Observations, best_offsets, with_offsets
 from kneejax.inference.fit._problem import Problem
 from kneejax.statics import Own, Slopes
 
@@ -194,10 +188,8 @@ class SeveralKnees:
 
     def begin(self, values: np.ndarray) -> Slopes:
         """Balances of each knee at its values `(knees, p)`, followed from its reference pose."""
-        first, posed = self.problems[0], self.cases.posed
-        parameters, shifts = np.split(np.asarray(values, float), [len(first.selection)], axis=1)
-        found = balances_of(first.knee, first.selection, self.cases, self.own)(parameters)
-        return add_offsets(found, shifts, first.offsets, posed)
+        together = dataclasses.replace(self.problems[0], cases=self.cases)
+        return together.begin(values, self.own)
 
     def take(self, rows: Sequence[int]) -> SeveralKnees:
         """Some of the knees. Balances of all go on saying whose they are."""

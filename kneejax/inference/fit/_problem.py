@@ -23,7 +23,7 @@ from kneejax.inference.fit._observed import (
 )
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, stated
-from kneejax.statics import Slopes
+from kneejax.statics import Own, Slopes
 
 #: Called now and then, from any thread: what is computed, how much of it is done and asked for;
 #: 0 and 0 where that cannot be counted.
@@ -200,11 +200,11 @@ class Problem:
         """The knee with these parameters."""
         return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
 
-    def begin(self, values: np.ndarray) -> Slopes:
-        """Balances at values `(fits, p)`, each followed from the knee's reference pose."""
-        values = np.asarray(values, float)
-        parameters, shifts = np.split(values, [len(self.selection)], axis=1)
-        found = balances_of(self.knee, self.selection, self.cases)(parameters)
+    def begin(self, values: np.ndarray, own: Own | None = None) -> Slopes:
+        """Balances at values `(fits, p)`, each followed from the knee's reference pose; `own` are
+        numbers in which knees differ, a fit each."""
+        parameters, shifts = np.split(np.asarray(values, float), [len(self.selection)], axis=1)
+        found = balances_of(self.knee, self.selection, self.cases, own)(parameters)
         return add_offsets(found, shifts, self.offsets, self.cases.posed)
 
     @property
