@@ -66,12 +66,10 @@ class Answered:
         found = [np.empty((0, len(self.own.start)))]
         for place in range(0, len(draws), _AT_ONCE):
             some = draws[place : place + _AT_ONCE]
-            count = len(some)
-            begin = self.first.take(np.zeros(count, int))
-            box = [np.tile(bound, (count, 1)) for bound in (self.own.lower, self.own.upper)]
+            begin = self.first.take(np.zeros(len(some), int))
             fits = fit_lanes(
-                self.own.fitted.balance, data(some), begin, begin.values, *box,
-                most=_MOST_EVALUATIONS,
+                self.own.fitted.balance, data(some), begin, begin.values, self.own.lower,
+                self.own.upper, most=_MOST_EVALUATIONS,
             )  # fmt: skip
             found.append(np.where(fits.converged[:, None], fits.values, np.nan))
         return np.concatenate(found)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 
-import jax
 import numpy as np
 
 from kneejax.geometry import BY_COORDINATE
-from kneejax.inference.calibration import CalibrationProblem, Motion, motion_at
+from kneejax.inference.calibration import CalibrationProblem, Motion, motion_of
 from kneejax.inference.fit import (
+    Noise,
     Observations,
     Problem,
-    balances_of,
     best_offsets,
+    named,
     on_bounds,
     slack_at,
-    state_of,
 )
 from kneejax.inference.intervals import (
     Interval,
@@ -26,7 +25,6 @@ from kneejax.inference.intervals import (
     Profile,
     estimate,
     maximum_likelihood,
-    named,
 )
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named
@@ -115,52 +113,34 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
     start, lower, upper = (x[:size] for x in (problem.start, problem.lower, problem.upper))
     offsets, noise = problem.fitted.offsets, problem.noise
     fitted = dataclasses.replace(problem.fitted, offsets=())
-    knee, selection = fitted.knee, fitted.selection
-    prior = fitted.cases.prior
-    if prior is not None:
-        prior = prior[0][:size], prior[1][:size]
-    balance = balances_of(knee, selection, fitted.cases)
+    prior = fitted.cases.prior and tuple(part[:size] for part in fitted.cases.prior)
+    balance = fitted.balance
     begin = balance(start[None])
     fitted = fitted.balanced_by(begin)
     data = dataclasses.replace(fitted.cases, offsets=offsets, prior=prior)
     spare = fitted.counted_numbers - int(data.taken[noise.counted].sum()) - size
     if noise.estimated:
         check_enough(fitted.counted_numbers, size + len(offsets))
-    box, names = (lower, upper), named(selection)
+    box, names = (lower, upper), named(fitted.selection)
     if with_profiles:
         (sure,) = estimate(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
     else:
         fits, weighed = maximum_likelihood(balance, data, begin, noise, *box, far=True)
         sure = MaximumLikelihood.of_fit(fits, weighed, noise)
     fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
-    residual, _ = data.residual(fit)
-    values, rows = fit.values[0], data.posed
-    own = selection.apply(knee, values)
-    state = jax.tree.map(lambda x: x[rows], state_of(own, data, fit))
-    table, points = np.asarray(state.tibia.to_table()), fit.contact_points[0][rows]
+    values, (residual, _) = fit.values[0], data.residual(fit)
     at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
+    told = fit_information(fitted.knee, fitted.selection, alone, fit, at_bound=at_bound)
+    cases = dataclasses.replace(alone, offsets=())
     return Identification(
-        selection=selection,
-        values=values,
-        lower=lower,
-        upper=upper,
-        at_bound=at_bound,
-        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)),
-        noise=sure.noise,
-        noise_estimated=noise.estimated,
-        chi2=float(residual[0] @ residual[0]),
-        data=fitted.counted_numbers,
-        converged=sure.converged,
-        information=fit_information(knee, selection, alone, fit, at_bound=at_bound),
-        profiles=sure.profiles,
-        intervals=sure.intervals,
-        motion=motion_at(own, table, state, np.moveaxis(points, 0, -1), fit.status[0][rows]),
-        problem=dataclasses.replace(
-            fitted, cases=dataclasses.replace(alone, offsets=()), offsets=offsets
-        ),
-        lost=int((~fitted.used).sum()),
-        spare=spare,
-    )
+        selection=fitted.selection, values=values, lower=lower, upper=upper, at_bound=at_bound,
+        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)), noise=sure.noise,
+        noise_estimated=noise.estimated, chi2=float(residual[0] @ residual[0]),
+        data=fitted.counted_numbers, converged=sure.converged, information=told,
+        profiles=sure.profiles, intervals=sure.intervals, motion=motion_of(fitted, fit),
+        problem=dataclasses.replace(fitted, cases=cases, offsets=offsets),
+        lost=int((~fitted.used).sum()), spare=spare,
+    )  # fmt: skip
 
 
 def check_enough(count: int, unknowns: int) -> None:
@@ -350,10 +330,7 @@ def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:
         >>> noise_of(0.3, 0.2).tolist()
         [0.2, 0.2, 0.3, 0.3, 0.3]
     """
-    for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
-        if not (np.isfinite(value) and value > 0):
-            raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
-    return np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
+    return Noise.of(noise_mm, noise_deg).stated
 
 
 def _check_sizes(jacobian, names, values, scale, held) -> None:

@@ -18,7 +18,8 @@ _POINTS, _FAR = 400, 10.0
 #: Quantities that are positive and differ by factors between knees.
 _FACTORS = ("stiffness", "transition_strain", "transition_width", "failure_strain", "damping",
             "youngs_modulus", "tension")  # fmt: skip
-_EDGES = (0.025, 0.975)
+#: Of the spread: its limits and its median.
+_LEVELS = (0.025, 0.5, 0.975)
 
 
 def in_log(name: str) -> bool:
@@ -103,23 +104,23 @@ def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Populat
     tau, weight, mean, variance = _posterior(y[told], s[told])
     middle = float(weight @ mean)
     total = float(weight @ (variance + (mean - middle) ** 2))
-    between = float(np.interp(0.5, np.cumsum(weight) - 0.5 * weight, tau))
-    shrunk, spread, alone = _knees(np.where(told, y, 0.0), np.where(told, s, np.inf),
-                                   tau, weight, mean, variance)  # fmt: skip
+    below = np.cumsum(weight) - 0.5 * weight
+    low, between, high = (float(np.interp(level, below, tau)) for level in _LEVELS)
+    share = np.ones((len(y), len(tau)))  # of the population in what is known of a knee
+    square = s[told, None] ** 2
+    share[told] = square / (square + tau**2)
+    each = share * mean + (1.0 - share) * np.where(told, y, 0.0)[:, None]
+    shrunk = each @ weight
+    inner = share * tau**2 + share**2 * variance
+    spread = (inner + (each - shrunk[:, None]) ** 2) @ weight
+    alone = float(weight @ (tau**2 + variance + (mean - middle) ** 2))
     # With few knees the tail of the spread is heavy: its median says what to expect.
-    following = float(np.sqrt(total + between**2))
+    following, side = float(np.sqrt(total + between**2)), 1.96 * float(np.sqrt(total))
+    own = np.clip(1.0 - spread / alone, 0.0, 1.0)
     return Population(
-        middle,
-        (middle - 1.96 * float(np.sqrt(total)), middle + 1.96 * float(np.sqrt(total))),
-        between,
-        _limits(tau, weight),
-        shrunk,
-        np.sqrt(spread),
-        np.clip(1.0 - spread / alone, 0.0, 1.0),
-        following,
-        log,
-        int(told.sum()),
-    )
+        middle, (middle - side, middle + side), between, (low, high), shrunk, np.sqrt(spread), own,
+        following, log, int(told.sum()),
+    )  # fmt: skip
 
 
 def _posterior(y: np.ndarray, s: np.ndarray):
@@ -139,24 +140,3 @@ def _posterior(y: np.ndarray, s: np.ndarray):
         if not closely:
             grid = np.linspace(0.0, far, _POINTS)
     return grid, weight, mean, variance
-
-
-def _knees(y, s, tau, weight, mean, variance):
-    """Posterior mean and variance of every knee, and the variance without its own data."""
-    share = np.ones((len(y), len(tau)))  # of the population in what is known of a knee
-    told = np.isfinite(s)
-    square = s[told, None] ** 2
-    share[told] = square / (square + tau**2)
-    own = share * mean + (1.0 - share) * y[:, None]
-    middle = own @ weight
-    inner = share * tau**2 + share**2 * variance
-    spread = (inner + (own - middle[:, None]) ** 2) @ weight
-    alone = float(weight @ (tau**2 + variance + (mean - weight @ mean) ** 2))
-    return middle, spread, alone
-
-
-def _limits(grid: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Where 2.5 % of the weight lie below, and above."""
-    below = np.cumsum(weight) - 0.5 * weight
-    low, high = (float(np.interp(edge, below, grid)) for edge in _EDGES)
-    return low, high

@@ -158,8 +158,8 @@ def fit_transient(
     names = tuple(free)
     if not names or not set(names) <= set(DAMPING):
         raise WrongValue("free", str(list(names)), f"some of {', '.join(DAMPING)}")
-    ends = [(d.allowed.lower, d.allowed.upper) for d in map(DAMPING.__getitem__, names)]
-    lower, upper = (np.array(x, float)[None] for x in zip(*ends, strict=True))
+    ranges = [DAMPING[name].allowed for name in names]
+    lower, upper = np.array([(one.lower, one.upper) for one in ranges], float).T
     target = recorded.table()[1:]
     data = Observations(LoadCases.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
     x, evaluations = np.array([[free[name] for name in names]], float), 0
@@ -176,31 +176,27 @@ def fit_transient(
         with_these = _damped(moving, names, x[0])
         found = move_within(most_mm, with_these, start, recorded.time_s, **options)
         if not converged(np.asarray(found.status)).all():
-            raise WrongValue("free", _told(names, x[0]), "sizes with which the motion lasts")
+            sizes = zip(names, x[0].tolist(), strict=True)
+            words = ", ".join(f"{name} {size:.4g}" for name, size in sizes)
+            raise WrongValue("free", words, "sizes with which the motion lasts")
         if grid is not None and len(found.grid.time_s) <= len(grid.time_s):
             break
         grid = found.grid
         motion = _Motions(moving, names, given_of(moving, start, grid, **options), grid.asked)
-        fit = fit_lanes(
-            motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told
-        )
+        fit = fit_lanes(motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told)
         x = fit.values
     assert found is not None and fit is not None and motion is not None
     seen = data.seen.any(axis=0)
     noise = Noise.of(weights=np.where(seen, np.nan, 0.0))
-    best, weighed = maximum_likelihood(motion, data, fit.slopes, noise, lower[0], upper[0])
+    best, weighed = maximum_likelihood(motion, data, fit.slopes, noise, lower, upper)
     best = dataclasses.replace(best, evaluations=evaluations + best.evaluations)
-    return _fitted(moving, names, found, weighed, best, lower[0], upper[0])
+    return _fitted(moving, names, found, weighed, best, lower, upper)
 
 
 def _damped(moving: MovingKnee, names: Sequence[str], x: Array) -> MovingKnee:
     for k, name in enumerate(names):
         moving = DAMPING[name].apply(moving, x[k])
     return moving
-
-
-def _told(names: Sequence[str], x: Array) -> str:
-    return ", ".join(f"{name} {float(value):.4g}" for name, value in zip(names, x, strict=True))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -227,28 +223,15 @@ class _Motions:
 
     def __call__(self, values: np.ndarray, _: Slopes | None = None) -> Slopes:
         every, damped = coordinates_of(self.moving.knee.bodies), _Damped(self.names)
-        equilibrium = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
-        still = np.zeros((1, len(every), len(self.names)))
-        found = passed(
-            damped,
-            self.moving,
-            None,
-            self.given,
-            equilibrium,
-            jnp.asarray(self.asked),
-            values,
-            still,
-        )
+        known = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
+        still, asked = np.zeros((1, len(every), len(self.names))), jnp.asarray(self.asked)
+        found = passed(damped, self.moving, None, self.given, known, asked, values, still)
         rows = [every.index(name) for name in FREE_COORDINATES]
-        change = np.where(converged(found.status)[..., None], found.q - self.start, np.nan)
+        change = found.q - np.asarray(self.given.q)[:, 0]
+        change = np.where(converged(found.status)[..., None], change, np.nan)
         fields = found._replace(q=change[..., rows], jacobian=found.jacobian[..., rows, :])
         unknown = np.zeros((*found.status.shape, len(rows), len(rows)))
         return Slopes(values, **fields._asdict(), tangent=unknown)
-
-    @property
-    def start(self) -> np.ndarray:
-        """All coordinates at the start."""
-        return np.asarray(self.given.q)[:, 0]
 
 
 def _fitted(

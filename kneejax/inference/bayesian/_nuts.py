@@ -68,16 +68,9 @@ class Chains:
 
 
 def sample(
-    target: Target,
-    start: ChainState,
-    origin: np.ndarray,
-    covariance: np.ndarray,
-    *,
-    draws: int,
-    warmup: int,
-    seed: int = 0,
-    progress: Callable[[int, int], None] | None = None,
-) -> Chains:
+    target: Target, start: ChainState, origin: np.ndarray, covariance: np.ndarray, *, draws: int,
+    warmup: int, seed: int = 0, progress: Callable[[int, int], None] | None = None,
+) -> Chains:  # fmt: skip
     """Draw from a density by the no-U-turn sampler.
 
     Positions are scaled so that the density is near a standard normal one: about an `origin`,
@@ -87,12 +80,13 @@ def sample(
 
     Source: Hoffman and Gelman 2014, J. Machine Learning Research 15, 1593.
     """
+    begin, _, final = _tuning()
     scaled = _Scaled(target, jnp.asarray(origin), jnp.linalg.cholesky(jnp.asarray(covariance)))
     chains = _Run(scaled, scaled.inwards(start), jax.random.key(seed), progress)
     rounds = -(-warmup // (_ROUNDS * _CHUNK))
     chains.total = _CHUNK * (_ROUNDS * rounds + -(-draws // _CHUNK))
     for number in range(_ROUNDS):
-        chains.tuning = _tuning().init(_FIRST_STEP)
+        chains.tuning = begin(_FIRST_STEP)
         seen = [chains.advance(adapting=True) for _ in range(rounds)]
         if number < _ROUNDS - 1:
             chains.scale_anew(np.concatenate([s["position"] for s in seen[len(seen) // 2 :]]))
@@ -101,17 +95,13 @@ def sample(
     seen = [chains.advance(adapting=False) for _ in range(-(-draws // _CHUNK))]
     trace = {key: np.concatenate([s[key] for s in seen])[:draws] for key in seen[0]}
     trace = {key: np.swapaxes(value, 0, 1) for key, value in trace.items()}
+    position = np.asarray(scaled.outwards(trace.pop("position")))
+    seconds = {"compile": chains.first, "warmup": warmed - chains.begun - chains.first}
+    seconds["sampling"] = time.perf_counter() - warmed
     return Chains(
-        position=np.asarray(scaled.outwards(trace.pop("position"))),
-        **trace,
-        step_size=float(_tuning().final(chains.tuning)),
-        warmup_evaluations=evaluations,
-        seconds={
-            "compile": chains.first,
-            "warmup": warmed - chains.begun - chains.first,
-            "sampling": time.perf_counter() - warmed,
-        },
-    )
+        position=position, **trace, step_size=float(final(chains.tuning)),
+        warmup_evaluations=evaluations, seconds=seconds,
+    )  # fmt: skip
 
 
 class _Run:
@@ -140,16 +130,13 @@ class _Run:
 
     def scale_anew(self, seen: np.ndarray) -> None:
         """Scale by the covariance of draws `(draws, chains, p)`, drawn towards the present one."""
-        outside = self.target.outwards(self.state)
+        old, outside = self.target, self.target.outwards(self.state)
         points = seen.reshape(-1, seen.shape[-1])
         count, size = points.shape
         trust = count / (count + 5.0 * size)
         found = trust * np.cov(points.T).reshape(size, size) + (1.0 - trust) * np.eye(size)
-        self.target = _Scaled(
-            self.target.target,
-            self.target.outwards(points.mean(axis=0)),
-            self.target.scale @ np.linalg.cholesky(found),
-        )
+        scale = old.scale @ np.linalg.cholesky(found)
+        self.target = _Scaled(old.target, old.outwards(points.mean(axis=0)), scale)
         self.state = self.target.inwards(outside)
 
 
@@ -180,14 +167,14 @@ class _Scaled(eqx.Module):
 @compiled()
 def _advance(target: _Scaled, state: ChainState, tuning, key: Array, adapting: Array):
     """A chunk of draws of every chain, all with one step size."""
-    tuner, chains = _tuning(), state.position.shape[0]
+    (_, update, final), chains = _tuning(), state.position.shape[0]
 
     def draw(carry, key: Array):
         here, tuning = carry
-        step_size = jnp.where(adapting, jnp.exp(tuning.log_step_size), tuner.final(tuning))
+        step_size = jnp.where(adapting, jnp.exp(tuning.log_step_size), final(tuning))
         trajectory = jax.vmap(partial(_trajectory, target), in_axes=(0, 0, None))
         here, seen = trajectory(jax.random.split(key, chains), here, step_size)
-        tuned = tuner.update(tuning, jnp.mean(seen["acceptance"]))
+        tuned = update(tuning, jnp.mean(seen["acceptance"]))
         tuning = jax.tree.map(lambda new, old: jnp.where(adapting, new, old), tuned, tuning)
         return (here, tuning), {"position": here.position, "value": here.value, **seen}
 
@@ -199,31 +186,25 @@ def _trajectory(
     target: _Scaled, key: Array, here: ChainState, step_size: Array
 ) -> tuple[ChainState, dict[str, Array]]:
     """One draw of one chain: BlackJAX's NUTS from its parts, but for where momenta are stored."""
-    parts = {
-        name: imported(f"blackjax.mcmc.{name}", "blackjax")
+    integrators, metrics, proposal, termination, trajectory = (
+        imported(f"blackjax.mcmc.{name}", "blackjax")
         for name in ("integrators", "metrics", "proposal", "termination", "trajectory")
-    }
-    metric = parts["metrics"].default_metric(jnp.ones(here.position.shape))
-    integrator = parts["integrators"].velocity_verlet(
-        partial(_log_density, target), metric.kinetic_energy
     )
-    criterion, update, is_met = parts["termination"].iterative_uturn_numpyro(metric.check_turning)
-    walk = parts["trajectory"].dynamic_progressive_integration(
-        integrator, metric.kinetic_energy, partial(_stored, update), is_met, _LOST_ENERGY
+    metric = metrics.default_metric(jnp.ones(here.position.shape))
+    kinetic, turning = metric.kinetic_energy, metric.check_turning
+    integrator = integrators.velocity_verlet(partial(_log_density, target), kinetic)
+    criterion, update, is_met = termination.iterative_uturn_numpyro(turning)
+    walk = trajectory.dynamic_progressive_integration(
+        integrator, kinetic, partial(_stored, update), is_met, _LOST_ENERGY
     )
-    expand = parts["trajectory"].dynamic_multiplicative_expansion(
-        walk, metric.check_turning, _DOUBLINGS
-    )
+    expand = trajectory.dynamic_multiplicative_expansion(walk, turning, _DOUBLINGS)
     key_momentum, key = jax.random.split(key)
     momentum = metric.sample_momentum(key_momentum, here.position)
-    begin = parts["integrators"].IntegratorState(here.position, momentum, here.value, here.gradient)
-    energy = metric.kinetic_energy(momentum) - here.value
-    first = parts["trajectory"].DynamicExpansionState(
-        0,
-        parts["proposal"].Proposal(begin, energy, 0.0, -np.inf),
-        parts["trajectory"].Trajectory(begin, begin, momentum, 0),
-        criterion(begin, _DOUBLINGS),
-    )
+    begin = integrators.IntegratorState(here.position, momentum, here.value, here.gradient)
+    energy = kinetic(momentum) - here.value
+    alone = proposal.Proposal(begin, energy, 0.0, -np.inf)
+    point = trajectory.Trajectory(begin, begin, momentum, 0)
+    first = trajectory.DynamicExpansionState(0, alone, point, criterion(begin, _DOUBLINGS))
     (_, drawn, path, _), (divergent, _) = expand(key, first, energy, step_size)
     ends = path.leftmost_state.logdensity, path.rightmost_state.logdensity
     there = drawn.state
@@ -251,17 +232,10 @@ def _stored(update, kept, momentum_sum: Array, momentum: Array, step: Array):
     )
 
 
-@dataclasses.dataclass(frozen=True)
-class _Tuner:
-    init: Callable
-    update: Callable
-    final: Callable
-
-
-def _tuning() -> _Tuner:
-    """Dual averaging of the step size."""
+def _tuning() -> tuple[Callable, Callable, Callable]:
+    """Dual averaging of the step size: how it begins, goes on, and what it ends with."""
     steps = imported("blackjax.adaptation.step_size", "blackjax")
-    return _Tuner(*steps.dual_averaging_adaptation(_ACCEPTANCE))
+    return steps.dual_averaging_adaptation(_ACCEPTANCE)
 
 
 @jax.custom_vjp

@@ -21,7 +21,7 @@ from kneejax.inference.bayesian._priors import (
     normal_priors,
 )
 from kneejax.inference.calibration import versions
-from kneejax.inference.fit import Problem, offset_units, table_of
+from kneejax.inference.fit import Problem, named, table_of
 from kneejax.inference.identification import noise_of
 from kneejax.numerics import Named, adding_up, imported
 from kneejax.parameters import UnsuitableData
@@ -144,23 +144,18 @@ class Posterior(Named):
         """
         arviz = imported("arviz", "arviz")
         coords = {"pose": np.arange(len(self.measured)), "coordinate": list(FREE_COORDINATES)}
+        dims = {"motion": ["pose", "coordinate"]}
         found = arviz.from_dict(
             posterior=dict(zip(self.names, np.moveaxis(self.draws, -1, 0), strict=True)),
             sample_stats={"lp": self.log_density, "diverging": self.divergent},
             observed_data={"motion": self.measured[:, 1:]},
             constant_data={"noise": self.noise, "flexion_deg": self.measured[:, 0]},
             coords=coords,
-            dims={
-                "motion": ["pose", "coordinate"], "noise": ["coordinate"], "flexion_deg": ["pose"]
-            },
+            dims=dims | {"noise": ["coordinate"], "flexion_deg": ["pose"]},
         )
         # Fewer draws than the posterior has: a group of its own number.
-        with_motion = arviz.from_dict(
-            posterior_predictive={"motion": self.motions},
-            coords=coords,
-            dims={"motion": ["pose", "coordinate"]},
-        )
-        found.extend(with_motion)
+        motions = {"motion": self.motions}
+        found.extend(arviz.from_dict(posterior_predictive=motions, coords=coords, dims=dims))
         for name, unit in zip(self.names, self.units, strict=True):
             found.posterior[name].attrs["units"] = unit
         return found
@@ -224,9 +219,7 @@ def posterior(
     imported("blackjax", "blackjax")
     imported("arviz", "arviz")
     # A calibration's problem must not forget its own weights and poses.
-    problem = dataclasses.replace(
-        problem, cases=dataclasses.replace(problem.cases, noise=noise)
-    )
+    problem = problem.weighing(noise)
     beliefs = normal_priors(problem, priors, bounds)
     found = most_probable(problem, beliefs, np.asarray(fit, float))
     likely, covariance = found.values[0], laplace_covariance(problem, found, beliefs)
@@ -241,12 +234,8 @@ def posterior(
     values = np.asarray(density.values(jnp.asarray(drawn.position)))
     ended = time.perf_counter()
     motions = _motions(problem, found, values)
-    seconds = {
-        "compile": begun_drawing - begun + drawn.seconds["compile"],
-        "warmup": drawn.seconds["warmup"],
-        "sampling": drawn.seconds["sampling"],
-        "motions": time.perf_counter() - ended,
-    }
+    seconds = drawn.seconds | {"motions": time.perf_counter() - ended}
+    seconds["compile"] += begun_drawing - begun
     seconds["other"] = time.perf_counter() - begun - sum(seconds.values())
     seconds = adding_up(seconds)
     settings = {"chains": chains, "draws": draws, "warmup": warmup, "seed": seed}
@@ -323,8 +312,7 @@ def _described(
 ) -> Posterior:
     arviz = imported("arviz", "arviz")
     names = tuple(prior.name for prior in priors)
-    units = [problem.selection.unit(i) for i in range(len(problem.selection))]
-    units += [unit for _, unit in offset_units(problem.offsets)]
+    units = tuple(unit for _, unit in named(problem.selection, problem.offsets))
     dataset = arviz.convert_to_dataset({"values": values})
     r_hat, bulk, tail = (
         np.asarray(found["values"])
@@ -334,38 +322,18 @@ def _described(
     random = np.random.default_rng([settings["seed"], 1])
     noisy = flat + noise * random.standard_normal((_NOISES, *flat.shape))
     sampling = int(drawn.evaluations.sum())
+    every = flat, noisy.reshape(-1, *flat.shape[1:])
+    without_noise, with_noise = (np.quantile(each, LEVELS, axis=0).T for each in every)
+    evaluations = {"warmup": drawn.warmup_evaluations, "sampling": sampling}
+    evaluations["equilibria"] = sum(evaluations.values()) * int(problem.used.sum())
+    packages = {x: imported(x, x).__version__ for x in ("blackjax", "arviz")}
     return Posterior(
-        names=names,
-        units=tuple(units),
-        draws=values,
-        log_density=drawn.value,
-        r_hat=r_hat,
-        effective_sample_size=bulk,
-        tail_effective_sample_size=tail,
-        divergent=drawn.divergent,
-        unbalanced=int(drawn.lost.sum()),
-        measured=problem.measured[problem.used],
-        noise=noise,
-        motions=motions,
-        levels=LEVELS,
-        motion_quantiles=_over_motion(flat),
-        predictive_quantiles=_over_motion(noisy.reshape(-1, *flat.shape[1:])),
-        priors=priors,
-        laplace_mean=laplace[0],
-        laplace_covariance=laplace[1],
-        truth=truth,
-        acceptance=float(drawn.acceptance.mean()),
-        evaluations={
-            "warmup": drawn.warmup_evaluations,
-            "sampling": sampling,
-            "equilibria": (sampling + drawn.warmup_evaluations) * int(problem.used.sum()),
-        },
-        seconds=seconds,
-        versions=versions() | {x: imported(x, x).__version__ for x in ("blackjax", "arviz")},
+        names=names, units=units, draws=values, log_density=drawn.value, r_hat=r_hat,
+        effective_sample_size=bulk, tail_effective_sample_size=tail, divergent=drawn.divergent,
+        unbalanced=int(drawn.lost.sum()), measured=problem.measured[problem.used], noise=noise,
+        motions=motions, levels=LEVELS, motion_quantiles=without_noise,
+        predictive_quantiles=with_noise, priors=priors, laplace_mean=laplace[0],
+        laplace_covariance=laplace[1], truth=truth, acceptance=float(drawn.acceptance.mean()),
+        evaluations=evaluations, seconds=seconds, versions=versions() | packages,
         settings=settings,
-    )
-
-
-def _over_motion(motions: np.ndarray) -> np.ndarray:
-    """Quantiles of motions `(k, n, 5)`, `(5, n, levels)`."""
-    return np.quantile(motions, LEVELS, axis=0).T
+    )  # fmt: skip

@@ -1,7 +1,7 @@
 """The procedures of a calibration, its search and its answers."""
 
 from kneejax.inference.calibration._calibrate import CalibrationProblem as CalibrationProblem
-from kneejax.inference.calibration._calibrate import motion_at as motion_at
+from kneejax.inference.calibration._calibrate import motion_of as motion_of
 from kneejax.inference.calibration._quality import Fault as Fault
 from kneejax.inference.calibration._quality import FittedTest as FittedTest
 from kneejax.inference.calibration._quality import Misfit as Misfit

@@ -8,11 +8,10 @@ from typing import Any
 
 import jax
 import numpy as np
-from jax.typing import ArrayLike
 
 from kneejax.experiments import MeasuredTest, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
-from kneejax.geometry import FREE_COORDINATES, TIBIA, State
+from kneejax.geometry import FREE_COORDINATES, TIBIA
 from kneejax.inference.calibration._quality import fitted_tests
 from kneejax.inference.calibration._result import Estimate, Fit, Motion, Starts
 from kneejax.inference.calibration._search import (
@@ -21,19 +20,17 @@ from kneejax.inference.calibration._search import (
     Stage,
     Trail,
     procedures_of,
-    together,
 )
 from kneejax.inference.fit import (
     Noise,
     Problem,
-    SeveralKnees,
     check_finite,
-    offset_units,
+    named,
     on_bounds,
     slack_at,
     without_offsets,
 )
-from kneejax.inference.intervals import Interval, IntervalKind, MaximumLikelihood, estimate, named
+from kneejax.inference.intervals import Interval, IntervalKind, MaximumLikelihood
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, start_within, stated_bounds
 from kneejax.statics import Slopes
@@ -123,11 +120,13 @@ class CalibrationProblem:
         if prior or any(test.readings for test in tests):
             # What is not of a pose counts in a standard deviation of its own.
             noise = noise.as_stated()
-            noise.check_stated("prior" if prior else "readings")
+            if noise.estimated:
+                what = "prior" if prior else "readings"
+                raise UnsuitableData(
+                    f"{what}: expected noise_mm and noise_deg too, against which it counts"
+                )
         weights = noise.first**-2.0
-        fitted = Problem.of(
-            knee, selection, measured, weights, offsets, loads, tests, noise.stated
-        )
+        fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, noise.stated)
         check_finite(fitted.measured)
         _check_offsets(fitted)
         lower, upper = stated_bounds(knee, selection, bounds or {})
@@ -143,7 +142,7 @@ class CalibrationProblem:
     def weighing(self, noise: np.ndarray) -> CalibrationProblem:
         """The same whose squares weigh by the noise that an answer left, `(5,)`, where it was
         estimated."""
-        if self.noise.given or not self.noise.estimated:
+        if not self.noise.weighs:
             return self
         return dataclasses.replace(self, fitted=self.fitted.weighing(np.asarray(noise, float)))
 
@@ -164,88 +163,45 @@ def _check_offsets(problem: Problem) -> None:
 _APART = 3.84
 
 
-def estimates_of(
-    knees: SeveralKnees, trails: Sequence[Trail], noise: Noise, lower: np.ndarray, upper: np.ndarray
-) -> list[MaximumLikelihood]:
-    """The best fits near the answers of several knees, and how sure they are; constants between
-    frames are values like others."""
-    first = knees.problems[0]
-    names = named(first.selection) + offset_units(first.offsets)
-    return estimate(knees.balance, knees.cases, together(trails), noise, lower, upper, names)
-
-
 def fit_of(
-    problem: Problem,
-    procedure: str,
-    trail: Trail,
-    start: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    likely: MaximumLikelihood | None,
-) -> Fit:
+    problem: Problem, procedure: str, trail: Trail, start: np.ndarray, lower: np.ndarray,
+    upper: np.ndarray, likely: MaximumLikelihood | None,
+) -> Fit:  # fmt: skip
     """The answer of one procedure that began at parameters and offsets `start`; `likely` says how
     sure it is, None for a procedure that is there to compare."""
     found, size = trail.known, len(problem.selection)
     own = without_offsets(found, problem.offsets, problem.cases.posed)
     slack = slack_at(problem.knee, problem.selection, problem.cases, own)
     held = on_bounds(trail.x, lower, upper)
-    names = named(problem.selection) + offset_units(problem.offsets)
     estimates = []
-    for i, (name, unit) in enumerate(names):
-        interval = None
+    for i, (name, unit) in enumerate(named(problem.selection, problem.offsets)):
+        value, begin, low, high = map(float, (trail.x[i], start[i], lower[i], upper[i]))
+        one = Estimate(name, unit, value, begin, low, high, np.nan, bool(held[i]))
         if likely is not None:
-            best = float(likely.best.values[0, i])
-            interval = likely.intervals[i].beside(float(trail.x[i]), best)
-        where = slack.get(problem.selection.ligament(i), np.zeros(1)) if i < size else np.zeros(1)
-        numbers = (trail.x[i], start[i], lower[i], upper[i])
-        estimates.append(_estimate(name, unit, numbers, bool(held[i]), interval, where.mean()))
-    failed = int((~found.converged[0]).sum())
+            loose = slack.get(problem.selection.ligament(i)) if i < size else None
+            interval = likely.intervals[i].beside(one.value, float(likely.best.values[0, i]))
+            one = _with_interval(one, interval, 0.0 if loose is None else float(loose.mean()))
+        estimates.append(one)
     correlation = np.full((size, size), np.nan)
     if likely is not None:
         correlation = likely.correlation[:size, :size]
+    looks, cases = trail.evaluations, len(problem.cases.load_cases)
+    counts = {"residual": looks, "jacobian": looks, "equilibria": looks * cases, **trail.counts}
     return Fit(
-        procedure,
-        tuple(estimates[:size]),
-        objective_of(problem, found),
-        partial_objectives_of(problem, found),
-        rmse_of(problem, found),
-        correlation,
-        motion_of(problem, found),
-        tuple(trail.history),
-        {
-            "residual": trail.evaluations,
-            "jacobian": trail.evaluations,
-            "equilibria": trail.evaluations * len(problem.cases.load_cases),
-            **trail.counts,
-        },
-        bool(trail.converged and not failed),
-        trail.reason,
-        tuple(estimates[size:]),
-        trail.ending,
-        tests=fitted_tests(problem, found),
-    )
+        procedure, tuple(estimates[:size]), problem.objective(found), squares_of(problem, found),
+        rmse_of(problem, found), correlation, motion_of(problem, found), tuple(trail.history),
+        counts, bool(trail.converged and found.converged[0].all()), trail.reason,
+        tuple(estimates[size:]), trail.ending, tests=fitted_tests(problem, found),
+    )  # fmt: skip
 
 
-def _estimate(name, unit, numbers, held, interval: Interval | None, loose) -> Estimate:
-    value, start, lower, upper = map(float, numbers)
-    if interval is None:
-        return Estimate(name, unit, value, start, lower, upper, np.nan, held)
+def _with_interval(one: Estimate, interval: Interval, loose: float) -> Estimate:
     vague = interval.kind in (IntervalKind.NOT_DETERMINED, IntervalKind.ONE_SIDED)
-    return Estimate(
-        name,
-        unit,
-        value,
-        start,
-        lower,
-        upper,
-        np.nan if held else interval.standard_error,
-        held,
-        float(loose) if vague else 0.0,
-        interval.low,
-        interval.high,
-        interval.kind,
-        interval.reason,
-    )
+    return dataclasses.replace(
+        one, low=interval.low, high=interval.high, interval=interval.kind, reason=interval.reason,
+        standard_error=np.nan if one.at_bound else interval.standard_error,
+        slack=loose if vague else 0.0,
+    )  # fmt: skip
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
@@ -264,50 +220,29 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 
 
 def motion_of(problem: Problem, found: Slopes) -> Motion:
-    """The poses of one fit that were measured as such, with the forces that hold them."""
-    rows = problem.cases.posed
-    state = jax.tree.map(lambda x: x[rows], problem.state(found))
-    table = np.array(state.tibia.to_table())
-    table[:, 0] = problem.measured[:, 0]
-    knee = problem.knee_at(found.values[0])
-    contact_points, status = problem.contact_points(found)[..., rows], found.status[0][rows]
-    return motion_at(knee, table, state, contact_points, status)
-
-
-def motion_at(
-    knee: Knee, table: np.ndarray, state: State, contact_points: ArrayLike, status: ArrayLike
-) -> Motion:
-    """Poses with the forces that hold them.
+    """The poses of one fit that were measured as such, with the forces that hold them.
 
     Args:
-        knee: that was balanced.
-        table: what is shown of the poses, degrees and mm, `(n, 6)`.
-        state: the balances, `(n,)`.
-        contact_points: parameters of the contact points, `(patches, 2, n)`.
-        status: `Status` values, `(n,)`.
+        problem: that was fitted.
+        found: balances at its values, one variant.
     """
+    rows, knee = problem.cases.posed, problem.knee_at(found.values[0])
+    state = jax.tree.map(lambda x: x[rows], problem.state(found))
+    table, status = np.array(state.tibia.to_table()), found.status[0][rows]
+    table[:, 0] = problem.measured[:, 0]
     if not len(table):
         parts = len(knee.ligaments.names), len(knee.contact_names)
-        return Motion(table, np.asarray(status), *(np.empty((0, count)) for count in parts))
-    mechanics = evaluate_mechanics(knee, state, contact_points)
+        return Motion(table, status, *(np.empty((0, count)) for count in parts))
+    mechanics = evaluate_mechanics(knee, state, problem.contact_points(found)[..., rows])
+    contact_forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
+    others = {bone: np.asarray(x.to_table()) for bone, x in state.poses.items() if bone != TIBIA}
     return Motion(
-        table,
-        with_flips(status, mechanics),
-        np.asarray(mechanics.tension),
-        np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1),
-        knee,
-        mechanics,
-        {bone: np.asarray(pose.to_table()) for bone, pose in state.poses.items() if bone != TIBIA},
-    )
+        table, with_flips(status, mechanics), np.asarray(mechanics.tension), contact_forces, knee,
+        mechanics, others,
+    )  # fmt: skip
 
 
-def objective_of(problem: Problem, found: Slopes) -> float:
-    """Weighted sum of squares of one fit, with what a prior says of the values."""
-    residual, _ = problem.residual(found)
-    return float(residual @ residual)
-
-
-def partial_objectives_of(problem: Problem, found: Slopes) -> dict[str, float]:
+def squares_of(problem: Problem, found: Slopes) -> dict[str, float]:
     """Coordinate -> `Problem.squares`."""
     return dict(zip(FREE_COORDINATES, problem.squares(found).tolist(), strict=True))
 

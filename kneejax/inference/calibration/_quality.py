@@ -154,10 +154,17 @@ class FittedTest:
 
 def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
     """Every test of a problem beside what one fit gives."""
-    read = _readings(problem, found)
-    error = problem.cases.error(found)[0][0]
-    seen, target = problem.cases.seen, problem.cases.target
-    error = np.where(seen, error, np.nan)
+    cases, data = problem.cases, problem.cases.readings
+    read: dict[str, np.ndarray] = {}
+    if data is not None:
+        error = data.error(cases, found)[0][0]
+        value = np.where(data.counted(cases), data.target + error, np.nan)
+        for place, name in enumerate(data.names):
+            own = data.name == place
+            read[name] = np.full(len(cases.load_cases), np.nan)
+            read[name][data.case[own]] = value[own]
+    seen, target = cases.seen, cases.target
+    error = np.where(seen, cases.error(found)[0][0], np.nan)
     return tuple(
         FittedTest(
             test,
@@ -168,20 +175,6 @@ def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
         )
         for test, rows in zip(problem.tests, problem.rows_of_tests(), strict=True)
     )
-
-
-def _readings(problem: Problem, found: Slopes) -> dict[str, np.ndarray]:
-    """Of each name, what the knee gives at the load cases where it was read, `(cases,)`."""
-    data = problem.cases.readings
-    if data is None:
-        return {}
-    error, counted = data.error(problem.cases, found)[0][0], data.counted(problem.cases)
-    value, every = np.where(counted, data.target + error, np.nan), {}
-    for place, name in enumerate(data.names):
-        own = data.name == place
-        every[name] = np.full(len(problem.cases.load_cases), np.nan)
-        every[name][data.case[own]] = value[own]
-    return every
 
 
 def misfits_of_test(

@@ -106,16 +106,16 @@ class Trail:
             dataclasses.replace(step, objective=float(squares @ problem.weights))
             for step, squares in zip(self.history, self.squares, strict=True)
         ]
-        return _of_all(problem, dataclasses.replace(self, history=history))
+        objective = problem.objective(self.known)
+        return dataclasses.replace(self, history=history, objective=objective)
 
     def moved(self, problem: Problem, there: Slopes, stage: str) -> Trail:
         """The same, ended by itself where its problem has its best fit."""
         trail = dataclasses.replace(
-            self, history=[*self.history], squares=[*self.squares], converged=True, flat=False
-        )
-        trail.counts = {**self.counts, stage: self.counts.get(stage, 0) + 1}
-        residual, _ = problem.residual(there)
-        _move(problem, trail, there, float(residual @ residual), stage)
+            self, history=[*self.history], squares=[*self.squares], converged=True, flat=False,
+            counts={**self.counts, stage: self.counts.get(stage, 0) + 1},
+        )  # fmt: skip
+        _move(problem, trail, there, problem.objective(there), stage)
         return trail
 
 
@@ -152,20 +152,13 @@ def run_procedure(
     Returns:
         The trail.
     """
-    trail = Trail(start, np.inf, [], {}, progress=progress)
-    stages, search = PROCEDURES[procedure] or tuple(stages), METHODS[method]
-    cycles = cycles if PROCEDURES[procedure] and len(stages) > 1 else 1
+    trail, knees = Trail(start, np.inf, [], {}, progress=progress), SeveralKnees.of([problem])
+    cycles = cycles if len(PROCEDURES[procedure]) > 1 else 1
     begun, ended, before = [], [], None
     for _ in range(cycles):
         reached, here = trail.objective, trail.x
-        for number, stage in enumerate(stages, 1):
-            free = _free(problem, stage)
-            if free.any():
-                name = f"{procedure}.{number}" if len(stages) > 1 else procedure
-                search(problem.with_data(stage.data), trail, free, lower, upper, name, unit)
-        if cycles == 1:
-            return _of_all(problem, trail) if any(stage.data for stage in stages) else trail
-        if trail.objective < 1e-16 * problem.cases.numbers:
+        _go_through(knees, procedure, [trail], lower, upper, method, stages, unit)
+        if cycles == 1 or trail.objective < 1e-16 * problem.cases.numbers:
             return trail
         if begun and reached - trail.objective <= tolerance * reached:
             if before is None and (anew := _taut_again(problem, trail, start)) is not None:
@@ -183,17 +176,10 @@ def run_procedure(
 
 
 def run_side_by_side(
-    knees: SeveralKnees,
-    procedure: str,
-    starts: Sequence[Slopes],
-    lower: np.ndarray,
-    upper: np.ndarray,
-    cycles: int = USUAL_CYCLES,
-    method: str = "least_squares",
-    stages: Sequence[Stage] = (),
-    unit: float = np.inf,
-    progress: Progress | None = None,
-) -> list[Trail]:
+    knees: SeveralKnees, procedure: str, starts: Sequence[Slopes], lower: np.ndarray,
+    upper: np.ndarray, cycles: int = USUAL_CYCLES, method: str = "least_squares",
+    stages: Sequence[Stage] = (), unit: float = np.inf, progress: Progress | None = None,
+) -> list[Trail]:  # fmt: skip
     """As `run_procedure`, of several knees at once where the search allows it.
 
     Args:
@@ -204,22 +190,32 @@ def run_side_by_side(
     """
     several = PROCEDURES[procedure] or tuple(stages)
     if len(knees) == 1 or method != "least_squares" or cycles > 1 and len(several) > 1:
-        search = {"cycles": cycles, "method": method, "stages": stages, "unit": unit,
-                  "progress": progress}  # fmt: skip
+        search = {"method": method, "stages": stages, "unit": unit, "progress": progress}
         return [
-            run_procedure(problem, procedure, start, lower, upper, **search)
+            run_procedure(problem, procedure, start, lower, upper, cycles, **search)
             for problem, start in zip(knees.problems, starts, strict=True)
         ]
     trails = [Trail(start, np.inf, [], {}) for start in starts]
+    _go_through(knees, procedure, trails, lower, upper, method, stages, unit)
+    return trails
+
+
+def _go_through(
+    knees: SeveralKnees, procedure: str, trails: Sequence[Trail], lower, upper, method: str,
+    stages: Sequence[Stage], unit: float,
+) -> None:  # fmt: skip
+    """Once through all stages of a procedure."""
+    several = PROCEDURES[procedure] or tuple(stages)
     for number, stage in enumerate(several, 1):
-        free = _free(knees.problems[0], stage)
-        if free.any():
+        chosen = [stage.frees(name) for name in knees.problems[0].selection.names]
+        if any(chosen):
+            free = np.array(chosen + [True] * len(knees.problems[0].offsets))
             name = f"{procedure}.{number}" if len(several) > 1 else procedure
             own = knees.with_data(stage.data)
-            _stage_of_several(own, trails, free, lower, upper, name, unit)
+            METHODS[method](own, trails, free, lower, upper, name, unit)
     if any(stage.data for stage in several):
-        trails = [_of_all(*pair) for pair in zip(knees.problems, trails, strict=True)]
-    return trails
+        for problem, trail in zip(knees.problems, trails, strict=True):
+            trail.objective = problem.objective(trail.known)
 
 
 def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
@@ -262,11 +258,11 @@ def _anderson(begun, ended, width: np.ndarray) -> np.ndarray:
 def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
     """Move the trail to a trial point if the objective is lower there."""
     found = problem.balance(trial[None], trail.known)
-    residual, _ = problem.residual(found)
+    objective = problem.objective(found)
     trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
-    lower = float(residual @ residual) < trail.objective
+    lower = objective < trail.objective
     if lower:
-        _move(problem, trail, found, float(residual @ residual), "acceleration")
+        _move(problem, trail, found, objective, "acceleration")
     return lower
 
 
@@ -285,28 +281,10 @@ def _move(problem: Problem, trail: Trail, found: Slopes, objective: float, stage
     trail.squares.append(problem.squares(found))
 
 
-def _of_all(problem: Problem, trail: Trail) -> Trail:
-    """The trail with what all data say of where it ended."""
-    residual, _ = problem.residual(trail.known)
-    trail.objective = float(residual @ residual)
-    return trail
-
-
-def _free(problem: Problem, stage: Stage) -> np.ndarray:
-    chosen = [stage.frees(name) for name in problem.selection.names]
-    if not any(chosen):
-        return np.zeros(problem.size, bool)
-    return np.array(chosen + [True] * len(problem.offsets))
-
-
-def _stage(problem: Problem, trail: Trail, free, lower, upper, name: str, unit: float) -> None:
-    _stage_of_several(SeveralKnees.of([problem]), [trail], free, lower, upper, name, unit)
-
-
-def _stage_of_several(
+def _stage(
     knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str, unit: float
 ) -> None:
-    """A stage of several knees at once; each ends by itself."""
+    """A stage, of several knees at once; each ends by itself."""
     here = np.stack([trail.x for trail in trails])
     box = (np.where(free, bound, here) for bound in (lower, upper))
     reached: list[list[float]] = [[] for _ in trails]
@@ -344,20 +322,21 @@ def together(trails: Sequence[Trail]) -> Slopes:
 
 
 def _stage_by_lbfgsb(
-    problem: Problem, trail: Trail, free, lower, upper, name: str, unit: float
+    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str, unit: float
 ) -> None:
+    """A stage of one knee."""
     from kneejax.inference.fit import minimise_bounded
 
+    (problem,), (trail,) = knees.problems, trails
     origin = trail.x
 
-    def place(values: np.ndarray) -> np.ndarray:
+    def balance(values: np.ndarray) -> Slopes:
         x = origin.copy()
         x[free] = values
-        return x
+        return problem.balance(x[None], trail.known)
 
     def objective(values: np.ndarray) -> tuple[float, np.ndarray]:
-        x = place(values)
-        found = problem.balance(x[None], trail.known)
+        found = balance(values)
         residual, jacobian = problem.residual(found)
         value = float(residual @ residual)
         _count(problem, trail, found, name)
@@ -368,9 +347,7 @@ def _stage_by_lbfgsb(
     scale = _telling_changes(problem, trail.known, upper - lower)
     answer = minimise_bounded(objective, origin[free], lower[free], upper[free], scale[free])
     if answer.converged:
-        best = place(answer.x)
-        trail.known = problem.balance(best[None], trail.known)
-        trail.objective = answer.value
+        trail.known, trail.objective = balance(answer.x), answer.value
     trail.converged, trail.reason = answer.converged, answer.reason
 
 

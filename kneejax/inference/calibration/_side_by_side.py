@@ -10,19 +10,25 @@ import numpy as np
 from kneejax.geometry import FREE_COORDINATES, scales
 from kneejax.inference.calibration._calibrate import (
     CalibrationProblem,
-    estimates_of,
     fit_of,
     motion_of,
-    objective_of,
-    partial_objectives_of,
     rmse_of,
+    squares_of,
     starts_of,
 )
 from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
 from kneejax.inference.calibration._result import Calibration, Fit, versions
-from kneejax.inference.calibration._search import Trail, run_side_by_side, together
-from kneejax.inference.fit import Noise, Problem, Progress, SeveralKnees, form_of, several_starts
-from kneejax.inference.intervals import MaximumLikelihood
+from kneejax.inference.calibration._search import Trail, run_procedure, run_side_by_side, together
+from kneejax.inference.fit import (
+    Noise,
+    Problem,
+    Progress,
+    SeveralKnees,
+    form_of,
+    named,
+    several_starts,
+)
+from kneejax.inference.intervals import MaximumLikelihood, estimate
 from kneejax.numerics import adding_up, lap, stopwatch
 from kneejax.parameters import UnsuitableData
 from kneejax.statics import Slopes
@@ -37,9 +43,7 @@ _BLOCKED, _SOFT, _FEW = 4.0, 0.2, 0.15
 _STEPPINGS = 2
 
 
-def calibrate(
-    problem: CalibrationProblem, *, progress: Progress | None = None
-) -> Calibration:
+def calibrate(problem: CalibrationProblem, *, progress: Progress | None = None) -> Calibration:
     """Identify parameters of a knee from measured poses, and from how far it gave under load.
 
     Args:
@@ -123,12 +127,11 @@ def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress)
 
 def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibration:
     """With how far motions are from repeating themselves."""
-    fit = answer.fit
-    tests = (
+    fit, *others = answer.fits
+    tests = tuple(
         dataclasses.replace(own, restless=restless.get(own.test.name, 0.0)) for own in fit.tests
     )
-    fit = dataclasses.replace(fit, tests=tuple(tests))
-    return dataclasses.replace(answer, fits=(fit, *answer.fits[1:]))
+    return dataclasses.replace(answer, fits=(dataclasses.replace(fit, tests=tests), *others))
 
 
 def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> list:
@@ -178,11 +181,11 @@ def _answers(
             walked = _walked(problem, first.knee[row], _values(answer))
             spare = max(problem.counted_numbers - problem.size, 1)
             lower = objective * (1.0 - _LOWER / spare)
-            if objective_of(problem, walked) < lower:
+            if problem.objective(walked) < lower:
                 anew[row] = walked
                 continue
             freed = _past_what_blocks(problem, members[row], walked, objective / spare)
-            if freed is not None and objective_of(problem, freed) < lower:
+            if freed is not None and problem.objective(freed) < lower:
                 anew[row] = freed
     if not anew:
         return answers
@@ -194,7 +197,7 @@ def _answers(
         again = _answer(members[row], problem, begin[row], *rest)
         # Its own noise, where that is estimated, would make any fit as good as another.
         there = _walked(knees.problems[row], first.knee[row], _values(again))
-        if objective_of(knees.problems[row], there) < answers[row].fit.objective:
+        if knees.problems[row].objective(there) < answers[row].fit.objective:
             answers[row] = again
     return answers
 
@@ -228,14 +231,11 @@ def _past_what_blocks(
         used, begin = problem.cases.counted.copy(), there
         used[cases[far]] = False
         for own in (problem.with_used(used), problem):
-            knees = SeveralKnees.of([own])
-            (trail,) = run_side_by_side(
-                knees, "III", [begin], one.lower, one.upper, unit=one.noise.unit
-            )
+            trail = run_procedure(own, "III", begin, one.lower, one.upper, unit=one.noise.unit)
             begin = _walked(problem, there.knee[0], trail.x)
             found.append(begin)
-    known = [one for one in found if np.isfinite(objective_of(problem, one))]
-    return min(known, key=lambda one: objective_of(problem, one), default=None)
+    known = [one for one in found if np.isfinite(problem.objective(one))]
+    return min(known, key=problem.objective, default=None)
 
 
 def _values(answer: Calibration) -> np.ndarray:
@@ -248,11 +248,9 @@ def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
 
 
 def _fits(
-    knees: SeveralKnees,
-    members: Sequence[CalibrationProblem],
-    first: Sequence[Slopes],
+    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Sequence[Slopes],
     progress: Progress,
-) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:
+) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:  # fmt: skip
     """The knees with the noise that is known in the end; the answers of each procedure from given
     balances; and how sure that of the first is, a knee each."""
     one = members[0]
@@ -268,7 +266,7 @@ def _fits(
                 # Ends of several starts are compared with the noise that one of them leaves.
                 trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
                 left = one.noise.left(knees.cases, together(trails), lower, upper)
-                knees = knees.weighing(_weighing(knees.problems, left, one))
+                knees = knees.weighing(left) if one.noise.weighs else knees
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
@@ -277,10 +275,13 @@ def _fits(
         lap("search")
         if not number:
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
-            sure = estimates_of(knees, trails, one.noise, lower, upper)
+            # Constants between frames are values like others.
+            names = named(one.fitted.selection, one.fitted.offsets)
+            near, data = together(trails), knees.cases
+            sure = estimate(knees.balance, data, near, one.noise, lower, upper, names)
             if procedure == "III":
-                noise = [likely.noise for likely in sure]
-                knees = knees.weighing(_weighing(knees.problems, noise, one))
+                if one.noise.weighs:
+                    knees = knees.weighing([likely.noise for likely in sure])
                 where = zip(knees.problems, first, trails, sure, strict=True)
                 trails = [_at_the_bottom(*each, one.noise) for each in where]
             lap("limits")
@@ -297,27 +298,17 @@ def _fits(
     return knees, fits, sure
 
 
-def _weighing(problems: Sequence[Problem], noise, one: CalibrationProblem) -> list[Problem]:
-    """Problems with estimated noise, `(5,)` each, where that decides what a square weighs."""
-    if one.noise.given or not one.noise.estimated:
-        return list(problems)
-    return [
-        own if np.isnan(left).any() else own.weighing(left)
-        for own, left in zip(problems, noise, strict=True)
-    ]
-
-
 def _at_the_bottom(
     problem: Problem, first: Slopes, trail: Trail, likely: MaximumLikelihood, noise: Noise
 ) -> Trail:
     """The trail on to the best fit, around which the limits are."""
-    if noise.estimated and not noise.given:
+    if noise.weighs:
         trail = trail.weighed(problem)
     if not trail.converged:
         return trail
     there = _walked(problem, first.knee[0], likely.best.values[0])
     lost = problem.used & ~there.converged[0]
-    if lost.any() or objective_of(problem, there) > trail.objective:
+    if lost.any() or problem.objective(there) > trail.objective:
         return trail
     return trail.moved(problem, there, "III") if likely.converged else trail
 
@@ -353,12 +344,9 @@ def _walked_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
 
 
 def _answer(
-    one: CalibrationProblem,
-    problem: Problem,
-    first: Slopes,
-    fits: list[Fit],
+    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit],
     likely: MaximumLikelihood,
-) -> Calibration:
+) -> Calibration:  # fmt: skip
     """What is reported of one knee; seconds are those of all, and follow."""
     start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())
@@ -366,25 +354,15 @@ def _answer(
     poor = misfits(fits[0].rmse, start_rmse, stated, counted, poses)
     for own, before in zip(fits[0].tests, start_tests, strict=True):
         poor += misfits_of_test(own, before, stated, counted)
+    knee, noise = problem.knee, map(float, likely.noise)
     return Calibration(
-        title=one.title,
-        knee=problem.knee.name,
-        measured=problem.measured,
-        start=motion_of(problem, first),
-        start_rmse=start_rmse,
-        start_partial_objectives=partial_objectives_of(problem, first),
-        start_objective=objective_of(problem, first),
-        start_tests=start_tests,
-        fits=tuple(fits),
-        ligaments=problem.knee.ligaments.names,
-        contacts=problem.knee.contact_names,
-        truth=dict(one.truth),
-        noise=dict(zip(FREE_COORDINATES, map(float, likely.noise), strict=True)),
-        noise_estimated=likely.noise_estimated,
-        misfits=poor,
-        weights=problem.weights,
-        left_out=int((~problem.used).sum()),
-        seconds={},
-        versions=versions(),
+        title=one.title, knee=knee.name, measured=problem.measured,
+        start=motion_of(problem, first), start_rmse=start_rmse, start_tests=start_tests,
+        start_partial_objectives=squares_of(problem, first),
+        start_objective=problem.objective(first), fits=tuple(fits),
+        ligaments=knee.ligaments.names, contacts=knee.contact_names, truth=dict(one.truth),
+        noise=dict(zip(FREE_COORDINATES, noise, strict=True)),
+        noise_estimated=likely.noise_estimated, misfits=poor, weights=problem.weights,
+        left_out=int((~problem.used).sum()), seconds={}, versions=versions(),
         settings=dict(one.settings),
-    )
+    )  # fmt: skip

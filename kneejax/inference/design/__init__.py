@@ -1,12 +1,8 @@
 """What to measure next."""
 
 from kneejax.inference.design._candidates import Candidate as Candidate
-from kneejax.inference.design._candidates import (
-    LoadCaseDerivatives as LoadCaseDerivatives,
-)
-from kneejax.inference.design._candidates import (
-    load_case_derivatives as load_case_derivatives,
-)
+from kneejax.inference.design._candidates import LoadCaseDerivatives as LoadCaseDerivatives
+from kneejax.inference.design._candidates import load_case_derivatives as load_case_derivatives
 from kneejax.inference.design._candidates import load_cases_of as load_cases_of
 from kneejax.inference.design._candidates import usual_candidates as usual_candidates
 from kneejax.inference.design._design import Design as Design

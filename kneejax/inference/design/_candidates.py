@@ -71,15 +71,9 @@ def load_case_derivatives(
 
 
 def departures(
-    selection: Selection,
-    knee: Knee,
-    values: np.ndarray,
-    covariance: np.ndarray,
-    noise: np.ndarray,
-    candidates: Sequence[Candidate],
-    chosen: Sequence[int],
-    foreseen: LoadCaseDerivatives,
-) -> np.ndarray:
+    selection: Selection, knee: Knee, values: np.ndarray, covariance: np.ndarray, noise: np.ndarray,
+    candidates: Sequence[Candidate], chosen: Sequence[int], foreseen: LoadCaseDerivatives,
+) -> np.ndarray:  # fmt: skip
     """How wrong first derivatives are over the width that matters, for each chosen test,
     `(chosen,)`.
 
@@ -105,15 +99,9 @@ def departures(
 
 #: Loads of the usual tests, of the size that laxity tests use: name of a load -> its size.
 USUAL_LOADS: tuple[dict[str, float], ...] = (
-    {},
-    {"anterior_N": 100.0},
-    {"anterior_N": -100.0},
-    {"internal_Nm": 3.0},
-    {"internal_Nm": -3.0},
-    {"varus_Nm": 10.0},
-    {"varus_Nm": -10.0},
-    {"compression_N": 200.0},
-)
+    {}, {"anterior_N": 100.0}, {"anterior_N": -100.0}, {"internal_Nm": 3.0}, {"internal_Nm": -3.0},
+    {"varus_Nm": 10.0}, {"varus_Nm": -10.0}, {"compression_N": 200.0},
+)  # fmt: skip
 #: Flexions of the usual tests, degrees.
 USUAL_FLEXION_DEG = tuple(range(0, 121, 15))
 
@@ -169,9 +157,7 @@ class Candidate:
         return {name: getattr(self, name) for name in NAMED_LOADS}
 
 
-def usual_candidates(
-    flexion_deg: Sequence[float] = USUAL_FLEXION_DEG,
-) -> tuple[Candidate, ...]:
+def usual_candidates(flexion_deg: Sequence[float] = USUAL_FLEXION_DEG) -> tuple[Candidate, ...]:
     """The tests of a laxity rig: no load, drawers, torques, varus, valgus and compression.
 
     Args:

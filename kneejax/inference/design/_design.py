@@ -157,24 +157,16 @@ def design_tests(
     bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
     steps = base + np.concatenate([np.zeros((1, *base.shape)), np.cumsum(told[list(chosen)], 0)])
     after, each = base + told, criterion_of(steps, criterion) / len(base)
+    errors = np.where(usable[:, None], standard_errors(after) * known.scale, np.nan)
     return Design(
-        criterion=criterion,
-        names=known.names,
-        scale=known.scale,
-        candidates=tests,
-        status=found.status,
-        chosen=chosen,
-        standard_errors=standard_errors(steps) * known.scale,
+        criterion=criterion, names=known.names, scale=known.scale, candidates=tests,
+        status=found.status, chosen=chosen, standard_errors=standard_errors(steps) * known.scale,
         criterion_values=np.exp(each / 2) if criterion == "D" else np.sqrt(each),
         gains=np.where(usable, _gain(base, after, criterion), np.nan),
-        standard_errors_next=np.where(
-            usable[:, None], standard_errors(after) * known.scale, np.nan
-        ),
-        departures=bends,
-        prior=added,
+        standard_errors_next=errors, departures=bends, prior=added,
         prior_assumed=prior is None and added is not None,
         freed=tuple(n for n, on in zip(known.names, known.at_bound, strict=True) if on),
-    )
+    )  # fmt: skip
 
 
 def told_by(

@@ -1,11 +1,9 @@
 """Poses against a measurement: residuals, bounded searches, the one fit in lanes."""
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
-from kneejax.inference.fit._cut import Passed as Passed
 from kneejax.inference.fit._cut import balances_of as balances_of
 from kneejax.inference.fit._cut import passed as passed
 from kneejax.inference.fit._cut import slack_at as slack_at
-from kneejax.inference.fit._cut import state_of as state_of
 from kneejax.inference.fit._cut import without as without
 from kneejax.inference.fit._lbfgsb import minimise_bounded as minimise_bounded
 from kneejax.inference.fit._many_fits import PATIENT as PATIENT
@@ -29,5 +27,5 @@ from kneejax.inference.fit._observed import without_offsets as without_offsets
 from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import Progress as Progress
 from kneejax.inference.fit._problem import check_finite as check_finite
-from kneejax.inference.fit._problem import offset_units as offset_units
+from kneejax.inference.fit._problem import named as named
 from kneejax.inference.fit._readings import check_readable as check_readable

@@ -139,9 +139,7 @@ class BoundedLevenbergMarquardt:
             self._best = self._begun(residual.shape[1])
         width = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)[rows]
         with np.errstate(all="ignore"):
-            point = _judged(
-                self._best.take(rows), self.trial[rows], residual, jacobian, width
-            )
+            point = _judged(self._best.take(rows), self.trial[rows], residual, jacobian, width)
             bounds = self.lower[rows], self.upper[rows]
             trial, promise = _following(point, bounds, width, self.rtol)
             upcoming = np.max(np.abs(trial - point.x) / width, axis=1, initial=0.0)
@@ -154,21 +152,15 @@ class BoundedLevenbergMarquardt:
 
     def _begun(self, readings: int) -> _Point:
         count, size = self.trial.shape
+        each = count, readings
         return _Point(
-            x=self.trial.copy(),
-            residual=np.full((count, readings), np.inf),
-            jacobian=np.zeros((count, readings, size)),
-            damping=np.full(count, self._damping),
-            steepest=np.zeros((count, size)),
-            led=np.full((count, readings), np.nan),
-            inwards=np.zeros((count, readings)),
-            jumps=np.zeros((count, readings), bool),
-            earlier=np.zeros((count, 2, readings)),
-            reduction=np.full(count, np.inf),
-            seen=np.zeros(count, bool),
-            accepted=np.zeros(count, bool),
+            x=self.trial.copy(), residual=np.full(each, np.inf), jacobian=np.zeros((*each, size)),
+            damping=np.full(count, self._damping), steepest=np.zeros((count, size)),
+            led=np.full(each, np.nan), inwards=np.zeros(each), jumps=np.zeros(each, bool),
+            earlier=np.zeros((count, 2, readings)), reduction=np.full(count, np.inf),
+            seen=np.zeros(count, bool), accepted=np.zeros(count, bool),
             refused=np.zeros(count, int),
-        )
+        )  # fmt: skip
 
 
 def _judged(

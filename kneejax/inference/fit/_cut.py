@@ -30,13 +30,7 @@ from kneejax.geometry import State, coordinates_of
 from kneejax.inference.fit._observed import Balance, Observations
 from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.numerics import compiled, on_all_cores
-from kneejax.parameters import (
-    Selection,
-    UnsuitableData,
-    fibre_rows,
-    fibres_cut,
-    without_menisci,
-)
+from kneejax.parameters import Selection, UnsuitableData, fibre_rows, fibres_cut, without_menisci
 from kneejax.statics import (
     Equilibrium,
     LoadCases,
@@ -203,15 +197,11 @@ class Passage:
         if not begin.converged.all():
             status = Status(int(begin.status[0, 0]))
             raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
-        moving = frames.moving(vary(knee, jnp.asarray(values)))
-        moving = moving.critically_damped(frames.critical)
+        moving = frames.moving(vary(knee, jnp.asarray(values))).critically_damped(frames.critical)
         moving = moving.damped_everywhere(frames.damping_N_s_per_mm)
         start = _start(knee, frames, begin)[0][0]
-        found = move_within(
-            frames.most_mm, moving, start, frames.since_start_s,
-            loads=_loads(frames, load_cases), held={"flexion": frames.led},
-            rate=_rate(knee, frames),
-        )  # fmt: skip
+        led = _led(knee, frames, load_cases)
+        found = move_within(frames.most_mm, moving, start, frames.since_start_s, **led)
         if not converged(np.asarray(found.status)).all():
             raise UnsuitableData(
                 f"with the parameters that choose its steps the motion ends after "
@@ -234,25 +224,19 @@ class Passage:
             return self._passed(knee, vary, values[own], q[own], slope[own])
 
         parts = on_all_cores(one, range(len(values)))
-        whole = (np.concatenate(x) for x in zip(*parts, strict=True))
-        found = dict(zip(Passed._fields, whole, strict=True))
-        lost = ~converged(begin.status)
-        found["status"] = np.where(lost, begin.status, found["status"])
-        found["q"] = np.where(converged(found["status"])[..., None], found["q"], np.nan)
-        free = found["q"].shape[-1]
-        unknown = np.zeros((*found["status"].shape, free, free))
-        return Slopes(values, **found, tangent=unknown)
+        found = Passed(*map(np.concatenate, zip(*parts, strict=True)))
+        status = np.where(converged(begin.status), found.status, begin.status)
+        q = np.where(converged(status)[..., None], found.q, np.nan)
+        unknown = np.zeros((*q.shape, q.shape[-1]))
+        return Slopes(values, q, found.jacobian, found.contact_points, unknown, status)
 
     def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Passed:
-        frames = self.frames
-        given = given_of(
-            frames.moving(knee), np.zeros(q.shape[1]), self.grid, rate=_rate(knee, frames),
-            loads=_loads(frames, self.load_cases), held={"flexion": frames.led},
-        )  # fmt: skip
+        frames, led = self.frames, _led(knee, self.frames, self.load_cases)
+        moving = frames.moving(knee)
+        given = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
         dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
-        given, moving = dataclasses.replace(given, q=jnp.asarray(q.T)), frames.moving(knee)
-        varied = _Varied(vary)
+        given, varied = dataclasses.replace(given, q=jnp.asarray(q.T)), _Varied(vary)
         equilibrium = searched(varied(moving, dampers, values), given)
         given, equilibrium = with_idle_steps(given, equilibrium)
         found = passed(varied, moving, dampers, given, equilibrium, asked, values, slope)
@@ -283,15 +267,9 @@ class _Varied:
 
 
 def passed(
-    lanes_of: Callable[..., MovingKnee],
-    moving: MovingKnee,
-    fixed: Any,
-    given: Given,
-    equilibrium: Equilibrium,
-    asked: Array,
-    values: ArrayLike,
-    slope: ArrayLike,
-) -> Passed:
+    lanes_of: Callable[..., MovingKnee], moving: MovingKnee, fixed: Any, given: Given,
+    equilibrium: Equilibrium, asked: Array, values: ArrayLike, slope: ArrayLike,
+) -> Passed:  # fmt: skip
     """What variants of a moving knee pass, and its derivatives by the values.
 
     Args:
@@ -347,13 +325,13 @@ def _start(knee: Knee, frames: Frames, begin: Slopes) -> tuple[np.ndarray, np.nd
     return q, slope
 
 
-def _loads(frames: Frames, load_cases: LoadCases) -> LoadCurve:
-    """What acts besides the knee's own loads, over the time since the start."""
+def _led(knee: Knee, frames: Frames, load_cases: LoadCases) -> dict[str, Any]:
+    """What acts besides the knee's own loads, over the time since the start; and the flexion that
+    is led from there on, while all other coordinates are at rest there."""
     along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), load_cases.loads)
-    return LoadCurve(jnp.asarray(frames.since_start_s), along)
-
-
-def _rate(knee: Knee, frames: Frames) -> np.ndarray:
-    """Of all coordinates at the start: flexion is led from there on, the others are at rest."""
-    led = [name == "flexion" for name in coordinates_of(knee.bodies)]
-    return np.where(led, frames.starts_with_rad_s, 0.0)
+    flexes = [name == "flexion" for name in coordinates_of(knee.bodies)]
+    return {
+        "loads": LoadCurve(jnp.asarray(frames.since_start_s), along),
+        "held": {"flexion": frames.led},
+        "rate": np.where(flexes, frames.starts_with_rad_s, 0.0),
+    }

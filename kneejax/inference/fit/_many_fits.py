@@ -11,25 +11,15 @@ import dataclasses
 import hashlib
 import json
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of
-from kneejax.inference.fit._observed import (
-    Balance,
-    Observations,
-    add_offsets,
-    best_offsets,
-    with_offsets,
-)
+from kneejax.inference.fit._observed import Balance, Observations, best_offsets, with_offsets
 from kneejax.inference.fit._problem import Problem
 from kneejax.statics import Own, Slopes
-
-if TYPE_CHECKING:
-    from kneejax.inference.fit._problem import Problem
 
 #: Evaluations of each of several starts.
 _STEPS_OF_STARTS = 40
@@ -87,7 +77,7 @@ def fit_lanes(
         data: measured motion, one for all or one per fit.
         begin: known balances, one variant per fit, from which the starts are predicted.
         starts: `(fits, p)`.
-        lower: bounds, `(fits, p)`; equal to `upper` holds a parameter.
+        lower: bounds, `(p,)` or `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
         asked: fits to be made, `(fits,)`; the others cost nothing and mean nothing.
         most: evaluations of a fit before it is given up.
@@ -141,15 +131,15 @@ def several_starts(
     Returns:
         End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
     """
-    size, count = len(problem.selection), len(starts)
+    size = len(problem.selection)
     # The best constants between frames are known at every step.
     prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
     data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
-    balance, values = balances_of(problem.knee, problem.selection, data), starts[:, :size]
-    box = (np.tile(bound[:size], (count, 1)) for bound in (lower, upper))
+    balance = balances_of(problem.knee, problem.selection, data)
+    values, *box = (x[..., :size] for x in (starts, lower, upper))
     found = fit_lanes(balance, data, balance(values), values, *box, most=_STEPS_OF_STARTS, far=True)
-    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(count)]
-    return np.hstack([found.values, np.reshape(shifts, (count, -1))]), found.chi2
+    shifts = [best_offsets(data, found.slopes.take([row])) for row in range(len(starts))]
+    return np.hstack([found.values, np.reshape(shifts, (len(starts), -1))]), found.chi2
 
 
 #: Of load cases what knees that stand side by side must have in common, beside what is observed.
@@ -198,10 +188,8 @@ class SeveralKnees:
 
     def begin(self, values: np.ndarray) -> Slopes:
         """Balances of each knee at its values `(knees, p)`, followed from its reference pose."""
-        first, posed = self.problems[0], self.cases.posed
-        parameters, shifts = np.split(np.asarray(values, float), [len(first.selection)], axis=1)
-        found = balances_of(first.knee, first.selection, self.cases, self.own)(parameters)
-        return add_offsets(found, shifts, first.offsets, posed)
+        together = dataclasses.replace(self.problems[0], cases=self.cases)
+        return together.begin(values, self.own)
 
     def take(self, rows: Sequence[int]) -> SeveralKnees:
         """Some of the knees. Balances of all go on saying whose they are."""
@@ -212,10 +200,12 @@ class SeveralKnees:
         """The same with only some load cases that count, `(cases,)`."""
         return self._with([one.with_used(rows) for one in self.problems])
 
-    def weighing(self, problems: Sequence[Problem]) -> SeveralKnees:
-        """The same with the noise that problems have now, each its own."""
-        noise = np.stack([one.cases.noise for one in problems])
-        cases = dataclasses.replace(self.cases, noise=noise if len(noise) > 1 else noise[0])
+    def weighing(self, noise: Sequence[np.ndarray]) -> SeveralKnees:
+        """The same with a noise each, `(5,)`, where it is known."""
+        every = zip(self.problems, noise, strict=True)
+        problems = [one if np.isnan(own).any() else one.weighing(own) for one, own in every]
+        now = np.stack([one.cases.noise for one in problems])
+        cases = dataclasses.replace(self.cases, noise=now if len(now) > 1 else now[0])
         return dataclasses.replace(self, problems=tuple(problems), cases=cases)
 
     def with_data(self, names: Sequence[str]) -> SeveralKnees:

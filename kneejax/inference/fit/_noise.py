@@ -93,6 +93,11 @@ class Noise:
         return bool(self.unknown.any())
 
     @property
+    def weighs(self) -> bool:
+        """Whether it decides, as estimated, what a square weighs."""
+        return self.estimated and not self.given
+
+    @property
     def unit(self) -> float:
         """What the first sum of squares rises by where chi squared does by one; infinite where the
         noise is not known."""
@@ -109,17 +114,6 @@ class Noise:
     def as_stated(self) -> Noise:
         """The same by what is stated alone: of weights counts only which are zero."""
         return Noise(self.stated, DEFAULT_WEIGHTS**-0.5)
-
-    def check_stated(self, beside: str) -> None:
-        """Refuse noise that is estimated beside what counts in a standard deviation of its own.
-
-        Raises:
-            UnsuitableData: some noise is not stated.
-        """
-        if self.estimated:
-            raise UnsuitableData(
-                f"{beside}: expected noise_mm and noise_deg too, against which it counts"
-            )
 
     def left(
         self, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray

@@ -54,40 +54,29 @@ def observations(
     if not tests:
         load_cases = LoadCases.at(measured[:, 0], tuple(loads))
         return Observations(load_cases, measured[:, 1:], noise)
-    flexion, target = [measured[:, 0]], [measured[:, 1:]]
-    neutral, group = [np.full(poses, -1)], [np.full(poses, -1)]
-    spread, acting, count = [np.ones((poses, 5))], [], poses
-    groups, lines = 0, tuple(dict.fromkeys(line for test in tests for line in test.tensions))
+    lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     axes = tuple(dict.fromkeys(test.axes for test in tests))
     # What tests had cut, each once; first of all nothing.
     cuts = tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
-    cut = [np.zeros(poses, int)]
+    none, acting, count, groups = np.full(poses, -1), [], poses, 0
+    parts = [(measured[:, 0], measured[:, 1:], none, none, np.ones((poses, 5)), 0 * none)]
     for test in tests:
         bent, seen, counted = _rows(test, count)
-        flexion.append(bent)
-        target.append(seen)
-        neutral.append(counted)
-        rest = () if test.counted_from == "intact" else test.cut
-        rows = len(test.flexion_deg)
-        cut.append(np.where(np.arange(len(bent)) < rows, cuts.index(test.cut), cuts.index(rest)))
         own = np.pad(test.groups, (0, len(bent) - len(test.groups)), constant_values=-1)
-        group.append(np.where(own < 0, -1, own + groups))
+        group = np.where(own < 0, -1, own + groups)
         groups += 1 + int(own.max())
-        spread.append(_spread(test, noise if stated is None else stated, len(bent)))
+        spread = _spread(test, noise if stated is None else stated, len(bent))
+        whole, rest = np.arange(len(bent)) < len(test.flexion_deg), test.counted_from != "intact"
+        cut = np.where(whole | rest, cuts.index(test.cut), 0)
+        parts.append((bent, seen, counted, group, spread, cut))
         acting.append(_acting(test, len(bent), lines, axes))
         count += len(bent)
+    flexion, target, neutral, group, spread, cut = map(np.concatenate, zip(*parts, strict=True))
     kinds = _together(tuple(loads), acting, poses, count, len(axes))
     return Observations(
-        LoadCases.at(np.concatenate(flexion), kinds),
-        np.vstack(target),
-        noise,
-        clinical=np.arange(count) >= poses,
-        neutral=np.concatenate(neutral),
-        group=np.concatenate(group),
-        spread=np.vstack(spread),
-        cuts=cuts,
-        cut=np.concatenate(cut),
-    )
+        LoadCases.at(flexion, kinds), target, noise, clinical=np.arange(count) >= poses,
+        neutral=neutral, group=group, spread=spread, cuts=cuts, cut=cut,
+    )  # fmt: skip
 
 
 def readings_of(
@@ -202,12 +191,9 @@ def _acting(
 
 
 def _together(
-    loads: tuple[Load | Pull, ...],
-    acting: list[list[Load | Pull]],
-    poses: int,
-    count: int,
+    loads: tuple[Load | Pull, ...], acting: list[list[Load | Pull]], poses: int, count: int,
     constants: int,
-) -> tuple[Load | Pull, ...]:
+) -> tuple[Load | Pull, ...]:  # fmt: skip
     """Loads at the poses, then those of the tests, each zero where the others act; of the first
     few, which are constant, those that act."""
     after = (0, count - poses), (0, 0)
@@ -248,15 +234,11 @@ def synthetic_motion(
         UnsuitableData: where the knee with these parameters has no balance.
         Implausible: no knee has these parameters.
     """
-    true_knee = knee.replace(truth)
-    table = np.zeros((len(flexion_deg), 6))
-    table[:, 0] = flexion_deg
-    motion = balance_one(true_knee, LoadCases.at(flexion_deg, tuple(loads)))
+    motion = balance_one(knee.replace(truth), LoadCases.at(flexion_deg, tuple(loads)))
     poses, balanced = motion.table[0], motion.converged[0]
     if not balanced.all():
         angles = ", ".join(f"{f:g}" for f in np.asarray(flexion_deg)[~balanced])
         raise UnsuitableData(f"the knee that makes the data has no balance at {angles} degrees")
     scatter = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
     noise = np.random.default_rng(seed).standard_normal((len(flexion_deg), 5))
-    table[:, 1:] = poses + scatter * noise
-    return table
+    return np.column_stack([flexion_deg, poses + scatter * noise])

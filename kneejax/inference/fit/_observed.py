@@ -207,25 +207,19 @@ class Observations:
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Errors over their standard deviations `(fits, r)`, and by the parameters; zero where
-        nothing was observed."""
+        nothing was observed. Those of poses come first, then what was read of the knee's parts, and
+        what was known beforehand."""
         error, slope = (each[:, self.counted] for each in self.error(found))
         noise = self.noise[..., None, :]
         if self.spread is not None:
             noise = noise * self.spread[..., self.counted, :]
-        error, slope = error / noise, slope / noise[..., None]
-        error = error.reshape(len(error), -1)
-        slope = slope.reshape(len(slope), -1, slope.shape[-1])
-        known, by_values = self.beside_poses(found)
-        return np.hstack([error, known]), np.concatenate([slope, by_values], axis=1)
-
-    def beside_poses(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals of what was read of the knee's parts and of what was known beforehand, each
-        in its own standard deviation, `(fits, k)`, and by the values."""
         fits, size = found.values.shape
-        rows, slopes = [np.zeros((fits, 0))], [np.zeros((fits, 0, size))]
+        rows = [(error / noise).reshape(fits, -1)]
+        slopes = [(slope / noise[..., None]).reshape(fits, rows[0].shape[1], size)]
         if self.readings is not None:
-            read, slope = self.readings.residual(self, found)
-            rows, slopes = [*rows, read], [*slopes, slope]
+            read, slope = self.readings.error(self, found)
+            rows.append(read / self.readings.sd)
+            slopes.append(slope / self.readings.sd[:, None])
         if self.prior is not None:
             mean, deviation = self.prior
             rows.append((found.values - mean) / deviation)

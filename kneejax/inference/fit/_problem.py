@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.geometry import FREE_COORDINATES, State
+from kneejax.geometry import COORDINATES, State
 from kneejax.inference.fit._cut import Passage, balances_of, state_of, without
 from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
 from kneejax.inference.fit._observed import (
@@ -23,7 +23,7 @@ from kneejax.inference.fit._observed import (
 )
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, stated
-from kneejax.statics import Slopes
+from kneejax.statics import Own, Slopes
 
 #: Called now and then, from any thread: what is computed, how much of it is done and asked for;
 #: 0 and 0 where that cannot be counted.
@@ -200,11 +200,11 @@ class Problem:
         """The knee with these parameters."""
         return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
 
-    def begin(self, values: np.ndarray) -> Slopes:
-        """Balances at values `(fits, p)`, each followed from the knee's reference pose."""
-        values = np.asarray(values, float)
-        parameters, shifts = np.split(values, [len(self.selection)], axis=1)
-        found = balances_of(self.knee, self.selection, self.cases)(parameters)
+    def begin(self, values: np.ndarray, own: Own | None = None) -> Slopes:
+        """Balances at values `(fits, p)`, each followed from the knee's reference pose; `own` are
+        numbers in which knees differ, a fit each."""
+        parameters, shifts = np.split(np.asarray(values, float), [len(self.selection)], axis=1)
+        found = balances_of(self.knee, self.selection, self.cases, own)(parameters)
         return add_offsets(found, shifts, self.offsets, self.cases.posed)
 
     @property
@@ -256,6 +256,11 @@ class Problem:
         residual, slope = self.cases.residual(found)
         return residual[0], slope[0]
 
+    def objective(self, found: Slopes) -> float:
+        """Weighted sum of squares of one fit, with what a prior says of the values."""
+        residual, _ = self.residual(found)
+        return float(residual @ residual)
+
 
 def check_finite(measured: np.ndarray) -> None:
     """Refuse measured poses with a number that is none.
@@ -268,7 +273,7 @@ def check_finite(measured: np.ndarray) -> None:
         raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
 
 
-def offset_units(offsets: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Constants between frames with their units, as `named` gives them of parameters."""
-    degrees = dict(zip(FREE_COORDINATES, TABLE_UNITS != 1.0, strict=True))
-    return [(name, "deg" if degrees[name] else "mm") for name in offsets]
+def named(selection: Selection, offsets: Sequence[str] = ()) -> list[tuple[str, str]]:
+    """Names and units of parameters, then of constants between frames."""
+    parameters = [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
+    return parameters + [(name, COORDINATES[name].unit) for name in offsets]

@@ -48,17 +48,6 @@ class Readings:
     def __len__(self) -> int:
         return len(self.target)
 
-    def model(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """What the knee gives in the place of each number in the balances found, `(fits, r)`, and
-        its derivative by the values, `(fits, r, p)`."""
-        counts = self.neutral >= 0
-        zero = np.where(counts, self.neutral, self.case)
-        at, slope = self._at_cases(cases, found, np.unique(np.r_[self.case, zero]))
-        own = (slice(None), self.case, self.name)
-        rest = (slice(None), zero, self.name)
-        value = at[own] - np.where(counts, at[rest], 0.0)
-        return value, slope[own] - np.where(counts[:, None], slope[rest], 0.0)
-
     def counted(self, cases: Observations) -> np.ndarray:
         """Of which numbers the load case counts, and the one that it is counted from, `(r,)`."""
         zero = np.where(self.neutral >= 0, self.neutral, self.case)
@@ -66,9 +55,13 @@ class Readings:
 
     def error(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Knee minus what was read, the best unknown constants taken out, `(fits, r)`, and by the
-        values; zero where the load case does not count."""
-        value, slope = self.model(cases, found)
-        counted = self.counted(cases)
+        values, `(fits, r, p)`; zero where the load case does not count."""
+        counts, counted = self.neutral >= 0, self.counted(cases)
+        zero = np.where(counts, self.neutral, self.case)
+        at, slope = self._at_cases(cases, found, np.unique(np.r_[self.case, zero]))
+        own, rest = ((slice(None), rows, self.name) for rows in (self.case, zero))
+        value = at[own] - np.where(counts, at[rest], 0.0)
+        slope = slope[own] - np.where(counts[:, None], slope[rest], 0.0)
         error = np.where(counted, value - self.target, 0.0)
         slope = np.where(counted[:, None], slope, 0.0)
         for group in np.unique(self.group[self.group >= 0]):
@@ -78,11 +71,6 @@ class Readings:
             error[:, own] -= (error[:, own] @ share)[:, None]
             slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
         return error, slope
-
-    def residual(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Errors over standard deviations `(fits, r)`, and by the values."""
-        error, slope = self.error(cases, found)
-        return error / self.sd, slope / self.sd[:, None]
 
     def _at_cases(self, cases: Observations, found: Slopes, rows: np.ndarray):
         """All that can be read at some load cases, `(fits, cases, names)`, and by the values; NaN

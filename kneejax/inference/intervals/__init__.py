@@ -9,7 +9,5 @@ from kneejax.inference.intervals._estimate import same_ends as same_ends
 from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile
 from kneejax.inference.intervals._profiles import Uncertainty as Uncertainty
-from kneejax.inference.intervals._profiles import follow_to_the_lowest as follow_to_the_lowest
-from kneejax.inference.intervals._profiles import named as named
 from kneejax.inference.intervals._profiles import profiles as profiles
 from kneejax.inference.intervals._profiles import uncertainty as uncertainty

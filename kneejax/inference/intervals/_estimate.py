@@ -151,9 +151,7 @@ class Interval:
         return self
 
 
-def _within_prior(
-    low: float, high: float, best: float, prior: float
-) -> tuple[float, float, bool]:
+def _within_prior(low: float, high: float, best: float, prior: float) -> tuple[float, float, bool]:
     """Limits no farther apart than a prior's, whose half width is given, and whether they are
     nearly its own."""
     sides = np.array([best - low, high - best])
@@ -246,12 +244,11 @@ def maximum_likelihood(
     Returns:
         The fits, and the data with the noise that is stated or that the fits leave, `(fits, 5)`.
     """
-    count = len(near.values)
-    box = [np.tile(bound, (count, 1)) for bound in (lower, upper)]
-    weighed = np.where(noise.unknown, np.broadcast_to(data.noise, (count, 5)), noise.stated)
+    weighed = np.broadcast_to(data.noise, (len(near.values), 5))
+    weighed = np.where(noise.unknown, weighed, noise.stated)
     data = dataclasses.replace(data, noise=weighed)
     for _ in range(_ROUNDS if noise.estimated else 1):
-        fits = fit_lanes(balance, data, near, near.values, *box, most=PATIENT, far=far)
+        fits = fit_lanes(balance, data, near, near.values, lower, upper, most=PATIENT, far=far)
         near, far = fits.slopes, False
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
     return fits, data
@@ -295,9 +292,7 @@ def estimate(
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
     fits, weighed = maximum_likelihood(balance, data, near, noise, lower, upper, far=far)
     threshold = rise_at_limits(spare if noise.estimated else None)
-    here, found = follow_to_the_lowest(
-        balance, weighed, fits, lower, upper, threshold, names, pace
-    )
+    here, found = follow_to_the_lowest(balance, weighed, fits, lower, upper, threshold, names, pace)
     prior = np.full(size, np.inf) if data.prior is None else data.prior[1]
     _, slope = weighed.residual(here)
     judged = []

@@ -43,14 +43,9 @@ def squares(model: np.ndarray, step: np.ndarray) -> float:
 
 
 def farthest(
-    model: np.ndarray,
-    i: int,
-    way: float,
-    most: float,
-    low: np.ndarray,
-    high: np.ndarray,
+    model: np.ndarray, i: int, way: float, most: float, low: np.ndarray, high: np.ndarray,
     damping: float,
-) -> Farthest:
+) -> Farthest:  # fmt: skip
     """Lead one value `i` as far up or down (`way` is 1 or -1) as the sum of squares allows, the
     others making up for it.
 

@@ -86,15 +86,9 @@ class Arms:
     """From each fit, each parameter down (even rows) and up (odd rows)."""
 
     def __init__(
-        self,
-        fits: Slopes,
-        residual: np.ndarray,
-        slope: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        level: float,
-        pace: Pace,
-    ):
+        self, fits: Slopes, residual: np.ndarray, slope: np.ndarray, lower: np.ndarray,
+        upper: np.ndarray, level: float, pace: Pace,
+    ):  # fmt: skip
         count, self.size = fits.values.shape
         arms = 2 * self.size
         self.fit_of = np.repeat(np.arange(count), arms)
@@ -208,13 +202,9 @@ class Arms:
                 yield Narrow(row, point._replace(value=float(point.parameters[i])), donor)
 
     def reopen(
-        self,
-        narrow: Sequence[Narrow],
-        there: Slopes,
-        residual: np.ndarray,
-        slope: np.ndarray,
+        self, narrow: Sequence[Narrow], there: Slopes, residual: np.ndarray, slope: np.ndarray,
         close: bool,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Walk on from points beyond the limits, with the balances, residuals and slopes there.
 
         Where `close`, the arms end there instead, without a limit; so do those that find no

@@ -7,7 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.inference.fit import PATIENT, Balance, ManyFits, Observations, balances_of, fit_lanes
+from kneejax.inference.fit import (
+    PATIENT,
+    Balance,
+    ManyFits,
+    Observations,
+    balances_of,
+    fit_lanes,
+    named,
+)
 from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
@@ -140,27 +148,14 @@ def profiles(
     Returns:
         One profile per parameter.
     """
-    balance = balances_of(knee, selection, data)
-    names = named(selection)
+    balance, names = balances_of(knee, selection, data), named(selection)
     return follow(balance, data, fit, lower, upper, threshold, names)[0][0]
 
 
-def named(selection: Selection) -> list[tuple[str, str]]:
-    """Names and units of parameters."""
-    return [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
-
-
 def follow(
-    balance: Balance,
-    data: Observations,
-    fits: Slopes,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    threshold: float,
-    names: Sequence[tuple[str, str]],
-    pace: Pace = Pace.FINE,
-    leave: bool = False,
-) -> tuple[list[tuple[Profile, ...]], Slopes]:
+    balance: Balance, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray,
+    threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE, leave: bool = False,
+) -> tuple[list[tuple[Profile, ...]], Slopes]:  # fmt: skip
     """Profiles of many fits at once.
 
     All arms advance together, an evaluation each, to where the linear model at their last points
@@ -186,7 +181,12 @@ def follow(
     arms = Arms(fits, residual, slope, lower, upper, np.sqrt(threshold), pace)
     of_arms = data.take(arms.fit_of)
     for last in [*[False] * _ROUNDS, True]:
-        _walk(balance, of_arms, arms, leave)
+        while arms.active.any():
+            rows, values = arms.trials()
+            found = balance(values, arms.near.take(rows))
+            arms.advance(rows, found, *of_arms.take(rows).residual(found))
+            if leave:
+                arms.leave(rows)
         narrow = arms.too_narrow()
         if not narrow:
             break
@@ -194,14 +194,10 @@ def follow(
         values = np.array([n.point.parameters for n in narrow])
         there = _led(balance, arms.near.take(donors), values)
         arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
-    error = np.array([uncertainty(one).standard_error for one in slope])
-    profiles_ = [
-        tuple(
-            _profile(names[i], arms, fit, i, float(error[fit, i]), threshold)
-            for i in range(len(names))
-        )
-        for fit in range(len(fits.values))
-    ]
+    profiles_ = []
+    for fit, one in enumerate(slope):
+        each = enumerate(zip(names, uncertainty(one).standard_error, strict=True))
+        profiles_.append(tuple(_profile(*x, arms, fit, i, threshold) for i, x in each))
     return profiles_, arms.near.take(arms.lowest())
 
 
@@ -219,27 +215,11 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
     return there
 
 
-def _walk(balance: Balance, data: Observations, arms: Arms, leave: bool) -> None:
-    """Advance all arms to their ends; data are those of each arm."""
-    while arms.active.any():
-        rows, values = arms.trials()
-        found = balance(values, arms.near.take(rows))
-        arms.advance(rows, found, *data.take(rows).residual(found))
-        if leave:
-            arms.leave(rows)
-
-
 def follow_to_the_lowest(
-    balance: Balance,
-    data: Observations,
-    fits: ManyFits,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    threshold: float,
-    names: Sequence[tuple[str, str]],
-    pace: Pace = Pace.FINE,
+    balance: Balance, data: Observations, fits: ManyFits, lower: np.ndarray, upper: np.ndarray,
+    threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE,
     restarts: int = _RESTARTS,
-) -> tuple[Slopes, list[tuple[Profile, ...]]]:
+) -> tuple[Slopes, list[tuple[Profile, ...]]]:  # fmt: skip
     """Profiles of fits; a fit moves where one of its profiles has found a lower valley.
 
     Args:
@@ -270,16 +250,14 @@ def follow_to_the_lowest(
         if not which.any() or not left:
             break
         rows, lowest = rows[which], lowest.take(which)
-        box = [np.tile(bound, (len(rows), 1)) for bound in (lower, upper)]
-        moved = fit_lanes(
-            balance, data.take(rows), lowest, lowest.values, *box, most=PATIENT, far=True
-        )
+        own, start = data.take(rows), lowest.values
+        moved = fit_lanes(balance, own, lowest, start, lower, upper, most=PATIENT, far=True)
         here.put(rows, moved.slopes)
     return here, found
 
 
 def _profile(
-    name: tuple[str, str], arms: Arms, fit: int, i: int, error: float, threshold: float
+    name: tuple[str, str], error: float, arms: Arms, fit: int, i: int, threshold: float
 ) -> Profile:
     down, up = (2 * (fit * arms.size + i) + way for way in (0, 1))
     points = [*reversed(arms.curve(down)[1:]), *arms.curve(up)]
@@ -287,16 +265,8 @@ def _profile(
         float(np.where(arms.end[row], bound[i], arms.limit[row]))
         for row, bound in ((down, arms.lower), (up, arms.upper))
     )
+    values, rise, parameters, _ = map(np.array, zip(*points, strict=True))
     return Profile(
-        *name,
-        arms.points[up][0].value,
-        error,
-        np.array([p.value for p in points]),
-        np.array([p.rise for p in points]),
-        np.array([p.parameters for p in points]),
-        low,
-        high,
-        arms.end[down],
-        arms.end[up],
-        threshold,
-    )
+        *name, arms.points[up][0].value, float(error), values, rise, parameters, low, high,
+        arms.end[down], arms.end[up], threshold,
+    )  # fmt: skip

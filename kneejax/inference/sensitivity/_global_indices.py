@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import importlib
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +14,8 @@ from kneejax.parameters import UnsuitableData
 
 #: Method -> measures in the order of tables; the first ranks the parameters.
 MEASURES = {"sobol": ("total_order", "first_order"), "morris": ("mu_star", "sigma", "mu")}
-_SALIB_NAMES = {
-    "total_order": ("ST", "ST_conf"),
-    "first_order": ("S1", "S1_conf"),
-    "mu_star": ("mu_star", "mu_star_conf"),
-    "sigma": ("sigma", None),
-    "mu": ("mu", None),
-}
+#: What SALib calls a measure, where it has a name of its own; and measures without an interval.
+_SALIB_NAMES, _BARE = {"total_order": "ST", "first_order": "S1"}, ("sigma", "mu")
 #: Samples where nobody says how many.
 USUAL_SAMPLES = {"sobol": 256, "morris": 64}
 #: Fewest blocks from which anything is computed.
@@ -149,14 +143,10 @@ def global_indices(
     """
     lower, upper = np.asarray(lower, float), np.asarray(upper, float)
     check_request(method, names, lower, upper, samples)
-    problem = {
-        "num_vars": len(names),
-        "names": list(names),
-        "bounds": np.column_stack([lower, upper]).tolist(),
-    }
-    scheme = _sobol if method == "sobol" else _morris
+    bounds = np.column_stack([lower, upper]).tolist()
+    problem = {"num_vars": len(names), "names": list(names), "bounds": bounds}
     # To SALib a seed of 0 is none.
-    x, analyse = scheme(problem, samples, seed + 1, confidence)
+    x, analyse = _scheme(method, problem, samples, seed + 1, confidence)
     y = np.asarray(model(x), float).reshape(len(x), len(outputs))
     sound = np.isfinite(y).all(axis=1)
     size = len(x) // samples
@@ -167,26 +157,18 @@ def global_indices(
     columns = np.ascontiguousarray(y[kept].T)
     found = [analyse(x[kept], y) if enough and np.ptp(y) > _CONSTANT * np.abs(y).max() else None
              for y in columns]
-    return GlobalIndices(
-        method, tuple(names), tuple(outputs), lower, upper, *_numbers(method, found, len(names)),
-        confidence, len(x), int((~sound).sum()), samples, int((~whole).sum()),
-    )  # fmt: skip
-
-
-def _numbers(
-    method: str, found: Sequence[Mapping[str, Any] | None], count: int
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Measures, and half widths of those that have one, `(outputs, p)`; NaN where none is known."""
 
     def table(key: str) -> np.ndarray:
-        unknown = np.full(count, np.nan)
+        unknown = np.full(len(names), np.nan)
         return np.array([unknown if one is None else one[key] for one in found], float)
 
-    names = {name: _SALIB_NAMES[name] for name in MEASURES[method]}
-    return (
-        {name: table(value) for name, (value, _) in names.items()},
-        {name: table(half_width) for name, (_, half_width) in names.items() if half_width},
-    )
+    keys = {name: _SALIB_NAMES.get(name, name) for name in MEASURES[method]}
+    measures = {name: table(key) for name, key in keys.items()}
+    halves = {name: table(f"{key}_conf") for name, key in keys.items() if name not in _BARE}
+    return GlobalIndices(
+        method, tuple(names), tuple(outputs), lower, upper, measures, halves, confidence, len(x),
+        int((~sound).sum()), samples, int((~whole).sum()),
+    )  # fmt: skip
 
 
 def check_request(method: str, names, lower: np.ndarray, upper: np.ndarray, samples: int) -> None:
@@ -207,38 +189,20 @@ def check_request(method: str, names, lower: np.ndarray, upper: np.ndarray, samp
         )
 
 
-def _sobol(problem: dict, samples: int, seed: int, confidence: float):
+def _scheme(method: str, problem: dict, samples: int, seed: int, confidence: float):
     """The runs to make, `(runs, p)`, and what is to be done with their outputs."""
-    with _salib_installed():
-        from SALib.analyze.sobol import analyze
-        from SALib.sample.sobol import sample
-    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
-
-    def analyse(x: np.ndarray, y: np.ndarray):
-        return analyze(problem, y, calc_second_order=False, **options)
-
-    return sample(problem, samples, calc_second_order=False, seed=seed), analyse
-
-
-def _morris(problem: dict, samples: int, seed: int, confidence: float):
-    """As `_sobol`."""
-    with _salib_installed():
-        from SALib.analyze.morris import analyze
-        from SALib.sample.morris import sample
-    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed}
-
-    def analyse(x: np.ndarray, y: np.ndarray):
-        return analyze(problem, x, y, num_levels=_LEVELS, **options)
-
-    return sample(problem, samples, num_levels=_LEVELS, seed=seed), analyse
-
-
-@contextlib.contextmanager
-def _salib_installed():
     try:
-        yield
+        analyze = importlib.import_module(f"SALib.analyze.{method}").analyze
+        sample = importlib.import_module(f"SALib.sample.{method}").sample
     except ModuleNotFoundError as missing:
         raise UnsuitableData(
             f"global indices need the package SALib ({missing.name} is missing): "
             "pip install 'kneejax[sensitivity]'"
         ) from None
+    own = {"calc_second_order": False} if method == "sobol" else {"num_levels": _LEVELS}
+    options = {"num_resamples": _RESAMPLES, "conf_level": confidence, "seed": seed, **own}
+
+    def analyse(x: np.ndarray, y: np.ndarray):
+        return analyze(problem, *([y] if method == "sobol" else [x, y]), **options)
+
+    return sample(problem, samples, seed=seed, **own), analyse

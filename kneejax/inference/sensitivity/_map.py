@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import MeasuredTest
 from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.sensitivity._map_study import LoadedMaps, MapCases, Maps, PassiveMaps
+from kneejax.inference.sensitivity._map_study import LoadedMaps, Maps, PassiveMaps
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (
@@ -96,30 +96,24 @@ def sensitivity_maps(
         if moved:
             raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
         problem = Problem.of(knee, selection, measured, weights, (), loads, tests, known)
-        cases = MapCases.of(problem, offsets, base, failures)
-        study: Maps = LoadedMaps(knee, selection, base, problem.cases.load_cases, weights, cases)
+        study: Maps = LoadedMaps(
+            knee, selection, base, problem.cases.load_cases, weights, problem, offsets, failures
+        )
     else:
         flexion, back = np.unique(measured[:, 0], return_inverse=True)
         study = PassiveMaps(
             knee, selection, base, LoadCases.at(flexion), weights, back, measured, offsets,
             convention, failures,
         )  # fmt: skip
-        study.check_own_motion()
-    size = len(study.load_cases)
-    total = len(pairs) * grid[0] * grid[1] * size
-    maps, done = [], 0
+    each, maps = grid[0] * grid[1] * len(study.load_cases), []
     for pair in pairs:
-        x, y = (
-            np.linspace(limits[name][0], limits[name][1], points)
-            for name, points in zip(pair, grid, strict=True)
-        )
+        x, y = (np.linspace(*limits[name], count) for name, count in zip(pair, grid, strict=True))
 
-        def report(count: int, _: int, before: int = done) -> None:
+        def report(count: int, _: int, before: int = each * len(maps)) -> None:
             if progress is not None:
-                progress(min(before + count, total), total)
+                progress(min(before + count, each * len(pairs)), each * len(pairs))
 
         maps.append(study.map(pair, x, y, store, report))
-        done += x.size * y.size * size
     return tuple(maps)
 
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES, convert
-from kneejax.inference.fit import Observations, Problem, without
+from kneejax.inference.fit import Problem, without
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap, worst_condition
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection, UnsuitableData, unphysiological
@@ -28,117 +28,13 @@ from kneejax.statics import (
 
 
 class _Part(NamedTuple):
-    """Load cases with the same ligaments cut: their rows, a knee whose fibres cannot tear where
-    they are cut, what varies and cuts it, the load cases, and its balances there at `base`."""
+    """Load cases with the same ligaments cut."""
 
-    rows: np.ndarray
-    knee: Knee
-    vary: Vary
-    load_cases: LoadCases
-    own: Equilibria
-
-
-@dataclasses.dataclass(frozen=True)
-class MapCases:
-    """Load cases of a problem, balanced at every grid point."""
-
-    cases: Observations  # those that the knee's own values balance count
-    parts: tuple[_Part, ...]  # the cases by what was cut
-    own_table: np.ndarray  # where the knee itself is, degrees and mm, `(cases, 5)`
-    failures: tuple[Status, ...]  # statuses of balances that count for nothing
-    base: np.ndarray  # values of what varies where searches begin, `(p,)`
-
-    @classmethod
-    def of(cls, problem: Problem, offsets: tuple[str, ...], base: np.ndarray, failures) -> MapCases:
-        """Balance the knee itself, from values `base`, `(p,)`, at all load cases; raises where it
-        balances nowhere. Of poses the best constants of `offsets` are taken at each grid point."""
-        selection, every = problem.selection, problem.cases.load_cases.of(problem.knee)
-        itself, parts, homes = np.asarray(selection.read(problem.knee)), [], []
-        for number, names in enumerate(problem.cases.cuts):
-            rows = np.flatnonzero(problem.cases.cut == number)
-            if not len(rows):
-                continue
-            knee, vary = without(problem.knee, selection, names)
-            load_cases = every.take(rows)
-            both = balance_many(knee, vary, np.stack([base, itself]), load_cases)
-            homes.append(both.at([1]))
-            parts.append(_Part(rows, knee, vary, load_cases, both.at([0])))
-        table, used = _joined(parts, homes, "table"), converged(_joined(parts, homes, "status")[0])
-        if not used.any():
-            raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
-        counted = problem.with_used(used).cases
-        cases = dataclasses.replace(counted, offsets=offsets)
-        return cls(cases, tuple(parts), table[0], failures, base)
-
-    @property
-    def left_out(self) -> int:
-        """Load cases that count nowhere."""
-        return int((~self.cases.counted).sum())
-
-    @property
-    def start_objective(self) -> float:
-        """Where searches begin; NaN where something has no balance there."""
-        return float(self._misfit(self.base[None], [part.own for part in self.parts])[0][0])
-
-    def lines(
-        self,
-        values: np.ndarray,
-        begin: np.ndarray,
-        near: list[Equilibria] | None,
-        progress: Progress,
-    ) -> list[Equilibria]:
-        """Balance lines of variants, as `kneejax.statics.balance_lines`, part by part."""
-        found, done = [], 0
-        for number, part in enumerate(self.parts):
-
-            def report(count: int, of: int, before: int = done) -> None:
-                progress(before + count, of)
-
-            found.append(balance_lines(
-                part.knee, part.vary, values, part.load_cases, begin,
-                near=near and near[number], progress=report,
-            ))  # fmt: skip
-            done += values.shape[0] * values.shape[1] * len(part.rows)
-        return found
-
-    def reduced(self, values: np.ndarray, found: list[Equilibria]) -> dict[str, np.ndarray]:
-        """What a map keeps of grid points, arrays of their shape."""
-        shape, counted = values.shape[:-1], self.cases.counted
-        table, status = (_joined(self.parts, found, name) for name in ("table", "status"))
-        strange = unphysiological(table, self.own_table)[..., counted]
-        objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), found)
-        return {
-            "objective": objective.reshape(shape),
-            "partial": partial.reshape(5, *shape),
-            "condition": worst_condition(status[..., counted], strange, self.failures),
-            "lost": (~converged(status[..., counted])).sum(axis=-1),
-        }
-
-    def _misfit(self, values: np.ndarray, found: list[Equilibria]) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of squares over all that was observed, `(points,)`, each as it is weighed, and of
-        errors by coordinate, `(5, points)`, as they are."""
-        axis = found[0].status.ndim - 1
-
-        def nodes(name: str) -> np.ndarray:
-            x = _joined(self.parts, found, name)
-            return x.reshape(len(values), *x.shape[axis:])
-
-        # Nothing is differentiated; slopes of the right shape are asked for all the same.
-        size = values.shape[1] if self.cases.readings is not None else 1
-        q = nodes("q")
-        still = np.broadcast_to(0.0, (*q.shape, size))
-        stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
-        rest = nodes("contact_points"), stiff, nodes("status")
-        slopes = Slopes(values[:, :size], q, still, *rest)
-        error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
-        return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
-
-
-def _joined(parts: Sequence[_Part], found: Sequence[Equilibria], name: str) -> np.ndarray:
-    """A field of all parts' balances, load cases in their order."""
-    axis = found[0].status.ndim - 1
-    whole = np.concatenate([getattr(one, name) for one in found], axis)
-    return np.take(whole, np.argsort(np.concatenate([part.rows for part in parts])), axis)
+    rows: np.ndarray  # theirs
+    knee: Knee  # whose fibres cannot tear where they are cut
+    vary: Vary  # what varies and cuts it
+    load_cases: LoadCases  # these
+    own: Equilibria  # balances there at `base`
 
 
 #: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
@@ -160,10 +56,30 @@ class Maps(abc.ABC):
     # Number of poses or load cases that count nowhere.
     left_out: int = dataclasses.field(init=False)
     start_objective: float = dataclasses.field(init=False)  # at `base`
+    parts: list[_Part] = dataclasses.field(init=False, default_factory=list)
 
-    @abc.abstractmethod
+    def _at_home(self, rows, knee: Knee, vary: Vary, load_cases: LoadCases) -> Equilibria:
+        """Add a part; balances of the knee's own values there."""
+        itself = np.asarray(self.selection.read(self.knee))
+        both = balance_many(knee, vary, np.stack([self.base, itself]), load_cases)
+        self.parts.append(_Part(rows, knee, vary, load_cases, both.at([0])))
+        return both.at([1])
+
     def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        """Balance lines of grid points, as `kneejax.statics.balance_lines`."""
+        """Balance lines of grid points, as `kneejax.statics.balance_lines`, part by part."""
+        found, done = [], 0
+        for number, part in enumerate(self.parts):
+
+            def report(count: int, of: int, before: int = done) -> None:
+                if progress is not None:
+                    progress(before + count, of)
+
+            found.append(balance_lines(
+                part.knee, part.vary, values, part.load_cases, begin,
+                near=near and near[number], progress=report,
+            ))  # fmt: skip
+            done += values.shape[0] * values.shape[1] * len(part.rows)
+        return found
 
     @abc.abstractmethod
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
@@ -177,9 +93,8 @@ class Maps(abc.ABC):
         # One block's rows do not depend on another's: all begin at the same column.
         spine = self._values(x[middle : middle + 1], y, column, row).swapaxes(0, 1)
         begin = int(np.abs(y - self.base[row]).argmin())
-        near = None
-        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * len(self.load_cases)))
-        parts, size = [], len(self.load_cases)
+        near, parts, size = None, [], len(self.load_cases)
+        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * size))
         for first in range(0, y.size, rows):
             block = slice(first, min(first + rows, y.size))
             name = f"{pair[0]}-{pair[1]}-{first}"
@@ -187,32 +102,24 @@ class Maps(abc.ABC):
             if known is None:
                 if near is None:
                     near = self._lines(spine, np.array([begin]), None)
+                values = self._values(x, y[block], column, row)
                 here = self._lines(
-                    self._values(x, y[block], column, row),
-                    np.full(y[block].size, middle),
-                    [one.at(0, block) for one in near],
+                    values, np.full(len(values), middle), [one.at(0, block) for one in near],
                     lambda done, _, before=first: report(before * x.size * size + done, 0),
-                )
-                known = self._reduced(self._values(x, y[block], column, row), here)
+                )  # fmt: skip
+                known = self._reduced(values, here)
                 if store:
                     store.save(name, known)
             parts.append(known)
             report(block.stop * x.size * size, 0)
         whole = {key: np.concatenate([part[key] for part in parts], axis=-2) for key in parts[0]}
+        units = (self.selection.unit(column), self.selection.unit(row))
+        start = (float(self.base[column]), float(self.base[row]))
         return ParameterMap(
-            (pair[0], pair[1]),
-            tuple(self.selection.unit(i) for i in (column, row)),
-            x,
-            y,
-            whole["objective"],
-            whole["partial"],
-            whole["condition"],
-            whole["lost"],
-            (float(self.base[column]), float(self.base[row])),
-            self.start_objective,
-            self.left_out,
+            (pair[0], pair[1]), units, x, y, whole["objective"], whole["partial"],
+            whole["condition"], whole["lost"], start, self.start_objective, self.left_out,
             self.weights,
-        )
+        )  # fmt: skip
 
     def _values(self, x, y, column: int, row: int) -> np.ndarray:
         values = np.tile(self.base, (y.size, x.size, 1))
@@ -224,66 +131,105 @@ class Maps(abc.ABC):
 class LoadedMaps(Maps):
     """Of poses and tests under load."""
 
-    cases: MapCases
+    problem: Problem  # what is observed
+    offsets: tuple[str, ...]  # coordinates of poses whose best constant each grid point takes
+    failures: tuple[Status, ...]  # statuses of balances that count for nothing
 
     def __post_init__(self) -> None:
-        self.left_out, self.start_objective = self.cases.left_out, self.cases.start_objective
-
-    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        return self.cases.lines(values, begin, near, progress or (lambda *_: None))
+        """The knee's own balances say what counts and what is physiological; searches begin at
+        those of `base`."""
+        every, homes = self.load_cases.of(self.knee), []
+        for number, names in enumerate(self.problem.cases.cuts):
+            rows = np.flatnonzero(self.problem.cases.cut == number)
+            if len(rows):
+                varied = without(self.knee, self.selection, names)
+                homes.append(self._at_home(rows, *varied, every.take(rows)))
+        used = converged(self._joined(homes, "status")[0])
+        if not used.any():
+            raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
+        self.own_table = self._joined(homes, "table")[0]
+        self.cases = dataclasses.replace(self.problem.with_used(used).cases, offsets=self.offsets)
+        self.left_out = int((~self.cases.counted).sum())
+        here = [part.own for part in self.parts]
+        self.start_objective = float(self._misfit(self.base[None], here)[0][0])
 
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
-        return self.cases.reduced(values, found)
+        shape, counted = values.shape[:-1], self.cases.counted
+        table, status = (self._joined(found, name) for name in ("table", "status"))
+        strange = unphysiological(table, self.own_table)[..., counted]
+        objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), found)
+        return {
+            "objective": objective.reshape(shape),
+            "partial": partial.reshape(5, *shape),
+            "condition": worst_condition(status[..., counted], strange, self.failures),
+            "lost": (~converged(status[..., counted])).sum(axis=-1),
+        }
+
+    def _misfit(self, values: np.ndarray, found: list[Equilibria]) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of squares over all that was observed, `(points,)`, each as it is weighed, and of
+        errors by coordinate, `(5, points)`, as they are."""
+        axis = found[0].status.ndim - 1
+
+        def nodes(name: str) -> np.ndarray:
+            x = self._joined(found, name)
+            return x.reshape(len(values), *x.shape[axis:])
+
+        # Nothing is differentiated; slopes of the right shape are asked for all the same.
+        size = values.shape[1] if self.cases.readings is not None else 1
+        q = nodes("q")
+        still = np.broadcast_to(0.0, (*q.shape, size))
+        stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
+        rest = nodes("contact_points"), stiff, nodes("status")
+        slopes = Slopes(values[:, :size], q, still, *rest)
+        error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
+        return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
+
+    def _joined(self, found: Sequence[Equilibria], name: str) -> np.ndarray:
+        """A field of all parts' balances, load cases in their order."""
+        axis = found[0].status.ndim - 1
+        whole = np.concatenate([getattr(one, name) for one in found], axis)
+        return np.take(whole, np.argsort(np.concatenate([p.rows for p in self.parts])), axis)
 
 
 @dataclasses.dataclass
 class PassiveMaps(Maps):
     """Of poses without loads: each flexion is balanced once, however many poses have it."""
 
-    back: np.ndarray
+    back: np.ndarray  # which flexion each pose has; of those that count in the end, as the next
     measured: np.ndarray
     offsets: tuple[str, ...]
     convention: str
     failures: tuple[Status, ...]
 
-    def check_own_motion(self) -> None:
+    def __post_init__(self) -> None:
         """The knee's own motion says what counts and what is physiological; searches begin at the
         motion of `base`."""
-        vary, own = self.selection.apply, np.asarray(self.selection.read(self.knee))
-        found = balance_many(self.knee, vary, np.stack([self.base, own]), self.load_cases)
-        here, home = found.at([0]), found.at([1])
-        self.own_table, self.used = home.table[0], home.converged[0][self.back]
-        if not self.used.any():
+        rows = np.arange(len(self.load_cases))
+        home = self._at_home(rows, self.knee, self.selection.apply, self.load_cases)
+        self.own_table, used = home.table[0], home.converged[0][self.back]
+        if not used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
-        self.left_out = int((~self.used).sum())
-        self.start_objective = float(self.weights @ self._partial(here.table)[:, 0])
-
-    def _lines(self, values, begin, near, progress=None) -> list[Equilibria]:
-        found = balance_lines(
-            self.knee, self.selection.apply, values, self.load_cases, begin,
-            near=near and near[0], progress=progress,
-        )  # fmt: skip
-        return [found]
+        self.left_out = int((~used).sum())
+        self.back, self.measured = self.back[used], self.measured[used]
+        self.start_objective = float(self.weights @ self._partial(self.parts[0].own.table)[:, 0])
 
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
         (own,) = found
-        partial, status = self._partial(own.table), own.status[..., np.unique(self.back[self.used])]
+        partial, status = self._partial(own.table), own.status[..., np.unique(self.back)]
         strange = unphysiological(own.table, self.own_table)
         return {
             # Not by a product of matrices, whose rounding depends on how arrays lie in memory.
             "objective": (self.weights[:, None, None] * partial).sum(axis=0),
             "partial": partial,
             "condition": worst_condition(status, strange, self.failures),
-            "lost": (~converged(own.status[..., self.back[self.used]])).sum(axis=-1),
+            "lost": (~converged(own.status[..., self.back])).sum(axis=-1),
         }
 
     def _partial(self, table: np.ndarray) -> np.ndarray:
         """Sums of squared errors, coordinates first; `table` is `(..., load_cases, 5)`."""
-        rows = self.back[self.used]
-        here = in_convention(table[..., rows, :], self.measured[self.used, 0], self.convention)
-        error = here - in_convention(
-            self.measured[self.used, 1:], self.measured[self.used, 0], self.convention
-        )
+        tables = table[..., self.back, :], self.measured[:, 1:]
+        here, seen = (in_convention(x, self.measured[:, 0], self.convention) for x in tables)
+        error = here - seen
         for name in self.offsets:
             column = FREE_COORDINATES.index(name)
             error[..., column] -= error[..., column].mean(axis=-1, keepdims=True)

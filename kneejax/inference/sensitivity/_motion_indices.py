@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.inference.sensitivity._global_indices import (
     USUAL_SAMPLES,
@@ -33,7 +33,6 @@ from kneejax.statics import FAILURES, LoadCases, Progress, Status, balance_many,
 _DEVIATIONS = 3.0**0.5
 #: Angles at which the coordinates themselves are outputs.
 _ANGLES = 5
-_UNITS = dict(zip(FREE_COORDINATES, ("deg", "deg", "mm", "mm", "mm"), strict=True))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,7 +134,13 @@ def motion_indices(
     )
     base = np.asarray(selection.read(knee))
     measured = np.asarray(measured, float)
-    flexion, left_out = _balanced_at(knee, selection, base, measured[:, 0], failures)
+    # Load cases ascend; a measurement may run to and fro.
+    flexion = np.unique(measured[:, 0])
+    own = balance_many(knee, selection.apply, base[None], LoadCases.at(flexion))
+    held = ~fails(own.status[0], failures)
+    if not held.any():
+        raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
+    flexion, left_out = flexion[held], flexion[~held]
     measured = measured[np.isin(measured[:, 0], flexion)]
     row = np.searchsorted(flexion, measured[:, 0])
     at = np.unique(np.linspace(0, len(flexion) - 1, _ANGLES).round().astype(int))
@@ -161,26 +166,14 @@ def motion_indices(
     return MotionIndices(indices, outputs, tuple(left_out.tolist()))
 
 
-def _balanced_at(
-    knee: Knee, selection: Selection, base: np.ndarray, measured_deg: np.ndarray, failures
-) -> tuple[np.ndarray, np.ndarray]:
-    """Flexions at which the knee itself balances, and at which it does not, rising, degrees."""
-    # Load cases ascend; a measurement may run to and fro.
-    flexion = np.unique(measured_deg)
-    found = balance_many(knee, selection.apply, base[None], LoadCases.at(flexion))
-    held = ~fails(found.status[0], failures)
-    if not held.any():
-        raise UnsuitableData("the knee itself is balanced and stable at no measured flexion")
-    return flexion[held], flexion[~held]
-
-
 def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
+    units = [(name, COORDINATES[name].unit) for name in FREE_COORDINATES]
     poses = [
-        Output(f"{name} at {angle:g} deg", _UNITS[name], name, float(angle))
-        for name in FREE_COORDINATES
+        Output(f"{name} at {angle:g} deg", unit, name, float(angle))
+        for name, unit in units
         for angle in flexion_deg
     ]
-    errors = [Output(f"rmse of {name}", _UNITS[name], name, None) for name in FREE_COORDINATES]
+    errors = [Output(f"rmse of {name}", unit, name, None) for name, unit in units]
     return (*poses, *errors, Output("objective", "", "", None))
 
 

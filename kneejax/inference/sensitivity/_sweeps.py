@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.geometry import BY_COORDINATE
-from kneejax.inference.fit import table_of
+from kneejax.inference.fit import named, table_of
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named
 from kneejax.parameters import (
@@ -131,16 +131,9 @@ def local_sensitivity(
     load_cases = LoadCases.at(flexion)
     found = balance_with_slopes(knee, selection.apply, values[None], load_cases)
     table, slope = table_of(found)
+    units = tuple(unit for _, unit in named(selection))
     return LocalSensitivity(
-        selection.names,
-        tuple(selection.unit(i) for i in range(len(selection))),
-        values,
-        flexion,
-        table[0],
-        found.status[0],
-        slope[0],
-        scale,
-        widths,
+        selection.names, units, values, flexion, table[0], found.status[0], slope[0], scale, widths
     )
 
 
@@ -293,21 +286,12 @@ def sweep(
     found = balance_lines(knee, selection.apply, lines, load_cases, begin, progress=progress)
     motion, outcome = found.table[0, begin[0]], found.status[0, begin[0]]
     sweeps = []
-    for i, line in enumerate(values):
-        asked = np.delete(np.arange(len(line) + 1), begin[i])
+    for i, (name, unit) in enumerate(named(selection)):
+        asked = np.delete(np.arange(len(values[i]) + 1), begin[i])
         table, status = found.table[i, asked], found.status[i, asked]
-        sweeps.append(
-            Sweep(
-                selection.names[i],
-                selection.unit(i),
-                float(own[i]),
-                line,
-                table,
-                status,
-                unphysiological(table, motion),
-                failures,
-            )
-        )
+        strange = unphysiological(table, motion)
+        line = values[i], table, status, strange, failures
+        sweeps.append(Sweep(name, unit, float(own[i]), *line))
     return Sweeps(flexion, motion, outcome, tuple(sweeps))
 
 
