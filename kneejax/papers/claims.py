@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from kneejax.files.reading import load_yaml
 from kneejax.report.look import Answer, Table, as_setting, json_safe, wrapped
 from kneejax.report.look.page import Drawing, Section
-from kneejax.report.look.tables import Column
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,12 +39,13 @@ class Finding(NamedTuple):
     """What was computed for a claim.
 
     Attributes:
-        holds: whether the criterion holds; None where it cannot be judged.
+        holds: whether the criterion holds; None where it cannot be judged. Where it has parts, what
+            each is about -> whether it holds, and the reason begins with those that do not.
         ours: the computed numbers, in words.
         reason: of the verdict; None for the one in the paper's file, if any.
     """
 
-    holds: bool | None
+    holds: bool | Mapping[str, bool] | None
     ours: str
     reason: str | None = None
 
@@ -103,6 +103,8 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     for number, entry in entries.items():
         text = {key: value.format(**words) for key, value in entry.items()}
         holds, ours, reason = findings.get(number, Finding(None, "-"))
+        if isinstance(holds, Mapping):
+            holds, reason = all(holds.values()), which(holds) + (reason or "")
         holds = None if holds is None else bool(holds)
         if reason is None:
             reason = text.get("reason") or ("" if holds else text.get("otherwise", ""))
@@ -113,6 +115,13 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
             )
         )  # fmt: skip
     return tuple(claims)
+
+
+def which(parts: Mapping[str, bool]) -> str:
+    """What holds and what does not; empty if all holds."""
+    missing, holding = ([name for name, x in parts.items() if bool(x) is y] for y in (False, True))
+    both = [f"{word}: {', '.join(x)}" for word, x in (("not", missing), ("holds", holding)) if x]
+    return "; ".join(both) if missing else ""
 
 
 def answered(
@@ -137,14 +146,13 @@ def answered(
         The answer; its first table is `reproduction`.
     """
     said, values = claimed(paper), {"verdicts": ", ".join(VERDICTS), **(words or {})}
-    columns = [Column(field.name) for field in dataclasses.fields(Claim)]
+    columns = [field.name for field in dataclasses.fields(Claim)]
     every = [claim.verdict for claim in claims]
     verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
                          "claim": [claim.statement for claim in claims]})
-    rows = [[*dataclasses.astuple(claim)] for claim in claims]
-    made = {"reproduction": Table(columns, rows)}
-    made |= {name: one if isinstance(one, Table) else Table([*map(Column, one[0])], [*one[1]])
-             for name, one in tables.items()}  # fmt: skip
+    made = {"reproduction": (columns, map(dataclasses.astuple, claims)), **tables}
+    made = {name: one if isinstance(one, Table) else Table.plain(one[0], [*one[1]])
+            for name, one in made.items()}  # fmt: skip
     pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
              for name, one in figures.items()}  # fmt: skip
     drawings = {name: Drawing(lambda one=figure: one, more=more)

@@ -108,7 +108,7 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
     Raises:
         UnknownParameter: the knee has no such ligament.
     """
-    same, length = Fibres.of(knee), _lengths(knee)
+    same, length = Fibres.of(knee), np.asarray(knee.reference_length())
 
     def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
         rows = fibre_rows(knee, ligament)
@@ -130,10 +130,6 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
     return tuple(change for change, _ in found), fibres
 
 
-def _lengths(knee: Knee) -> np.ndarray:
-    return np.asarray(knee.reference_length())
-
-
 def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:
     femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
     if value != 2.0:
@@ -141,8 +137,8 @@ def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value
     if value != 1.0:
         tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
     moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
-    now = _lengths(with_fibres(knee, Fibres(*map(jnp.asarray, moved))))
-    return moved._replace(slack_length=same.slack_length * now / length)
+    now = with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length()
+    return moved._replace(slack_length=same.slack_length * np.asarray(now) / length)
 
 
 def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -188,8 +184,6 @@ def synthetic_knee(knee: Knee, seed: int) -> Knee:
     length = with_fibres(knee, moved).reference_length()
     knee = with_fibres(knee, moved._replace(slack_length=length / (1.0 + strain)))
     softer = np.exp(LOG_STIFFNESS * draw.standard_normal())
-    contacts = tuple(
-        dataclasses.replace(contact, youngs_modulus=contact.youngs_modulus * softer)
-        for contact in knee.contacts
-    )
-    return dataclasses.replace(knee, contacts=contacts)
+    contacts = (dataclasses.replace(x, youngs_modulus=x.youngs_modulus * softer)
+                for x in knee.contacts)  # fmt: skip
+    return dataclasses.replace(knee, contacts=tuple(contacts))

@@ -269,9 +269,9 @@ def compare_knees(
     if not knees:
         raise UnsuitableData("no knees; expected one or more")
     # All are looked at before the first is computed.
-    changed = settings.ligaments, settings.prestretch, settings.modulus_MPa
-    modulus_MPa = settings.reference_modulus_MPa
-    work = {name: changes_of(knee, *changed, modulus_MPa) for name, knee in knees.items()}
+    asked = (settings.ligaments, settings.prestretch, settings.modulus_MPa,
+             settings.reference_modulus_MPa)  # fmt: skip
+    work = {name: changes_of(knee, *asked) for name, knee in knees.items()}
     ramps = {direction: settings.ramp(direction) for direction in DIRECTIONS}
     steps = sum(map(len, ramps.values()))
     total = sum((len(changes) + 1) * steps for changes, _ in work.values())
@@ -362,12 +362,11 @@ def _influences(outcomes: list[Outcome]) -> tuple[Influence, ...]:
     influences = []
     for parameter in dict.fromkeys(one.change.parameter for one in outcomes):
         for name in LIMITS:
-            average = {}
-            for direction in DIRECTIONS:
-                at = parameter, direction
-                own = [x for x in outcomes if (x.change.parameter, x.direction) == at]
-                values = np.array([getattr(one, name) for one in own])
-                average[direction] = float(_mean_known(values))
+            found = {direction: [] for direction in DIRECTIONS}
+            for one in outcomes:
+                if one.change.parameter == parameter:
+                    found[one.direction].append(getattr(one, name))
+            average = {x: float(_mean_known(np.array(values))) for x, values in found.items()}
             scores = {direction: score(name, mean) for direction, mean in average.items()}
             influences.append(Influence(parameter, name, average, scores))
     return tuple(influences)

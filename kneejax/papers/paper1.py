@@ -23,7 +23,7 @@ from kneejax.inference import (
     sensitivity_maps,
     sweep,
 )
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent, which
 from kneejax.papers.patella_on_path import on_path
 from kneejax.report.look import Answer
 from kneejax.studies import calibrate, read_study
@@ -173,9 +173,13 @@ def reproduce(
     return answered(1, claims(found), figures, counts, settings, doubts, words)
 
 
-def effect(sweep: Sweep) -> np.ndarray:
-    """Range of each coordinate over the sound values of a sweep, `(flexions, 5)`, degrees, mm."""
-    known = sweep.sound[..., None] & np.isfinite(sweep.table)
+def effect(sweep: Sweep, least: float = -np.inf) -> np.ndarray:
+    """Range of each coordinate over the sound values of a sweep, `(flexions, 5)`, degrees, mm.
+
+    Values below the `least` do not count.
+    """
+    counted = sweep.sound & (sweep.values >= least)[:, None]
+    known = counted[..., None] & np.isfinite(sweep.table)
     low = np.where(known, sweep.table, np.inf).min(axis=0)
     high = np.where(known, sweep.table, -np.inf).max(axis=0)
     return np.where(known.any(axis=0), high - low, np.nan)
@@ -207,37 +211,29 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     columns, late = [FREE_COORDINATES.index(c) for c in _DISPLACEMENTS], {}
     for name in LIGAMENTS:
         one = found.sweeps[f"{name}.stiffness"]
-        arrays = ("values", "table", "status", "unphysiological")
-        above = {x: getattr(one, x)[one.values >= 4000.0] for x in arrays}
-        part, whole = (effect(x)[:, columns] for x in (dataclasses.replace(one, **above), one))
-        late[name] = float(np.nanmean(part) / np.nanmean(whole))
+        part, whole = (np.nanmean(effect(one, x)[:, columns]) for x in (4000.0, -np.inf))
+        late[name] = float(part / whole)
     return {
         "1.1": Finding(
-            beyond < NONE and most,
+            {"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
             f"{beyond:.1%} above 40 degrees; {_in_words(means['ACL'])}",
-            _which({"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most})
-            + ("" if beyond < NONE else _acting(found)),
+            "" if beyond < NONE else _acting(found),
         ),
         "1.2": Finding(
-            before < NONE and least["PCL"],
+            {"from 60 degrees": before < NONE, "displacements": least["PCL"]},
             f"below 60 degrees {before:.1%} at most; {_in_words(means['PCL'])}",
-            _which({"from 60 degrees": before < NONE, "displacements": least["PCL"]}),
         ),
         "1.3": Finding(
-            lateral and rotations,
+            {"medial-lateral": lateral, "rotations": rotations},
             f"MCL: {_in_words(means['MCL'])}; LCL: {_in_words(means['LCL'])}; "
             f"adduction/internal rotation: {shown}",
-            _which({"medial-lateral": lateral, "rotations": rotations}),
         ),
         "1.4": Finding(
-            all(least.values()),
-            "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items()),
-            _which(least),
+            least, "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items())
         ),
         "1.5": Finding(
-            max(late.values()) < _ALMOST,
+            {name: share < _ALMOST for name, share in late.items()},
             ", ".join(f"{name} {share:.0%}" for name, share in late.items()),
-            _which({name: share < _ALMOST for name, share in late.items()}),
         ),
     }
 
@@ -258,7 +254,6 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
         own = found.effect(acl, c)
         weakest[c] = float(np.nanmin(own) / np.nanmax(own))
     means, low = found.displacements(acl), _largest(weakest, -1.0)
-    whole, least = weakest[low] > NONE, _largest(means, -1.0) == "superior"
     below = found.most_outside("PCL.reference_strain", flexion < 40.0)
     inside, outside, parts = [], [], []
     for name, limits in _PHYSIOLOGICAL.items():
@@ -277,11 +272,10 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
             ", ".join(f"{name} {a:.1f} against {b:.1f} mm" for name, (a, b) in sizes.items()),
         ),
         "1.7": Finding(
-            whole and least and below < _ALMOST,
+            {"ACL over the whole range": weakest[low] > NONE,
+             "distal-proximal": _largest(means, -1.0) == "superior", "PCL late": below < _ALMOST},
             f"ACL weakest at {weakest[low]:.0%} of the largest ({low.replace('_', ' ')}); "
             f"{_in_words(means)}; PCL below 40 degrees {below:.0%} at most",
-            _which({"ACL over the whole range": whole, "distal-proximal": least,
-                    "PCL late": below < _ALMOST}),
         ),
         "1.8": Finding(
             all(inside) and all(outside), "; ".join(parts), "" if all(outside) else None
@@ -310,7 +304,7 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
     acl, pcl = spans if one.names[0].startswith("ACL") else spans[::-1]
     names = [c.replace("_", " ") for c in FREE_COORDINATES]
     ratios = dict(zip(names, pcl / acl, strict=True))
-    more = min(ratios.values()) > 2.0
+    more = {name: ratio > 2.0 for name, ratio in ratios.items()}
     rows, best = np.searchsorted(found.sweeps.flexion_deg, found.measured[:, 0]), {}
     for each in found.sweeps.sweeps:
         table = np.where(each.sound[..., None], each.table, np.nan)[:, rows]
@@ -323,13 +317,12 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
             all(straight.values()),
             ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
             "" if all(straight.values()) else "a valley of low stiffness bends towards high "
-            "strains: a soft ligament needs more strain for the same tension. " + _which(straight),
+            "strains: a soft ligament needs more strain for the same tension. " + which(straight),
         ),
         "1.10": Finding(
             more,
             ", ".join(f"{name} {ratio:.1f} times" for name, ratio in ratios.items()),
-            _which({name: ratio > 2.0 for name, ratio in ratios.items()})
-            + ("" if more else _acting(found)),
+            "" if all(more.values()) else _acting(found),
         ),
         "1.11": Finding(
             best[lowest] > 10.0 * together,
@@ -354,12 +347,11 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
     covered = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in answer)
     return {
         "1.12": Finding(
-            fewer and near,
+            {"fewer evaluations": fewer, "same parameters": near},
             f"evaluations {counts}; farthest parameter I {apart['I']:.0%}, II {apart['II']:.0%} of "
             f"its width; objectives {objectives}",
-            _which({"fewer evaluations": fewer, "same parameters": near})
-            + ("" if fewer and near else "; with exact Jacobians all eight at once cost no more, "
-               "and a two-step search that stops after one cycle stops on the way"),
+            "" if fewer and near else "; with exact Jacobians all eight at once cost no more, and "
+            "a two-step search that stops after one cycle stops on the way",
         ),
         "1.13": Finding(None, f"evaluations with exact Jacobian: {counts}"),
         "1.14": Finding(
@@ -377,15 +369,6 @@ def _largest(numbers: Mapping[str, float], sign: float = 1.0) -> str:
 
 def _in_words(means: Mapping[str, float]) -> str:
     return ", ".join(f"{_DISPLACEMENTS[c]} {value:.2f} mm" for c, value in means.items())
-
-
-def _which(parts: Mapping[str, bool]) -> str:
-    """What holds and what does not; empty if all holds."""
-    missing = [name for name, holds in parts.items() if not holds]
-    holding = [name for name, holds in parts.items() if holds]
-    if not missing:
-        return ""
-    return f"not: {', '.join(missing)}" + (f"; holds: {', '.join(holding)}" if holding else "")
 
 
 def _acting(found: Paper1Study) -> str:

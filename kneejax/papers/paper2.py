@@ -120,26 +120,21 @@ def reproduce(stages: Stages = silent) -> Answer:
     if importlib.util.find_spec("dtaidistance"):
         with stages("grafts in eight places"):
             grafts = octagon_study(knee)
-    names = list(found.printed["two bundles"].tension)
-    header = ["strains", "acl", "anterior_N", "anterior_mm", *(f"{name}_N" for name in names)]
-    rows = [
-        [kind, state, load, test.moved[k], *(test.tension[name][k] for name in names)]
-        for kind, tests in found.kinds.items()
-        for state, test in tests.items()
-        for k, load in enumerate(found.load_N)
-    ]
-    doubts = [
-        f"{'Table 1' if kind == 'table_1' else kind}, {state}: {test.status.word} "
-        f"({test.status.sentence})."
-        for kind, tests in found.kinds.items()
-        for state, test in tests.items()
-        if test.status not in _ANSWERS
-    ]
+    names = (f"{name}_N" for name in found.printed["two bundles"].tension)
+    rows, doubts = [], []
+    for kind, tests in found.kinds.items():
+        for state, test in tests.items():
+            loaded = zip(found.load_N, test.moved, *test.tension.values(), strict=True)
+            rows += [[kind, state, *row] for row in loaded]
+            if (status := test.status) not in _ANSWERS:
+                strains = "Table 1" if kind == "table_1" else kind
+                doubts.append(f"{strains}, {state}: {status.word} ({status.sentence}).")
     settings = {
         "knee": KNEE, "added_to_collateral_strains": list(PRESTRAINS),
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
-    tables = {"lachman": (header, rows)} | ({"octagon": grafts.table} if grafts else {})
+    tables = {"lachman": (["strains", "acl", "anterior_N", "anterior_mm", *names], rows)}
+    tables |= {"octagon": grafts.table} if grafts else {}
     figures = {"lachman": lachman_figure(found)}
     return answered(2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE})
 
@@ -150,26 +145,28 @@ def lachman_study(knee: Knee) -> LachmanStudy:
     def states(one: Knee) -> dict[str, Lachman]:
         return {name: lachman(cut(one, gone)) for name, (gone, *_) in STATES.items()}
 
+    def changed(names: Sequence[str], change: Callable) -> Knee:
+        selection = select(knee, tuple(names))
+        return selection.apply(knee, change(selection.read(knee)))
+
     def strained(by: float) -> Knee:
-        names = [f"{name}.reference_strain" for name in COLLATERALS]
-        return _changed(knee, names, lambda x: x + by)
+        return changed([f"{name}.reference_strain" for name in COLLATERALS], lambda x: x + by)
+
+    def longer(by: float) -> Knee:
+        return changed(["aACL.slack_length", "pACL.slack_length"], lambda x: x * (1.0 + by))
 
     printed = states(knee)
     deficient = {0.0: printed["deficient"]}
     for by in PRESTRAINS[1:]:
         deficient[by] = lachman(cut(strained(by), ("ACL",)))
-    resting = ("aACL.slack_length", "pACL.slack_length")
-    longer = {
-        by: lachman(_changed(knee, resting, lambda x, by=by: x * (1.0 + by)))
-        for by in LENGTH_CHANGES
-    }
+    lengthened = {by: lachman(longer(by)) for by in LENGTH_CHANGES}
     for _ in range(MOST_STEPS):
         best = fitted({by: one.end for by, one in deficient.items()})
         if best in deficient:
             break
         deficient[best] = lachman(cut(strained(best), ("ACL",)))
     loads = FULL_N * np.linspace(0.0, 1.0, STEPS + 1)
-    return LachmanStudy(loads, printed, states(strained(best)), deficient, best, longer)
+    return LachmanStudy(loads, printed, states(strained(best)), deficient, best, lengthened)
 
 
 def fitted(ends: dict[float, float]) -> float:
@@ -213,11 +210,6 @@ def lachman(knee: Knee) -> Lachman:
     return Lachman(moved, named, neutral, float(along), status, held)
 
 
-def _changed(knee: Knee, names: Sequence[str], change: Callable) -> Knee:
-    selection = select(knee, tuple(names))
-    return selection.apply(knee, change(selection.read(knee)))
-
-
 def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, ...]:
     """Judge the claims of paper 2.
 
@@ -235,10 +227,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
     scanned = ", ".join(f"{by:.3g}: {one}" for by, one in sorted(found.deficient.items()))
     pulls = [sum(float(t[0]) for t in one.tension.values()) for one in (before, test)]
     one, two = (found.calibrated[state].end for state in ("one bundle", "two bundles"))
-    apart = {
-        kind: (tests["two bundles"].end, tests["deficient"])
-        for kind, tests in (("printed", found.printed), ("calibrated", found.calibrated))
-    }
+    both = {"printed": found.printed, "calibrated": found.calibrated}
+    apart = {kind: (x["two bundles"].end, x["deficient"]) for kind, x in both.items()}
     known = np.flatnonzero(np.isfinite(test.moved))
     last = known[-1] if known.size else 0
     rises = {name: float(t[last] - t[0]) for name, t in test.tension.items()}

@@ -21,7 +21,7 @@ from kneejax.papers.paper3_leg import (
     raise_leg,
     raised_leg_figure,
 )
-from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, styled
+from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -101,23 +101,16 @@ def reproduce(stages: Stages = silent) -> Answer:
         found = laxity_study(load_knee(KNEE), flexion, drawer_mm, torque_Nm)
     with stages("leg raise"):
         raised = raise_leg(load_knee(KNEE), load_knee(KNEE, patella=True))
-    bundles = list(found.tension)
-    turned = found.torsion_deg, found.internal_deg, found.external_deg, *found.held_Nm.T
-    tables = {
-        "drawer": (
-            ["flexion_deg", "anterior_mm", "anterior_N", *(f"{name}_N" for name in bundles)],
-            [
-                [flexion, mm, found.force_N[i, k], *(found.tension[name][i, k] for name in bundles)]
-                for i, flexion in enumerate(found.drawer_deg)
-                for k, mm in enumerate(found.moved_mm)
-            ],
-        ),
-        "torsion": (
-            ["flexion_deg", "internal_deg", "external_deg", "held_external_Nm", "held_internal_Nm"],
-            list(zip(*turned, strict=True)),
-        ),
-        "raised_leg": leg_table(raised),
-    }
+    grid_deg, grid_mm = np.meshgrid(found.drawer_deg, found.moved_mm, indexing="ij")
+    drawn = {"flexion_deg": grid_deg, "anterior_mm": grid_mm, "anterior_N": found.force_N}
+    drawn |= {f"{name}_N": pulls for name, pulls in found.tension.items()}
+    turned = {
+        "flexion_deg": found.torsion_deg, "internal_deg": found.internal_deg,
+        "external_deg": found.external_deg,
+        ("held_external_Nm", "held_internal_Nm"): found.held_Nm,
+    }  # fmt: skip
+    tables = {"drawer": Table.of({name: x.ravel() for name, x in drawn.items()}),
+              "torsion": Table.of(turned), "raised_leg": leg_table(raised)}  # fmt: skip
     doubts = [
         f"{flexion:g} degrees: {status.word} ({status.sentence})."
         for flexion, status in sorted(found.status.items())

@@ -8,20 +8,10 @@ import numpy as np
 
 from kneejax.files import load_knee
 from kneejax.joints import MEASURES, UnsuitableMotions
+from kneejax.papers import paper5_study as study
 from kneejax.papers import paper5_tables as printed
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
-from kneejax.papers.paper5_study import (
-    CENTRE_SD_MM,
-    COHORTS,
-    CORRELATIONS,
-    DONOR,
-    DRAWS,
-    FACETS,
-    MIDPOINT_SD_MM,
-    SIZES,
-    Paper5Study,
-    paper5_study,
-)
+from kneejax.papers.paper5_study import DONOR, Paper5Study
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
 from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, styled
@@ -47,11 +37,11 @@ def reproduce(stages: Stages = silent) -> Answer:
 
     try:
         with stages("cohorts"):
-            found = paper5_study(load_knee(DONOR))
+            found = study.paper5_study(load_knee(DONOR))
     except UnsuitableMotions as problem:
         raise UnsuitableData(str(problem)) from problem
     # Which synthetic cohort is drawn and written: the first of this correlation.
-    shown = CORRELATIONS[1]
+    shown = study.CORRELATIONS[1]
     cohort = found.cohorts[shown][0]
     means = {(motion, "printed"): table for motion, table in printed.MEAN.items()}
     means |= {(MOVING_AXIS, f"ours, facets {x}"): table for x, table in found.moving_axis.items()}
@@ -71,13 +61,13 @@ def reproduce(stages: Stages = silent) -> Answer:
         "synthetic_cohort": joint_comparison_figure(cohort, cohort.flexion_deg, labelled),
     }
     settings = {
-        "axis_points_of": DONOR, "facets_deg": FACETS, "drawn_axis_points": DRAWS,
-        "midpoint_sd_mm": MIDPOINT_SD_MM, "centre_sd_mm": CENTRE_SD_MM, "sizes": SIZES,
-        "assumed_correlations": CORRELATIONS, "cohorts_each": COHORTS, "shown_cohort": shown,
-        "seed": found.seed, "facet_centres_mm": found.points.facets,
-        "epicondyles_mm": found.points.epicondyles,
+        "axis_points_of": DONOR, "facets_deg": study.FACETS, "drawn_axis_points": study.DRAWS,
+        "midpoint_sd_mm": study.MIDPOINT_SD_MM, "centre_sd_mm": study.CENTRE_SD_MM,
+        "sizes": study.SIZES, "assumed_correlations": study.CORRELATIONS,
+        "cohorts_each": study.COHORTS, "shown_cohort": shown, "seed": found.seed,
+        "facet_centres_mm": found.points.facets, "epicondyles_mm": found.points.epicondyles,
     }  # fmt: skip
-    words = {"donor": DONOR, "draws": DRAWS, "cohorts": COHORTS}
+    words = {"donor": DONOR, "draws": study.DRAWS, "cohorts": study.COHORTS}
     return answered(5, claims(found), figures, tables, settings, (), words)
 
 
@@ -129,11 +119,11 @@ def _moving_means(found: Paper5Study) -> dict[str, Finding]:
             f"{angle} deg: {x:.2f} ({least:.2f} to {most:.2f})"
             for angle, x, least, most in zip(ANGLES, ours[:, j], low[:, j], high[:, j], strict=True)
         )
-        holds = True if near[j] else None if within[j] else False
         depends = "the answer depends on axis points that were not published"
-        findings[f"5.{15 + j}"] = Finding(
-            holds, f"{spans} {one.unit}", depends if holds is None else None
-        )
+        findings[f"5.{15 + j}"] = (
+            Finding(None, f"{spans} {one.unit}", depends) if within[j] and not near[j] else
+            Finding(near[j], f"{spans} {one.unit}")
+        )  # fmt: skip
     return findings
 
 

@@ -6,6 +6,7 @@ Tibia, patella, pull and multipliers are one system of equations, whose root is 
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -84,10 +85,8 @@ def rigid_leg(
     pull, own = table[:, _PULL], table[:, _FIRST:]
     tibia = State.of({"flexion": flexion}, found[:, :_TIBIA].T).tibia
     there = Pose(*(found[:, _FIRST + k] for k in range(6)))
-    ends = there.placement.apply(tuple(patella.patellar_attachment)), tibia.placement.apply(
-        tuple(patella.tibial_attachment)
-    )
-    along = np.stack([np.asarray(a) - np.asarray(b) for a, b in zip(*ends, strict=True)])
+    attached = jnp.stack(tuple(tibia.placement.apply(tuple(patella.tibial_attachment))))
+    along = np.asarray(patella.tendon(there.placement, attached))
     tendon = pull * own[:, 12]
     force = tuple(jnp.asarray(tendon * along / np.linalg.norm(along, axis=0)))
     down = tuple(jnp.asarray(x) + 0 * tibia.flexion for x in np.asarray(weight.force))
@@ -148,7 +147,7 @@ def _searched(knee, patella, weight, flexion, near: Array) -> tuple[Array, Array
 
 @compiled()
 def _unbalanced_at(knee, patella, weight, flexion, unknowns: Array) -> Array:
-    return jax.vmap(lambda a, x: _unbalanced(x, (knee, patella, weight, a)))(flexion, unknowns)
+    return jax.vmap(functools.partial(_unbalanced, knee, patella, weight))(flexion, unknowns)
 
 
 @compiled()
@@ -156,9 +155,7 @@ def _linear(knee, patella, weight, flexion, unknowns: Array) -> tuple[Array, Arr
     """What is unbalanced, `(poses, n)`, and its derivative by the unknowns, `(poses, n, n)`."""
 
     def one(a: Array, x: Array) -> tuple[Array, Array]:
-        def left(y: Array) -> Array:
-            return _unbalanced(y, (knee, patella, weight, a))
-
+        left = functools.partial(_unbalanced, knee, patella, weight, a)
         # One direction after the other: all at once would copy every point of a contact for each
         # of them, and compile for minutes.
         ways = jnp.eye(len(x))
@@ -173,25 +170,19 @@ _UNITS = (*scales(FREE_COORDINATES), _PULL_N, *SCALES)
 _BALANCED = (*FREE_COORDINATES, "flexion")
 
 
-def _unbalanced(unknowns: Array, args) -> Array:
+def _unbalanced(knee, patella, weight, flexion, unknowns: Array) -> Array:
     """What vanishes where the leg is held: forces on the tibia, the moment about the flexion axis,
     and all of the patella."""
-    knee, patella, weight, flexion = args
     pull, own = unknowns[_PULL], unknowns[_FIRST:]
     state = State.of({"flexion": flexion[None]}, unknowns[:_TIBIA, None])
-    attached = _attached(patella, state)
+    point = state.tibia.placement.apply(tuple(patella.tibial_attachment))
+    attached = jnp.stack([jnp.ravel(x)[0] for x in jnp.broadcast_arrays(*point)])
     along = patella.tendon(Pose(*own[:6]).placement, attached)
     tendon = Load(pull * own[12] * along / jnp.linalg.norm(along), point=patella.tibial_attachment)
     left = force_along(add_lane_axis(knee), state, None, _BALANCED)[:, 0]
     for load in (weight, tendon):
         left = left - jnp.stack([x[0] for x in add_lane_axis(load).work(state, _BALANCED)])
     return jnp.concatenate([left * jnp.array(scales(_BALANCED)), patella.stationary(own, attached)])
-
-
-def _attached(patella: RigidPatella, state: State) -> Array:
-    """The tendon's end on the tibia in the femur, `(3,)`, of a state of one lane."""
-    point = state.tibia.placement.apply(tuple(patella.tibial_attachment))
-    return jnp.stack([jnp.ravel(x)[0] for x in jnp.broadcast_arrays(*point)])
 
 
 def _beginnings(
