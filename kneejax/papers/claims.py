@@ -1,7 +1,7 @@
 """A published claim: read from its paper's file, judged by what was computed, and answered.
 
-`paperN.yaml` has what is claimed, the criterion, the printed value and, where it is always the
-same, the reason of a verdict; `paperN.py` computes the `Finding` of each claim.
+`paperN.yaml` has what is claimed, the criterion, the printed value and the reason of a verdict;
+`paperN.py` computes the `Finding` of each claim.
 """
 
 from __future__ import annotations
@@ -42,12 +42,13 @@ class Finding(NamedTuple):
         holds: whether the criterion holds; None where it cannot be judged. Where it has parts, what
             each is about -> whether it holds, and the reason begins with those that do not.
         ours: the computed numbers, in words.
-        reason: of the verdict; None for the one in the paper's file, if any.
+        reason: of the verdict; or what stands for the names in braces of the one in the paper's
+            file, None where that has no names or is none.
     """
 
     holds: bool | Mapping[str, bool] | None
     ours: str
-    reason: str | None = None
+    reason: str | Mapping[str, Any] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,19 +102,16 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     verdicts = {True: REPRODUCED, False: NOT_REPRODUCED, None: CANNOT_BE_JUDGED}
     claims = []
     for number, entry in entries.items():
-        text = {key: value.format(**words) for key, value in entry.items()}
-        holds, ours, reason = findings.get(number, Finding(None, "-"))
+        about = (entry[key].format(**words) for key in ("statement", "criterion", "printed"))
+        nothing = Finding(None, "-", entry.get("reason", ""))
+        holds, ours, reason = findings.get(number, nothing)
         if isinstance(holds, Mapping):
             holds, reason = all(holds.values()), which(holds) + (reason or "")
         holds = None if holds is None else bool(holds)
-        if reason is None:
-            reason = text.get("reason") or ("" if holds else text.get("otherwise", ""))
-        claims.append(
-            Claim(
-                number, text["statement"], text["criterion"], text["printed"], ours,
-                verdicts[holds], reason,
-            )
-        )  # fmt: skip
+        if not isinstance(reason, str):
+            text = entry.get("reason") or ("" if holds else entry.get("otherwise", ""))
+            reason = text.format(**words, **(reason or {}))
+        claims.append(Claim(number, *about, ours, verdicts[holds], reason))
     return tuple(claims)
 
 

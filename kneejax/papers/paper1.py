@@ -316,8 +316,7 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
         "1.9": Finding(
             all(straight.values()),
             ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
-            "" if all(straight.values()) else "a valley of low stiffness bends towards high "
-            "strains: a soft ligament needs more strain for the same tension. " + which(straight),
+            {"parts": which(straight)},
         ),
         "1.10": Finding(
             more,

@@ -237,13 +237,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
         "2.1": Finding(
             abs(test.end - MEASURED_MM) < NEAR_MM,
             f"{found.prestrain:.3f} added: {test}. Scanned: {scanned}",
-            f"It takes collaterals that pull with {pulls[1]:.0f} N without any load "
-            f"({pulls[0]:.0f} N as printed), which no passive knee does: "
-            f"{FULL_N / MEASURED_MM:.1f} N/mm are needed, and lines that run across the drawer "
-            f"give no more than tension over length ({test.along:.1f} N/mm here, "
-            f"{before.along:.1f} as printed) until the tibia has moved far enough to stretch them. "
-            "The paper's model has muscles, whose pull it does not print. The range of what may be "
-            "added was widened after the first had been seen not to reach",
+            {"pull": pulls[1], "pull_before": pulls[0], "needed": FULL_N / MEASURED_MM,
+             "along": test.along, "along_before": before.along},
         ),
         "2.2": Finding(
             abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
@@ -261,7 +256,7 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
             set(order[:2]) == set(RISES),
             ", ".join(f"{name} {rises[name]:+.0f} N" for name in order[:4]),
         ),
-    }
+    }  # fmt: skip
 
 
 def _rise(found: LachmanStudy, name: str) -> Finding:
@@ -291,13 +286,9 @@ def _length(found: LachmanStudy) -> dict[str, Finding]:
         f"{by:+.0%}: {(x.neutral - rest + x.end) / own - 1.0:+.0%}"
         for by, x in found.longer.items()
     )
-    reason = (
-        "the neutral position, from which a displacement is counted, moves with the resting "
-        f"length: {moved}. Counted from one and the same place, as a simulation that begins in a "
-        f"given pose counts, the tibia stands {placed} of {own:.2f} mm elsewhere under 100 N"
-    )
     ours = ", ".join(f"{by:+.0%}: {found.longer[by]} ({x:+.0%})" for by, x in parts.items())
-    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", "" if holds else reason)}
+    numbers = {"moved": moved, "placed": placed, "own": own}
+    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers)}
 
 
 @styled

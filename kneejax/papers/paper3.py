@@ -15,6 +15,7 @@ from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, sile
 from kneejax.papers.paper3_leg import (
     BODY_KG,
     HEIGHT_M,
+    OTHER,
     RaisedLeg,
     leg_findings,
     leg_table,
@@ -170,7 +171,7 @@ def claims(found: LaxityStudy, raised: RaisedLeg) -> tuple[Claim, ...]:
         raised: the leg that its quadriceps holds.
     """
     findings = _drawer(found) | _torsion(found) | leg_findings(raised)
-    return judged(3, findings, torque_Nm=found.torque_Nm)
+    return judged(3, findings, torque_Nm=found.torque_Nm, other=OTHER)
 
 
 def _drawer(found: LaxityStudy) -> dict[str, Finding]:
@@ -180,9 +181,7 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
     }
     lax = max(span[x] for x in MIDDLE_DEG)
     soft = [x for x in EXTREME_DEG if not span[x] > lax]
-    where = " and ".join(f"{x:g}" for x in soft)
     ratios = {x: found.stiffness_ratio(x) for x in MIDDLE_DEG}
-    small = all(ratio < SMALL for ratio in ratios.values())
     neutral, pulls, shares = int(np.argmin(np.abs(found.moved_mm))), [], {}
     for x in MIDDLE_DEG:
         acl, pcl = (found.tension[name][found.row(x), neutral] for name in ("ACL", "PCL"))
@@ -194,15 +193,12 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
         "3.1": Finding(
             not soft,
             ", ".join(f"{x:g} degrees {span[x]:.0f} N" for x in sorted(span)),
-            f"not at {where} degrees: the attachments are another person's than the paper's, whose "
-            "lengths over flexion decide where a cruciate is taut" if soft else "",
+            {"where": " and ".join(f"{x:g}" for x in soft)},
         ),
         "3.2": Finding(
-            small,
+            all(ratio < SMALL for ratio in ratios.values()),
             ", ".join(f"{x:g} degrees {ratio:.0%}" for x, ratio in ratios.items()),
-            "" if small else f"in the neutral position the cruciates pull already "
-            f"({'; '.join(pulls)}), against each other, so that the tibia cannot move without "
-            "stretching one of them",
+            {"pulls": "; ".join(pulls)},
         ),
         "3.3": Finding(
             min(shares.values()) >= NEARLY_ALL,

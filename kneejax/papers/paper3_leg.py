@@ -29,7 +29,7 @@ STEADY, NONE = 0.2, 0.05
 #: Largest of the forces that counts as a sum of zero; tension of a ligament that bears load, N.
 ZERO, BEARS_N = 1e-6, 1.0
 #: Why a patella of another person's knee need not do as the paper's.
-_OTHER = (
+OTHER = (
     "groove, facets, attachments and the length of the tendon are another person's than the "
     "paper's, which prints none of them"
 )
@@ -138,16 +138,17 @@ def _forces(found: RaisedLeg) -> dict[str, Finding]:
     falls = (falls[np.isfinite(falls)] < 0.0).all()
     ratio = found.where_held(leg.patellofemoral_N / leg.quadriceps_N)
     last, grows = ratio[found.held][-1], (np.diff(ratio[found.held]) > 0.0).all()
-    rises = start > 1.0 and 10.0 <= peak <= 30.0 and falls
     return {
         "3.6": Finding(
             steady and gone and pull.argmax() == 0,
             "N at degrees: " + _every_third(found, pull, ".0f"),
             "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
-            f"of the leg, which halves there; the arm does not fall along with it. {_OTHER}",
+            f"of the leg, which halves there; the arm does not fall along with it. {OTHER}",
         ),
-        "3.7": Finding(rises, _every_third(found, tendon, ".2f"),
-                       "" if rises else f"largest at {peak:g} degrees, {start:.2f} at 0; {_OTHER}"),
+        "3.7": Finding(
+            start > 1.0 and 10.0 <= peak <= 30.0 and falls,
+            _every_third(found, tendon, ".2f"), {"peak": peak, "start": start},
+        ),
         "3.8": Finding(
             0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
             _every_third(found, ratio, ".2f"),
@@ -159,21 +160,18 @@ def _patella(found: RaisedLeg) -> dict[str, Finding]:
     """Claims 3.9 and 3.10: flexion of the patella, moment arm."""
     knee, patella = found.leg.flexion_deg, found.leg.patella[:, 0]
     last = float(patella[int(np.argmin(np.abs(knee - 90.0)))])
-    lags = (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0
     arm = found.where_held(found.leg.arm_mm)
     at, size = float(knee[np.nanargmax(arm)]), float(np.nanmax(arm))
-    bell = 25.0 <= at <= 45.0 and 45.0 <= size <= 55.0
     return {
         "3.9": Finding(
-            lags,
+            (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
             ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
-            "" if lags else f"{last:.0f} degrees at 90, counted in this person's axes, in which "
-            f"the patella of the record, passive, comes to 72; {_OTHER}",
+            {"last": last},
         ),
         "3.10": Finding(
-            bell,
+            25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
             "mm at degrees: " + _every_third(found, found.leg.arm_mm, ".0f"),
-            "" if bell else f"bell-shaped, but {size:.0f} mm at {at:g} degrees; {_OTHER}",
+            {"size": size, "at": at},
         ),
     }  # fmt: skip
 
@@ -183,7 +181,6 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
     flexion, on = found.leg.flexion_deg, found.held
     acl, pcl = (found.tension[name] > BEARS_N for name in ("ACL", "PCL"))
     first = flexion[on & pcl].min() if (on & pcl).any() else np.inf
-    loaded = acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0
     curves = (_every_third(found, found.tension[name], ".0f") for name in ("ACL", "PCL"))
     table = np.asarray(found.leg.tibia.to_table())
     moved = (table - table[0])[on]
@@ -193,10 +190,8 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
     tendon = float(found.shear["patellar tendon"][int(np.argmin(np.abs(flexion)))])
     return {
         "3.11": Finding(
-            loaded,
-            "ACL {}; PCL {} N".format(*curves),
-            "" if loaded else "attachments are another person's; its PCL begins to bear at "
-            f"{first:g} degrees",
+            acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
+            "ACL {}; PCL {} N".format(*curves), {"first": first},
         ),
         "3.12": Finding(
             10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,

@@ -148,8 +148,7 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
         "4.11": Finding(
             len(above) <= len(pairs) / 8 if pairs else None,
             f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above),
-            "Half of the fibres' ends are moved to the nearest of the other half; in the paper "
-            "nodes are set free." + without,
+            {"lines": without},
         ),
         "4.12": Finding(
             bool(ends), f"{len(ends)} of {len(spans)} parameters" + _bracketed(ends)
