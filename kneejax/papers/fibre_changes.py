@@ -120,25 +120,20 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
             stiffness = same.stiffness.copy()
             stiffness[rows] *= 1.0 + value / reference_modulus_MPa
             yield Change(ligament, MODULUS, value), same._replace(stiffness=stiffness)
-        if len(rows) > 1:
-            for value in HALVES:
-                halved = _halved(knee, same, length, rows, value)
-                yield Change(ligament, ATTACHMENT, value), halved
+        for value in HALVES if len(rows) > 1 else ():
+            femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
+            if value != 2.0:
+                femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
+            if value != 1.0:
+                tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
+            moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
+            now = with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length()
+            slack = same.slack_length * np.asarray(now) / length
+            yield Change(ligament, ATTACHMENT, value), moved._replace(slack_length=slack)
 
     found = [pair for ligament in ligaments for pair in one(ligament)]
     fibres = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), same, *(f for _, f in found))
     return tuple(change for change, _ in found), fibres
-
-
-def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:
-    femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
-    if value != 2.0:
-        femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
-    if value != 1.0:
-        tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
-    moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
-    now = with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length()
-    return moved._replace(slack_length=same.slack_length * np.asarray(now) / length)
 
 
 def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:

@@ -14,6 +14,7 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.papers.claims import Finding
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
+from kneejax.parameters import fibre_rows
 from kneejax.report.look import styled
 from kneejax.report.panels import draw_named, flexion_axis, legend_above, panel_grid
 
@@ -87,10 +88,9 @@ def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
     own = np.asarray(found.tension).T
     ways = leg.tibia.placement.turn_back(tuple(jnp.asarray(lanes.unit_pulls(state))))
     forward = own * np.asarray(ways[0])
-    names = list(alone.ligaments.names)
-    rows = {name: [names.index(one) for one in members] for name, members in alone.groups}
-    rows |= {name: [names.index(name)] for name in names}
-    tension = {name: own[each].sum(axis=0) for name, each in rows.items()}
+    names = alone.ligaments.names
+    each = [*(group for group, _ in alone.groups), *names]
+    tension = {name: own[fibre_rows(alone, name)].sum(axis=0) for name in each}
     shear = {
         "patellar tendon": leg.tendon_force[:, 0],
         "contact": np.asarray(found.contact_force)[:, :, 0].sum(axis=1),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from functools import partial
 
 import numpy as np
@@ -117,9 +117,7 @@ def _modulus(found: KneeComparison) -> dict[str, Finding]:
             ", ".join(f"{ligament} spans {_short(span)}" for ligament, span in spans.items()),
         ),
         "4.9": _alike(found, f"MCL.{MODULUS}", (ROTATION, PRESSURE, PLACE)),
-        "4.10": Finding(
-            len(above) <= 1, f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above)
-        ),
+        "4.10": Finding(len(above) <= 1, _counted(above, pairs, "pairs above 2")),
     }
 
 
@@ -147,12 +145,9 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
     return {
         "4.11": Finding(
             len(above) <= len(pairs) / 8 if pairs else None,
-            f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above),
-            {"lines": without},
+            _counted(above, pairs, "pairs above 2"), {"lines": without},
         ),
-        "4.12": Finding(
-            bool(ends), f"{len(ends)} of {len(spans)} parameters" + _bracketed(ends)
-        ),
+        "4.12": Finding(bool(ends), _counted(ends, spans, "parameters")),
         "4.13": Finding(
             len(specific) > len(spans) / 2, f"{len(specific)} of {len(spans)} parameters"
         ),
@@ -229,8 +224,7 @@ def _of(found: KneeComparison | KneeStudy, quantity: str) -> list[str]:
 
 def _span(found: KneeComparison, parameter: str, outcome: str) -> float:
     """Largest less smallest score of the knees; NaN if fewer than two are known."""
-    scores = [knee.score(parameter, outcome) for knee in found.knees]
-    scores = [x for x in scores if np.isfinite(x)]
+    scores = _known([knee.score(parameter, outcome) for knee in found.knees])
     return float(np.ptp(scores)) if len(scores) > 1 else np.nan
 
 
@@ -242,5 +236,5 @@ def _short(number: float) -> str:
     return "-" if np.isnan(number) else f"{number:.2f}".rstrip("0").rstrip(".")
 
 
-def _bracketed(words: Sequence[str]) -> str:
-    return f" ({', '.join(words)})" if words else ""
+def _counted(some: Sequence[str], every: Sized, what: str) -> str:
+    return f"{len(some)} of {len(every)} {what}" + (f" ({', '.join(some)})" if some else "")

@@ -15,7 +15,7 @@ from kneejax.papers.paper5_study import DONOR, Paper5Study
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
 from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, styled
-from kneejax.report.panels import flexion_axis, grid, part_legend
+from kneejax.report.panels import coordinate_panels, part_legend
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -169,21 +169,19 @@ def means_figure(found: Paper5Study) -> Figure:
         Five panels over flexion, the legend in the sixth. The band holds the middle 95 % of the
         axis points that were drawn.
     """
-    figure, panels = grid(3, 2, 6.3, apart=(0.5, 0.4), sharex=True)
-    x, shown = printed.REACHED_DEG, (*panels[:, 0], *panels[:2, 1])
+    x, room = printed.REACHED_DEG, {"bottom": 0.5, "top": 0.3, "apart": (0.5, 0.4)}
+    figure, panels, beside = coordinate_panels(x, 6.3, **room)
     low, high = np.quantile(found.spread, [0.025, 0.975], axis=0)
     mean, sd, ours = printed.MEAN, printed.SD[EOS], found.moving_axis["contact"]
     square = {"markersize": 4, "markeredgecolor": "white", "markeredgewidth": 0.5}
-    for j, (measure, axes) in enumerate(zip(MEASURES, shown, strict=True)):
+    for j, (measure, axes) in enumerate(zip(MEASURES, panels.values(), strict=True)):
         axes.set_title(f"{measure.name}: {measure.meaning}, {measure.unit}")
-        label = "moving axis, ours, stand-in axis points"
-        axes.plot(x, ours[:, j], color=VERMILLION, label=label)
+        axes.plot(x, ours[:, j], color=VERMILLION, label="moving axis, ours, stand-in axis points")
         axes.fill_between(
             x, low[:, j], high[:, j], color=VERMILLION, alpha=0.15, linewidth=0,
             label="the same, drawn axis points (95 %)",
         )  # fmt: skip
-        label = "hinge, ours, one number fitted"
-        axes.plot(x, found.hinge[:, j], color=BLUE, linestyle="--", label=label)
+        axes.plot(x, found.hinge[:, j], "--", color=BLUE, label="hinge, ours, one number fitted")
         axes.errorbar(
             x, mean[EOS][:, j], sd[:, j], fmt="o", markersize=4, markerfacecolor="none",
             color=BLACK, capsize=2, linewidth=0.8, label="EOS, printed, mean +- SD of ten",
@@ -191,9 +189,6 @@ def means_figure(found: Paper5Study) -> Figure:
         label = "moving axis, printed"
         axes.plot(x, mean[MOVING_AXIS][:, j], "D", color=VERMILLION, label=label, **square)
         axes.plot(x, mean[HINGE][:, j], "s", color=BLUE, label="hinge, printed", **square)
-        flexion_axis(axes, x, last := axes in (panels[2, 0], panels[1, 1]))
-        axes.tick_params(labelbottom=last)
-    panels[2, 1].set_axis_off()
-    handles, labels = shown[0].get_legend_handles_labels()
-    part_legend(panels[2, 1], dict(zip(labels, handles, strict=True)), (0.0, 0.82))
+    handles, labels = axes.get_legend_handles_labels()
+    part_legend(beside, dict(zip(labels, handles, strict=True)), (0.0, 0.82))
     return figure

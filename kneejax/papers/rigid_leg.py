@@ -96,10 +96,16 @@ def rigid_leg(
     )
     normals = [facet.frame.placement.turn((0.0, 1.0, 0.0)) for facet in patella.facets]
     pressed = own[:, 10:12, None] * np.array([[float(x) for x in one] for one in normals])
+    # The arm, all else balanced: row `_TIBIA` of the derivative is the moment about the flexion
+    # axis, at its scale; column `_PULL` the pull.
+    slope, every = np.asarray(slope), np.arange(slope.shape[-1])
+    others, kept = every != _PULL, every != _TIBIA
+    moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
+    grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
     return RigidLeg(
         np.asarray(flexion_deg, float), tibia, np.asarray(there.to_table()), pull, tendon,
         pull[:, None] * own[:, 10:12], pull * np.linalg.norm(pressed.sum(axis=1), axis=1),
-        _arms(np.asarray(slope)), on_tibia, of_weight, table,
+        grows / scales(["flexion"])[0], on_tibia, of_weight, table,
     )  # fmt: skip
 
 
@@ -216,16 +222,3 @@ def _beginnings(
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
     loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
     return jnp.asarray(np.c_[np.asarray(loaded.equilibrium.q).T, carried, own])
-
-
-def _arms(slope: np.ndarray) -> np.ndarray:
-    """How fast the moment about the flexion axis grows with the pull, all else balanced, mm.
-
-    Row `_TIBIA` of the derivative is the moment, at its scale; column `_PULL` the pull.
-    """
-    every = range(slope.shape[-1])
-    others = np.array([k for k in every if k != _PULL])
-    kept = np.array([k for k in every if k != _TIBIA])
-    moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
-    grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
-    return grows / scales(["flexion"])[0]

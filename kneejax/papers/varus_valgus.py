@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import Pose, Vector
-from kneejax.mechanics import Contact, Knee, add_lane_axis, load_of
+from kneejax.mechanics import Knee, add_lane_axis, load_of
 from kneejax.numerics import compiled
 from kneejax.statics import Equilibria, LoadCases, Status, balance_many, itself
 
@@ -209,35 +209,26 @@ def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array)
     lanes, row, peaks = add_lane_axis(knee), 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
-            elements = _rings(contact, poses, contact_points[row])
+            gap = contact.gap(poses.placement, contact_points[row])
             row += 1
+            # Rings, along an axis before the poses: depth falls as the square of the radius, and
+            # so, linearly, with the area inside.
+            inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
+            depth, area = gap.depth * (1.0 - inside), jnp.ones_like(inside)
+            pressure = contact.pressure(depth)
+            place = contact.tibial.frame.placement.apply(gap.point)
         else:
-            elements = _points(contact, poses)
-        peaks.append(_highest(*elements, share))
+            first, second = contact.points
+            fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
+            sampled = fine.foundation.sample(poses.placement)
+            points, depth = sampled.points, sampled.depth
+            pressure, area, place = points.pressure(depth), points.area, points.point
+        peaks.append(_highest(jnp.where(depth > 0, pressure, 0.0), area, place, share))
     if not peaks:
         nothing = jnp.zeros((*jnp.shape(poses.flexion), 0))
         return PeakPressure(nothing, nothing[..., None] * jnp.ones(3))
     pressure, center = (jnp.stack(x, axis=-1) for x in zip(*peaks, strict=True))
     return PeakPressure(pressure, jnp.moveaxis(center, 0, -1))
-
-
-def _rings(contact: Contact, poses: Pose, contact_points: Array) -> tuple[Array, Array, Vector]:
-    """Pressure, area and centre of the rings of a patch, along an axis before the poses."""
-    gap = contact.gap(poses.placement, contact_points)
-    # Depth falls as the square of the radius, and so, linearly, with the area inside.
-    inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
-    depth = gap.depth * (1.0 - inside)
-    pressure = jnp.where(depth > 0, contact.pressure(depth), 0.0)
-    return pressure, jnp.ones_like(inside), contact.tibial.frame.placement.apply(gap.point)
-
-
-def _points(contact: Contact, poses: Pose) -> tuple[Array, Array, Vector]:
-    """Pressure, area and place of points on the tibial surface, likewise."""
-    first, second = contact.points
-    fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
-    sampled = fine.foundation.sample(poses.placement)
-    points, depth = sampled.points, sampled.depth
-    return jnp.where(depth > 0, points.pressure(depth), 0.0), points.area, points.point
 
 
 def _highest(pressure: Array, area: Array, place: Vector, share: Array) -> tuple[Array, Array]:
