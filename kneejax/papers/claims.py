@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -124,9 +124,8 @@ def which(parts: Mapping[str, bool]) -> str:
 
 def answered(
     paper: int, claims: Sequence[Claim], figures: Mapping[str, Figure | tuple[Figure, str]],
-    tables: Mapping[str, Table | tuple[Sequence[str], Iterable[Sequence[Any]]]],
-    settings: Mapping[str, Any], doubts: Sequence[str] = (), words: Mapping[str, Any] | None = None,
-    document: Mapping[str, Any] | None = None,
+    tables: Mapping[str, Table], settings: Mapping[str, Any], doubts: Sequence[str] = (),
+    words: Mapping[str, Any] | None = None, document: Mapping[str, Any] | None = None,
 ) -> Answer:
     """A paper's claims with everything that was computed for them.
 
@@ -134,7 +133,7 @@ def answered(
         paper: its number.
         claims: judged.
         figures: name of the file -> figure, or figure and caption where the paper's file has none.
-        tables: name of the file -> table, or columns and rows.
+        tables: name of the file -> table.
         settings: everything needed to run it again.
         doubts: sentences that a reader must know before the verdicts.
         words: what stands for the names in braces of the page's first paragraphs.
@@ -148,9 +147,7 @@ def answered(
     every = [claim.verdict for claim in claims]
     verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
                          "claim": [claim.statement for claim in claims]})
-    made = {"reproduction": (columns, map(dataclasses.astuple, claims)), **tables}
-    made = {name: one if isinstance(one, Table) else Table.plain(one[0], [*one[1]])
-            for name, one in made.items()}  # fmt: skip
+    whole = Table.plain(columns, [dataclasses.astuple(claim) for claim in claims])
     pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
              for name, one in figures.items()}  # fmt: skip
     drawings = {name: Drawing(lambda one=figure: one, more=more)
@@ -159,9 +156,9 @@ def answered(
     counts = ", ".join(f"{every.count(word)} {word}" for word in dict.fromkeys(every))
     return Answer(
         said["title"], f"Which of the paper's {len(claims)} claims are reproduced?",
-        tables=made, main=[verdicts], drawings=drawings, doubts=doubts,
+        tables={"reproduction": whole, **tables}, main=[verdicts], drawings=drawings,
         facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
-        document=document,
+        doubts=doubts, document=document,
         sections=[
             Section("About", [text.format(**values) for text in said["about"]], opened=True),
             *(Section(f"{claim.number} {claim.statement}", _reasons(claim)) for claim in claims),

@@ -25,7 +25,7 @@ from kneejax.inference import (
 )
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent, which
 from kneejax.papers.patella_on_path import on_path
-from kneejax.report.look import Answer
+from kneejax.report.look import Answer, Table
 from kneejax.studies import calibrate, read_study
 
 #: The paper's protocol, a knee of four lines that moves as measured knees do, and its ligaments.
@@ -161,7 +161,7 @@ def reproduce(
     }  # fmt: skip
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     words = {"knee": study.knee.name, "patella": _PATELLAS[patella], "noise": noise}
-    counts = {"evaluations": (
+    counts = Table.plain(
         ["procedure", "evaluations", "published_search_steps", "published_model_calls"],
         [
             [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
@@ -169,8 +169,9 @@ def reproduce(
             for name, published in TABLE_2.items()
             if name.split(".")[0] == fit.procedure
         ],
-    )}  # fmt: skip
-    return answered(1, claims(found), figures, counts, settings, doubts, words)
+    )
+    tables = {"evaluations": counts}
+    return answered(1, claims(found), figures, tables, settings, doubts, words)
 
 
 def effect(sweep: Sweep, least: float = -np.inf) -> np.ndarray:

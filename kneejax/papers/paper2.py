@@ -15,7 +15,7 @@ from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
-from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, styled
+from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -133,8 +133,8 @@ def reproduce(stages: Stages = silent) -> Answer:
         "knee": KNEE, "added_to_collateral_strains": list(PRESTRAINS),
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
-    tables = {"lachman": (["strains", "acl", "anterior_N", "anterior_mm", *names], rows)}
-    tables |= {"octagon": grafts.table} if grafts else {}
+    header = ["strains", "acl", "anterior_N", "anterior_mm", *names]
+    tables = {"lachman": Table.plain(header, rows)} | ({"octagon": grafts.table} if grafts else {})
     figures = {"lachman": lachman_figure(found)}
     return answered(2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE})
 

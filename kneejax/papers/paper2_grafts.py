@@ -11,6 +11,7 @@ from kneejax import planning
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Finding
+from kneejax.report.look import Table
 
 #: The motion of section 4.3, in steps of our own, and the test of 4.2.
 EXTENSION_DEG, LACHMAN_DEG, FORCE_N = np.arange(80.0, -1.0, -2.5), 20.0, 100.0
@@ -42,8 +43,8 @@ class Octagon:
     two: float
 
     @property
-    def table(self) -> tuple[list[str], list[list]]:
-        """Columns and rows of Table 4, of the moved bundle and of a graft under its tension."""
+    def table(self) -> Table:
+        """Table 4, of the moved bundle and of a graft under its tension."""
         others = [name for name in self.ligaments if name not in ("pACL", "graft")]
         columns = [f"{name}_distance" for name in ("graft", "pACL", *others)]
         rows = []
@@ -53,7 +54,7 @@ class Octagon:
                 by = dict(zip(names, distance, strict=True))
                 each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in others)]
                 rows.append([graft, k + 1, *each, outcome.total[k]])
-        return ["graft", "position", *columns, "total"], rows
+        return Table.plain(["graft", "position", *columns, "total"], rows)
 
 
 def octagon_study(knee: Knee) -> Octagon:

@@ -15,7 +15,7 @@ from kneejax.papers.claims import Finding
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
 from kneejax.parameters import fibre_rows
-from kneejax.report.look import styled
+from kneejax.report.look import Table, styled
 from kneejax.report.panels import draw_named, flexion_axis, legend_above, panel_grid
 
 if TYPE_CHECKING:
@@ -62,15 +62,14 @@ class RaisedLeg:
     @property
     def doubts(self) -> list[str]:
         """Where the leg has no balance, and where a facet would have to hold on to the groove."""
-        leg, doubts = self.leg, []
-        lost = leg.flexion_deg[np.isnan(leg.quadriceps_N)]
-        if lost.size:
-            doubts.append(f"No held leg was found at {', '.join(f'{x:g}' for x in lost)} degrees.")
-        loose = leg.flexion_deg[self.held & (leg.contact_N < 0.0).any(axis=1)]
-        if loose.size:
-            places = ", ".join(f"{x:g}" for x in loose)
-            doubts.append(f"The patella touches one facet only at {places} degrees.")
-        return doubts
+        lost, off = np.isnan(self.leg.quadriceps_N), (self.leg.contact_N < 0.0).any(axis=1)
+        doubtful = {"No held leg was found": lost,
+                    "The patella touches one facet only": self.held & off}  # fmt: skip
+        return [
+            f"{what} at {', '.join(f'{x:g}' for x in self.leg.flexion_deg[where])} degrees."
+            for what, where in doubtful.items()
+            if where.any()
+        ]
 
 
 def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
@@ -100,17 +99,17 @@ def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
     return RaisedLeg(leg, tension, shear)
 
 
-def leg_table(raised: RaisedLeg) -> tuple[list[str], np.ndarray]:
-    """Column names, then a row a pose; empty where the quadriceps does not pull."""
-    leg, table = raised.leg, np.asarray(raised.leg.tibia.to_table())
-    forces = np.c_[leg.quadriceps_N, leg.tendon_N, leg.contact_N, leg.patellofemoral_N, leg.arm_mm]
-    shear, pulls = (np.stack(list(x.values()), axis=1) for x in (raised.shear, raised.tension))
-    names = [
-        "flexion_deg", "quadriceps_N", "tendon_N", "medial_facet_N", "lateral_facet_N",
-        "patellofemoral_N", "arm_mm", *COLUMNS[1:], *(x.column for x in BODIES[PATELLA].values()),
-        *(f"{name}_N" for name in raised.tension), *(f"{name}_anterior_N" for name in raised.shear),
-    ]  # fmt: skip
-    return names, np.c_[leg.flexion_deg, forces, table[:, 1:], leg.patella, pulls, shear]
+def leg_table(raised: RaisedLeg) -> Table:
+    """A row a pose; empty where the quadriceps does not pull."""
+    leg, pulls = raised.leg, {f"{name}_N": x for name, x in raised.tension.items()}
+    return Table.of({
+        "flexion_deg": leg.flexion_deg, "quadriceps_N": leg.quadriceps_N, "tendon_N": leg.tendon_N,
+        ("medial_facet_N", "lateral_facet_N"): leg.contact_N,
+        "patellofemoral_N": leg.patellofemoral_N, "arm_mm": leg.arm_mm,
+        tuple(COLUMNS[1:]): leg.tibia.to_table()[:, 1:],
+        tuple(x.column for x in BODIES[PATELLA].values()): leg.patella, **pulls,
+        **{f"{name}_anterior_N": x for name, x in raised.shear.items()},
+    })  # fmt: skip
 
 
 def leg_findings(found: RaisedLeg) -> dict[str, Finding]:

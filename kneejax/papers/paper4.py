@@ -68,12 +68,10 @@ def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
     """
     share = max(found.settings.modulus_MPa, default=0.0) / found.settings.reference_modulus_MPa
     findings = _prestretch(found) | _modulus(found) | _across_parameters(found)
-    each = judged(4, findings, modulus_share=share)
+    known = dict.fromkeys(_BETWEEN_KNEES, kinship)
     return tuple(
-        dataclasses.replace(claim, reason=f"{claim.reason} {kinship}".strip())
-        if claim.number in _BETWEEN_KNEES
-        else claim
-        for claim in each
+        dataclasses.replace(claim, reason=f"{claim.reason} {known.get(claim.number, '')}".strip())
+        for claim in judged(4, findings, modulus_share=share)
     )
 
 
@@ -184,9 +182,8 @@ def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Fi
 def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
     """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
     parameter = f"{ligament}.{PRESTRETCH}"
-    known = {
-        knee.name: one for knee in found.knees if (one := knee.influence(parameter, ROTATION))
-    }
+    each = ((knee.name, knee.influence(parameter, ROTATION)) for knee in found.knees)
+    known = {name: one for name, one in each if one}
     shown = [
         f"{name} {_short(one.average[more])} deg ({_short(one.scores[more])}) against "
         f"{_short(one.average[less])} deg ({_short(one.scores[less])})"

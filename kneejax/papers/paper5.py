@@ -14,7 +14,7 @@ from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, sile
 from kneejax.papers.paper5_study import DONOR, Paper5Study
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
-from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, styled
+from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, Table, styled
 from kneejax.report.panels import coordinate_panels, part_legend
 
 if TYPE_CHECKING:
@@ -52,7 +52,9 @@ def reproduce(stages: Stages = silent) -> Answer:
         for angle, row in zip(printed.REACHED_DEG, table, strict=True)
     ]
     tables = {
-        "means": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
+        "means": Table.plain(
+            ["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows
+        ),
         **{f"synthetic_{name}": one for name, one in comparison_tables(cohort).items()},
     }
     labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}

@@ -109,7 +109,9 @@ class VarusValgus:
     @functools.cached_property
     def reached(self) -> np.ndarray:
         """Number of steps that each variant holds before its end, `(variants,)`."""
-        fine = (self.balances.status == Status.BALANCED) & ~self._jumps
+        apart = np.abs(np.diff(self.balances.table, axis=1)).max(axis=-1, initial=0.0)
+        jumps = np.pad(apart > _JUMP, ((0, 0), (1, 0)))
+        fine = (self.balances.status == Status.BALANCED) & ~jumps
         return np.where(fine.all(axis=1), len(self.ramp), np.argmin(fine, axis=1))
 
     @property
@@ -138,11 +140,6 @@ class VarusValgus:
     def moment_reached_Nm(self) -> np.ndarray:
         """Last moment held, positive in varus, `(variants,)`."""
         return np.r_[0.0, self.ramp.moment_Nm][self.reached]
-
-    @property
-    def _jumps(self) -> np.ndarray:
-        apart = np.abs(np.diff(self.balances.table, axis=1)).max(axis=-1, initial=0.0)
-        return np.pad(apart > _JUMP, ((0, 0), (1, 0)))
 
 
 def varus_valgus(knee: Knee, ramp: VarusValgusRamp, vary=None, values: Any = None,
