@@ -7,7 +7,7 @@ tibia.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 import numpy as np
@@ -81,9 +81,9 @@ class Paper1Study:
         """Effect of one parameter on one coordinate, `(flexions,)`, degrees or mm."""
         return effect(self.sweeps[name])[:, FREE_COORDINATES.index(coordinate)]
 
-    def displacements(self, name: str) -> dict[str, float]:
-        """Mean effect of a parameter on each displacement, mm."""
-        return {c: float(np.nanmean(self.effect(name, c))) for c in _DISPLACEMENTS}
+    def means(self, name: str, coordinates: Iterable[str] = _DISPLACEMENTS) -> dict[str, float]:
+        """Mean effect of a parameter on each displacement, mm, or on other coordinates."""
+        return {c: float(np.nanmean(self.effect(name, c))) for c in coordinates}
 
     def outside(self, name: str, coordinate: str, where: np.ndarray) -> float:
         """Mean effect at some flexions, relative to the largest at the others."""
@@ -195,18 +195,15 @@ def claims(found: Paper1Study) -> tuple[Claim, ...]:
 def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     """Claims 1.1 to 1.5, section 3.1."""
     flexion = found.sweeps.flexion_deg
-    means = {name: found.displacements(f"{name}.stiffness") for name in LIGAMENTS}
+    means = {name: found.means(f"{name}.stiffness") for name in LIGAMENTS}
     beyond = found.outside("ACL.stiffness", "anterior", flexion > 40.0)
     most = _largest(means["ACL"]) == "anterior"
     before = found.most_outside("PCL.stiffness", flexion < 60.0)
     least = {name: _largest(one, -1.0) == "superior" for name, one in means.items()}
-    turns = {
-        name: np.array([np.nanmean(found.effect(f"{name}.stiffness", c)) for c in _ROTATIONS])
-        for name in LIGAMENTS
-    }
+    turns = {name: [*found.means(f"{name}.stiffness", _ROTATIONS).values()] for name in LIGAMENTS}
     lateral = all(_largest(means[name]) == "lateral" for name in ("MCL", "LCL"))
-    cruciate = np.maximum(turns["ACL"], turns["PCL"])
-    rotations = all((turns[name] > cruciate).all() for name in ("MCL", "LCL"))
+    collateral = np.minimum(turns["MCL"], turns["LCL"])
+    rotations = bool((collateral > np.maximum(turns["ACL"], turns["PCL"])).all())
     shown = "; ".join(f"{name} {a:.2f}/{b:.2f} degrees" for name, (a, b) in turns.items())
     # Mean effect on displacements of stiffness above 4000 N, as a share of the whole sweep's.
     columns, late = [FREE_COORDINATES.index(c) for c in _DISPLACEMENTS], {}
@@ -254,7 +251,7 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
     for c in ("lateral", "anterior", *_ROTATIONS):
         own = found.effect(acl, c)
         weakest[c] = float(np.nanmin(own) / np.nanmax(own))
-    means, low = found.displacements(acl), _largest(weakest, -1.0)
+    means, low = found.means(acl), _largest(weakest, -1.0)
     below = found.most_outside("PCL.reference_strain", flexion < 40.0)
     inside, outside, parts = [], [], []
     for name, limits in _PHYSIOLOGICAL.items():

@@ -137,10 +137,6 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
     }
     always = all((x > 0.5).all() for x in share.values())
     never = (np.stack(list(share.values())) < 0.5).all(axis=0).any()
-    shares = {
-        rho: ", ".join(f"{n} {x:.0%}" for n, x in zip(NAMES, each, strict=True))
-        for rho, each in share.items()
-    }
     # AP of both models against measured, in the first cohort.
     significant, epsilons = {}, {}
     for rho, (first, *_) in found.cohorts.items():
@@ -153,7 +149,7 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
     return {
         "5.21": Finding(
             True if always else False if never else None,
-            "; ".join(f"correlation {rho:g}: {x}" for rho, x in shares.items()),
+            "; ".join(f"correlation {rho:g}: {measures_row(x, '.0%')}" for rho, x in share.items()),
         ),
         "5.22": Finding(
             True if all(every) else None if any(every) else False,

@@ -154,12 +154,8 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     centres = condyle_axes(*condyle_points(knee), extension_deg, flexion_deg).points
     names = list(knee.ligaments.names)
     attachments = np.asarray(knee.ligaments.femoral_attachment)
-    epicondyles = np.array(
-        [
-            attachments[names.index(_MCL)] - _MCL_FROM_EPICONDYLE,
-            attachments[names.index(_LCL)] - _LCL_FROM_EPICONDYLE,
-        ]
-    )
+    away = {_MCL: _MCL_FROM_EPICONDYLE, _LCL: _LCL_FROM_EPICONDYLE}
+    epicondyles = np.array([attachments[names.index(name)] - x for name, x in away.items()])
     origin, across = epicondyles.mean(axis=0), epicondyles[1] - epicondyles[0]
     turn = np.arctan2(across[0], across[2])
     c, s = np.cos(turn), np.sin(turn)

@@ -63,9 +63,9 @@ def table_findings() -> dict[str, Finding]:
     return _averages() | _statistics() | _models()
 
 
-def measures_row(values: np.ndarray) -> str:
+def measures_row(values: np.ndarray, form: str = ".2f") -> str:
     """Five numbers with the names of their clinical measures, for a row of the report."""
-    return ", ".join(f"{name} {value:.2f}" for name, value in zip(NAMES, values, strict=True))
+    return ", ".join(f"{name} {value:{form}}" for name, value in zip(NAMES, values, strict=True))
 
 
 def _averages() -> dict[str, Finding]:

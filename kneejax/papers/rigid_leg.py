@@ -208,16 +208,13 @@ def _beginnings(
     coordinates = jnp.stack([jnp.ravel(jnp.asarray(x))[0] for x in jax.tree.leaves(start)])
     touch = [jnp.stack([0.0 * x, x]) for x in (jnp.mean(g.width) for g in patella.groove)]
     near = jnp.concatenate([coordinates, *touch, jnp.array(_NEAR_FORCES)])
-    solve, rows = jax.jit(RigidPatella.balanced), []
-    for place in attached:
-        here = solve(patella, jnp.asarray(place), near)
+    solve, rows, ways = jax.jit(RigidPatella.balanced), [], []
+    for place in map(jnp.asarray, attached):
+        here = solve(patella, place, near)
         near = jnp.where(jnp.all(jnp.isfinite(here)), here, near)
-        rows.append(np.asarray(near))
-    own = np.array(rows)
-    along = np.array(
-        [patella.tendon(Pose(*y[:6]).placement, jnp.asarray(x))
-         for x, y in zip(attached, own, strict=True)]
-    )  # fmt: skip
+        rows.append(near)
+        ways.append(patella.tendon(Pose(*near[:6]).placement, place))
+    own, along = np.array(rows), np.array(ways)
     along *= (carried * own[:, 12] / np.linalg.norm(along, axis=1))[:, None]
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
     loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
