@@ -11,6 +11,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kneejax.files.reading import load_yaml
@@ -42,13 +43,14 @@ class Finding(NamedTuple):
         holds: whether the criterion holds; None where it cannot be judged. Where it has parts, what
             each is about -> whether it holds, and the reason begins with those that do not.
         ours: the computed numbers, in words.
-        reason: of the verdict; or what stands for the names in braces of the one in the paper's
-            file, None where that has no names or is none.
+        reason: of the verdict; None for the one in the paper's file, if any.
+        numbers: what stands for the names in braces of that one.
     """
 
     holds: bool | Mapping[str, bool] | None
     ours: str
-    reason: str | Mapping[str, Any] | None = None
+    reason: str | None = None
+    numbers: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -102,16 +104,18 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     verdicts = {True: REPRODUCED, False: NOT_REPRODUCED, None: CANNOT_BE_JUDGED}
     claims = []
     for number, entry in entries.items():
-        about = (entry[key].format(**words) for key in ("statement", "criterion", "printed"))
+        statement, criterion, printed = (
+            entry[key].format(**words) for key in ("statement", "criterion", "printed")
+        )
         nothing = Finding(None, "-", entry.get("reason", ""))
-        holds, ours, reason = findings.get(number, nothing)
+        holds, ours, reason, numbers = findings.get(number, nothing)
         if isinstance(holds, Mapping):
             holds, reason = all(holds.values()), which(holds) + (reason or "")
         holds = None if holds is None else bool(holds)
-        if not isinstance(reason, str):
-            text = entry.get("reason") or ("" if holds else entry.get("otherwise", ""))
-            reason = text.format(**words, **(reason or {}))
-        claims.append(Claim(number, *about, ours, verdicts[holds], reason))
+        if reason is None:
+            reason = entry.get("reason") or ("" if holds else entry.get("otherwise", ""))
+            reason = reason.format(**words, **numbers)
+        claims.append(Claim(number, statement, criterion, printed, ours, verdicts[holds], reason))
     return tuple(claims)
 
 

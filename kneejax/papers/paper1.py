@@ -85,14 +85,10 @@ class Paper1Study:
         """Mean effect of a parameter on each displacement, mm, or on other coordinates."""
         return {c: float(np.nanmean(self.effect(name, c))) for c in coordinates}
 
-    def outside(self, name: str, coordinate: str, where: np.ndarray) -> float:
-        """Mean effect at some flexions, relative to the largest at the others."""
-        own = self.effect(name, coordinate)
-        return float(np.nanmean(own[where]) / np.nanmax(own[~where]))
-
-    def most_outside(self, name: str, where: np.ndarray) -> float:
-        """The same, the larger one of anterior-posterior and medial-lateral displacement."""
-        return max(self.outside(name, c, where) for c in ("anterior", "lateral"))
+    def outside(self, name: str, where: np.ndarray, *coordinates: str) -> float:
+        """Mean effect at some flexions by the largest at the others; the largest of coordinates."""
+        effects = [self.effect(name, c) for c in coordinates]
+        return max(float(np.nanmean(x[where]) / np.nanmax(x[~where])) for x in effects)
 
 
 def reproduce(
@@ -196,9 +192,9 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     """Claims 1.1 to 1.5, section 3.1."""
     flexion = found.sweeps.flexion_deg
     means = {name: found.means(f"{name}.stiffness") for name in LIGAMENTS}
-    beyond = found.outside("ACL.stiffness", "anterior", flexion > 40.0)
+    beyond = found.outside("ACL.stiffness", flexion > 40.0, "anterior")
     most = _largest(means["ACL"]) == "anterior"
-    before = found.most_outside("PCL.stiffness", flexion < 60.0)
+    before = found.outside("PCL.stiffness", flexion < 60.0, "anterior", "lateral")
     least = {name: _largest(one, -1.0) == "superior" for name, one in means.items()}
     turns = {name: [*found.means(f"{name}.stiffness", _ROTATIONS).values()] for name in LIGAMENTS}
     lateral = all(_largest(means[name]) == "lateral" for name in ("MCL", "LCL"))
@@ -252,7 +248,7 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
         own = found.effect(acl, c)
         weakest[c] = float(np.nanmin(own) / np.nanmax(own))
     means, low = found.means(acl), _largest(weakest, -1.0)
-    below = found.most_outside("PCL.reference_strain", flexion < 40.0)
+    below = found.outside("PCL.reference_strain", flexion < 40.0, "anterior", "lateral")
     inside, outside, parts = [], [], []
     for name, limits in _PHYSIOLOGICAL.items():
         one = found.sweeps[f"{name}.reference_strain"]
@@ -314,7 +310,7 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
         "1.9": Finding(
             all(straight.values()),
             ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
-            {"parts": which(straight)},
+            numbers={"parts": which(straight)},
         ),
         "1.10": Finding(
             more,

@@ -237,8 +237,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
         "2.1": Finding(
             abs(test.end - MEASURED_MM) < NEAR_MM,
             f"{found.prestrain:.3f} added: {test}. Scanned: {scanned}",
-            {"pull": pulls[1], "pull_before": pulls[0], "needed": FULL_N / MEASURED_MM,
-             "along": test.along, "along_before": before.along},
+            numbers={"pull": pulls[1], "pull_before": pulls[0], "needed": FULL_N / MEASURED_MM,
+                     "along": test.along, "along_before": before.along},
         ),
         "2.2": Finding(
             abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
@@ -288,7 +288,7 @@ def _length(found: LachmanStudy) -> dict[str, Finding]:
     )
     ours = ", ".join(f"{by:+.0%}: {found.longer[by]} ({x:+.0%})" for by, x in parts.items())
     numbers = {"moved": moved, "placed": placed, "own": own}
-    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers)}
+    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers=numbers)}
 
 
 @styled

@@ -123,12 +123,12 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
             any(map(holds, numberings(moved))),
             f"from front and medial through the lateral side: {listed(moved)}. A hamstring graft "
             f"in place of both bundles, under 80 N: {listed(planned)}",
-            {"fits": "does" if any(map(holds, numberings(planned))) else "does not"},
+            numbers={"fits": "does" if any(map(holds, numberings(planned))) else "does not"},
         ),
         "2.12": Finding(
             0.5 * theirs < own < 2.0 * theirs,
             f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
-            {"corner": np.argmin(moved) + 1},
+            numbers={"corner": np.argmin(moved) + 1},
         ),
         "2.13": Finding(
             set(names) == set(TELLING),

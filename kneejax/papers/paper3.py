@@ -193,12 +193,12 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
         "3.1": Finding(
             not soft,
             ", ".join(f"{x:g} degrees {span[x]:.0f} N" for x in sorted(span)),
-            {"where": " and ".join(f"{x:g}" for x in soft)},
+            numbers={"where": " and ".join(f"{x:g}" for x in soft)},
         ),
         "3.2": Finding(
             all(ratio < SMALL for ratio in ratios.values()),
             ", ".join(f"{x:g} degrees {ratio:.0%}" for x, ratio in ratios.items()),
-            {"pulls": "; ".join(pulls)},
+            numbers={"pulls": "; ".join(pulls)},
         ),
         "3.3": Finding(
             min(shares.values()) >= NEARLY_ALL,

@@ -146,7 +146,7 @@ def _forces(found: RaisedLeg) -> dict[str, Finding]:
         ),
         "3.7": Finding(
             start > 1.0 and 10.0 <= peak <= 30.0 and falls,
-            _every_third(found, tendon, ".2f"), {"peak": peak, "start": start},
+            _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start},
         ),
         "3.8": Finding(
             0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
@@ -165,12 +165,12 @@ def _patella(found: RaisedLeg) -> dict[str, Finding]:
         "3.9": Finding(
             (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
             ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
-            {"last": last},
+            numbers={"last": last},
         ),
         "3.10": Finding(
             25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
             "mm at degrees: " + _every_third(found, found.leg.arm_mm, ".0f"),
-            {"size": size, "at": at},
+            numbers={"size": size, "at": at},
         ),
     }  # fmt: skip
 
@@ -190,7 +190,7 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
     return {
         "3.11": Finding(
             acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
-            "ACL {}; PCL {} N".format(*curves), {"first": first},
+            "ACL {}; PCL {} N".format(*curves), numbers={"first": first},
         ),
         "3.12": Finding(
             10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,

@@ -68,11 +68,10 @@ def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
     """
     share = max(found.settings.modulus_MPa, default=0.0) / found.settings.reference_modulus_MPa
     findings = _prestretch(found) | _modulus(found) | _across_parameters(found)
-    known = dict.fromkeys(_BETWEEN_KNEES, kinship)
-    return tuple(
-        dataclasses.replace(claim, reason=f"{claim.reason} {known.get(claim.number, '')}".strip())
-        for claim in judged(4, findings, modulus_share=share)
-    )
+    each = judged(4, findings, modulus_share=share)
+    said = {one.number: kinship if one.number in _BETWEEN_KNEES else "" for one in each}
+    return tuple(dataclasses.replace(one, reason=f"{one.reason} {said[one.number]}".strip())
+                 for one in each)  # fmt: skip
 
 
 def _prestretch(found: KneeComparison) -> dict[str, Finding]:
@@ -143,7 +142,7 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
     return {
         "4.11": Finding(
             len(above) <= len(pairs) / 8 if pairs else None,
-            _counted(above, pairs, "pairs above 2"), {"lines": without},
+            _counted(above, pairs, "pairs above 2"), numbers={"lines": without},
         ),
         "4.12": Finding(bool(ends), _counted(ends, spans, "parameters")),
         "4.13": Finding(

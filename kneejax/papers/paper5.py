@@ -154,7 +154,7 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
         "5.22": Finding(
             True if all(every) else None if any(every) else False,
             "; ".join(f"correlation {rho:g}: {sum(x)} of 6" for rho, x in significant.items()),
-            {"epsilons": spread},
+            numbers={"epsilons": spread},
         ),
     }
 
