@@ -1,7 +1,7 @@
 """A published claim: read from its paper's file, judged by what was computed, and answered.
 
-`paperN.yaml` has what is claimed, the criterion, the printed value and, where it is always the
-same, the reason of a verdict; `paperN.py` computes the `Finding` of each claim.
+`paperN.yaml` has what is claimed, the criterion, the printed value and the reason of a verdict;
+`paperN.py` computes the `Finding` of each claim.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from kneejax.files.reading import load_yaml
 from kneejax.report.look import Answer, Table, as_setting, json_safe, wrapped
 from kneejax.report.look.page import Drawing, Section
-from kneejax.report.look.tables import Column
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,14 +40,17 @@ class Finding(NamedTuple):
     """What was computed for a claim.
 
     Attributes:
-        holds: whether the criterion holds; None where it cannot be judged.
+        holds: whether the criterion holds; None where it cannot be judged. Where it has parts, what
+            each is about -> whether it holds, and the reason begins with those that do not.
         ours: the computed numbers, in words.
         reason: of the verdict; None for the one in the paper's file, if any.
+        numbers: what stands for the names in braces of that one.
     """
 
-    holds: bool | None
+    holds: bool | Mapping[str, bool] | None
     ours: str
     reason: str | None = None
+    numbers: Mapping[str, Any] = MappingProxyType({})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,25 +104,32 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     verdicts = {True: REPRODUCED, False: NOT_REPRODUCED, None: CANNOT_BE_JUDGED}
     claims = []
     for number, entry in entries.items():
-        text = {key: value.format(**words) for key, value in entry.items()}
-        holds, ours, reason = findings.get(number, Finding(None, "-"))
+        statement, criterion, printed = (
+            entry[key].format(**words) for key in ("statement", "criterion", "printed")
+        )
+        nothing = Finding(None, "-", entry.get("reason", ""))
+        holds, ours, reason, numbers = findings.get(number, nothing)
+        if isinstance(holds, Mapping):
+            holds, reason = all(holds.values()), which(holds) + (reason or "")
         holds = None if holds is None else bool(holds)
         if reason is None:
-            reason = text.get("reason") or ("" if holds else text.get("otherwise", ""))
-        claims.append(
-            Claim(
-                number, text["statement"], text["criterion"], text["printed"], ours,
-                verdicts[holds], reason,
-            )
-        )  # fmt: skip
+            reason = entry.get("reason") or ("" if holds else entry.get("otherwise", ""))
+            reason = reason.format(**words, **numbers)
+        claims.append(Claim(number, statement, criterion, printed, ours, verdicts[holds], reason))
     return tuple(claims)
+
+
+def which(parts: Mapping[str, bool]) -> str:
+    """What holds and what does not; empty if all holds."""
+    missing, holding = ([name for name, x in parts.items() if bool(x) is y] for y in (False, True))
+    both = [f"{word}: {', '.join(x)}" for word, x in (("not", missing), ("holds", holding)) if x]
+    return "; ".join(both) if missing else ""
 
 
 def answered(
     paper: int, claims: Sequence[Claim], figures: Mapping[str, Figure | tuple[Figure, str]],
-    tables: Mapping[str, Table | tuple[Sequence[str], Iterable[Sequence[Any]]]],
-    settings: Mapping[str, Any], doubts: Sequence[str] = (), words: Mapping[str, Any] | None = None,
-    document: Mapping[str, Any] | None = None,
+    tables: Mapping[str, Table], settings: Mapping[str, Any], doubts: Sequence[str] = (),
+    words: Mapping[str, Any] | None = None, document: Mapping[str, Any] | None = None,
 ) -> Answer:
     """A paper's claims with everything that was computed for them.
 
@@ -127,7 +137,7 @@ def answered(
         paper: its number.
         claims: judged.
         figures: name of the file -> figure, or figure and caption where the paper's file has none.
-        tables: name of the file -> table, or columns and rows.
+        tables: name of the file -> table.
         settings: everything needed to run it again.
         doubts: sentences that a reader must know before the verdicts.
         words: what stands for the names in braces of the page's first paragraphs.
@@ -137,14 +147,11 @@ def answered(
         The answer; its first table is `reproduction`.
     """
     said, values = claimed(paper), {"verdicts": ", ".join(VERDICTS), **(words or {})}
-    columns = [Column(field.name) for field in dataclasses.fields(Claim)]
+    columns = [field.name for field in dataclasses.fields(Claim)]
     every = [claim.verdict for claim in claims]
     verdicts = Table.of({"number": [claim.number for claim in claims], "verdict": every,
                          "claim": [claim.statement for claim in claims]})
-    rows = [[*dataclasses.astuple(claim)] for claim in claims]
-    made = {"reproduction": Table(columns, rows)}
-    made |= {name: one if isinstance(one, Table) else Table([*map(Column, one[0])], [*one[1]])
-             for name, one in tables.items()}  # fmt: skip
+    whole = Table.plain(columns, [dataclasses.astuple(claim) for claim in claims])
     pairs = {name: one if isinstance(one, tuple) else (one, said["figures"][name])
              for name, one in figures.items()}  # fmt: skip
     drawings = {name: Drawing(lambda one=figure: one, more=more)
@@ -153,9 +160,9 @@ def answered(
     counts = ", ".join(f"{every.count(word)} {word}" for word in dict.fromkeys(every))
     return Answer(
         said["title"], f"Which of the paper's {len(claims)} claims are reproduced?",
-        tables=made, main=[verdicts], drawings=drawings, doubts=doubts,
+        tables={"reproduction": whole, **tables}, main=[verdicts], drawings=drawings,
         facts=[(word.capitalize(), str(every.count(word))) for word in VERDICTS],
-        document=document,
+        doubts=doubts, document=document,
         sections=[
             Section("About", [text.format(**values) for text in said["about"]], opened=True),
             *(Section(f"{claim.number} {claim.statement}", _reasons(claim)) for claim in claims),

@@ -108,7 +108,7 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
     Raises:
         UnknownParameter: the knee has no such ligament.
     """
-    same, length = Fibres.of(knee), _lengths(knee)
+    same, length = Fibres.of(knee), np.asarray(knee.reference_length())
 
     def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
         rows = fibre_rows(knee, ligament)
@@ -120,29 +120,20 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
             stiffness = same.stiffness.copy()
             stiffness[rows] *= 1.0 + value / reference_modulus_MPa
             yield Change(ligament, MODULUS, value), same._replace(stiffness=stiffness)
-        if len(rows) > 1:
-            for value in HALVES:
-                halved = _halved(knee, same, length, rows, value)
-                yield Change(ligament, ATTACHMENT, value), halved
+        for value in HALVES if len(rows) > 1 else ():
+            femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
+            if value != 2.0:
+                femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
+            if value != 1.0:
+                tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
+            moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
+            now = with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length()
+            slack = same.slack_length * np.asarray(now) / length
+            yield Change(ligament, ATTACHMENT, value), moved._replace(slack_length=slack)
 
     found = [pair for ligament in ligaments for pair in one(ligament)]
     fibres = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), same, *(f for _, f in found))
     return tuple(change for change, _ in found), fibres
-
-
-def _lengths(knee: Knee) -> np.ndarray:
-    return np.asarray(knee.reference_length())
-
-
-def _halved(knee: Knee, same: Fibres, length: np.ndarray, rows: list[int], value: float) -> Fibres:
-    femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
-    if value != 2.0:
-        femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
-    if value != 1.0:
-        tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
-    moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
-    now = _lengths(with_fibres(knee, Fibres(*map(jnp.asarray, moved))))
-    return moved._replace(slack_length=same.slack_length * now / length)
 
 
 def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -188,8 +179,6 @@ def synthetic_knee(knee: Knee, seed: int) -> Knee:
     length = with_fibres(knee, moved).reference_length()
     knee = with_fibres(knee, moved._replace(slack_length=length / (1.0 + strain)))
     softer = np.exp(LOG_STIFFNESS * draw.standard_normal())
-    contacts = tuple(
-        dataclasses.replace(contact, youngs_modulus=contact.youngs_modulus * softer)
-        for contact in knee.contacts
-    )
-    return dataclasses.replace(knee, contacts=contacts)
+    contacts = (dataclasses.replace(x, youngs_modulus=x.youngs_modulus * softer)
+                for x in knee.contacts)  # fmt: skip
+    return dataclasses.replace(knee, contacts=tuple(contacts))

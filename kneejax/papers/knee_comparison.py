@@ -269,9 +269,9 @@ def compare_knees(
     if not knees:
         raise UnsuitableData("no knees; expected one or more")
     # All are looked at before the first is computed.
-    changed = settings.ligaments, settings.prestretch, settings.modulus_MPa
-    modulus_MPa = settings.reference_modulus_MPa
-    work = {name: changes_of(knee, *changed, modulus_MPa) for name, knee in knees.items()}
+    asked = (settings.ligaments, settings.prestretch, settings.modulus_MPa,
+             settings.reference_modulus_MPa)  # fmt: skip
+    work = {name: changes_of(knee, *asked) for name, knee in knees.items()}
     ramps = {direction: settings.ramp(direction) for direction in DIRECTIONS}
     steps = sum(map(len, ramps.values()))
     total = sum((len(changes) + 1) * steps for changes, _ in work.values())
@@ -284,7 +284,7 @@ def compare_knees(
             runs[direction], done = run, done + (len(changes) + 1) * len(ramp)
             for parameter in dict.fromkeys(change.parameter for change in changes):
                 rows = {i: c for i, c in enumerate(changes, 1) if c.parameter == parameter}
-                outcomes += _outcomes(knees[name], run, direction, rows, settings.least_Nm)
+                outcomes += _outcomes(knees[name], run, rows, settings.least_Nm)
         tensions = {x: _tensions(knees[name], run, settings.ligaments) for x, run in runs.items()}
         doubts, seconds = _doubts(runs, outcomes, settings), time.perf_counter() - begun
         studies.append(
@@ -306,7 +306,7 @@ def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[
 
 
 def _outcomes(
-    knee: Knee, run: VarusValgus, direction: str, changes: dict[int, Change], least_Nm: float
+    knee: Knee, run: VarusValgus, changes: dict[int, Change], least_Nm: float
 ) -> list[Outcome]:
     """Of the changes of one parameter, by variant, which are compared at one moment."""
     rows = list(changes)
@@ -328,9 +328,9 @@ def _outcomes(
     percent, moved = differences(peak, center)
     return [
         Outcome(
-            change, direction, float(run.moment_reached_Nm[row]), float(late[i]), float(rmse[i]),
-            float(run.ramp.moment_Nm[step]) if far[i] else math.nan, peak[i + 1], peak[0],
-            center[i + 1], center[0], float(percent[i]), float(moved[i]), run.ending[row],
+            change, run.ramp.direction, float(run.moment_reached_Nm[row]), float(late[i]),
+            float(rmse[i]), float(run.ramp.moment_Nm[step]) if far[i] else math.nan, peak[i + 1],
+            peak[0], center[i + 1], center[0], float(percent[i]), float(moved[i]), run.ending[row],
         )
         for i, (row, change) in enumerate(changes.items())
     ]  # fmt: skip
@@ -362,12 +362,11 @@ def _influences(outcomes: list[Outcome]) -> tuple[Influence, ...]:
     influences = []
     for parameter in dict.fromkeys(one.change.parameter for one in outcomes):
         for name in LIMITS:
-            average = {}
-            for direction in DIRECTIONS:
-                at = parameter, direction
-                own = [x for x in outcomes if (x.change.parameter, x.direction) == at]
-                values = np.array([getattr(one, name) for one in own])
-                average[direction] = float(_mean_known(values))
+            found = {direction: [] for direction in DIRECTIONS}
+            for one in outcomes:
+                if one.change.parameter == parameter:
+                    found[one.direction].append(getattr(one, name))
+            average = {x: float(_mean_known(np.array(values))) for x, values in found.items()}
             scores = {direction: score(name, mean) for direction, mean in average.items()}
             influences.append(Influence(parameter, name, average, scores))
     return tuple(influences)

@@ -9,6 +9,7 @@ import numpy as np
 
 from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
+from kneejax.papers.varus_valgus import DIRECTIONS
 from kneejax.quantities import AXES
 from kneejax.report.look import (
     BLACK,
@@ -76,11 +77,8 @@ def comparison_answer(found: KneeComparison) -> Answer:
             "knees": [knee.name for knee in found.knees],
             "settings": dataclasses.asdict(settings),
             "scores": {
-                knee.name: {
-                    name: {one.outcome: one.score for one in knee.influences
-                           if one.parameter == name}
-                    for name in knee.parameters
-                }
+                knee.name: {name: {outcome: knee.score(name, outcome) for outcome in LIMITS}
+                            for name in knee.parameters}
                 for knee in found.knees
             },
             "unchanged": {
@@ -133,16 +131,16 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
             for name, held, angles in zip(names, run.held, run.adduction_deg, strict=True):
                 first = [knee.name, *name, direction]
                 rotations += [[*first, *loads[x], angles[x]] for x in np.flatnonzero(held)]
-    named = {
-        "outcomes": ([*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"],
-                     outcomes),
-        "pressures": ([*changed, "contact", "peak_MPa", "unchanged_peak_MPa", *place,
-                       *(f"unchanged_{column}" for column in place)], pressures),
-        "scores": (["knee", "parameter", "outcome", "varus", "valgus", "varus_score",
-                    "valgus_score", "score"], scores),
-        "rotations": ([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
-    }  # fmt: skip
-    return {name: Table([*map(Column, head)], rows) for name, (head, rows) in named.items()}
+    peaks = ["peak_MPa", "unchanged_peak_MPa", *place, *(f"unchanged_{column}" for column in place)]
+    rated = [*DIRECTIONS, *(f"{direction}_score" for direction in DIRECTIONS), "score"]
+    return {
+        "outcomes": Table.plain(
+            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
+        ),
+        "pressures": Table.plain([*changed, "contact", *peaks], pressures),
+        "scores": Table.plain(["knee", "parameter", "outcome", *rated], scores),
+        "rotations": Table.plain([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
+    }
 
 
 def _parameter_words(parameter: str) -> str:

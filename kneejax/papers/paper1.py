@@ -7,7 +7,7 @@ tibia.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 import numpy as np
@@ -23,9 +23,9 @@ from kneejax.inference import (
     sensitivity_maps,
     sweep,
 )
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent, which
 from kneejax.papers.patella_on_path import on_path
-from kneejax.report.look import Answer
+from kneejax.report.look import Answer, Table
 from kneejax.studies import calibrate, read_study
 
 #: The paper's protocol, a knee of four lines that moves as measured knees do, and its ligaments.
@@ -81,18 +81,14 @@ class Paper1Study:
         """Effect of one parameter on one coordinate, `(flexions,)`, degrees or mm."""
         return effect(self.sweeps[name])[:, FREE_COORDINATES.index(coordinate)]
 
-    def displacements(self, name: str) -> dict[str, float]:
-        """Mean effect of a parameter on each displacement, mm."""
-        return {c: float(np.nanmean(self.effect(name, c))) for c in _DISPLACEMENTS}
+    def means(self, name: str, coordinates: Iterable[str] = _DISPLACEMENTS) -> dict[str, float]:
+        """Mean effect of a parameter on each displacement, mm, or on other coordinates."""
+        return {c: float(np.nanmean(self.effect(name, c))) for c in coordinates}
 
-    def outside(self, name: str, coordinate: str, where: np.ndarray) -> float:
-        """Mean effect at some flexions, relative to the largest at the others."""
-        own = self.effect(name, coordinate)
-        return float(np.nanmean(own[where]) / np.nanmax(own[~where]))
-
-    def most_outside(self, name: str, where: np.ndarray) -> float:
-        """The same, the larger one of anterior-posterior and medial-lateral displacement."""
-        return max(self.outside(name, c, where) for c in ("anterior", "lateral"))
+    def outside(self, name: str, where: np.ndarray, *coordinates: str) -> float:
+        """Mean effect at some flexions by the largest at the others; the largest of coordinates."""
+        effects = [self.effect(name, c) for c in coordinates]
+        return max(float(np.nanmean(x[where]) / np.nanmax(x[~where])) for x in effects)
 
 
 def reproduce(
@@ -161,7 +157,7 @@ def reproduce(
     }  # fmt: skip
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     words = {"knee": study.knee.name, "patella": _PATELLAS[patella], "noise": noise}
-    counts = {"evaluations": (
+    counts = Table.plain(
         ["procedure", "evaluations", "published_search_steps", "published_model_calls"],
         [
             [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
@@ -169,13 +165,18 @@ def reproduce(
             for name, published in TABLE_2.items()
             if name.split(".")[0] == fit.procedure
         ],
-    )}  # fmt: skip
-    return answered(1, claims(found), figures, counts, settings, doubts, words)
+    )
+    tables = {"evaluations": counts}
+    return answered(1, claims(found), figures, tables, settings, doubts, words)
 
 
-def effect(sweep: Sweep) -> np.ndarray:
-    """Range of each coordinate over the sound values of a sweep, `(flexions, 5)`, degrees, mm."""
-    known = sweep.sound[..., None] & np.isfinite(sweep.table)
+def effect(sweep: Sweep, least: float = -np.inf) -> np.ndarray:
+    """Range of each coordinate over the sound values of a sweep, `(flexions, 5)`, degrees, mm.
+
+    Values below the `least` do not count.
+    """
+    counted = sweep.sound & (sweep.values >= least)[:, None]
+    known = counted[..., None] & np.isfinite(sweep.table)
     low = np.where(known, sweep.table, np.inf).min(axis=0)
     high = np.where(known, sweep.table, -np.inf).max(axis=0)
     return np.where(known.any(axis=0), high - low, np.nan)
@@ -190,54 +191,43 @@ def claims(found: Paper1Study) -> tuple[Claim, ...]:
 def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     """Claims 1.1 to 1.5, section 3.1."""
     flexion = found.sweeps.flexion_deg
-    means = {name: found.displacements(f"{name}.stiffness") for name in LIGAMENTS}
-    beyond = found.outside("ACL.stiffness", "anterior", flexion > 40.0)
+    means = {name: found.means(f"{name}.stiffness") for name in LIGAMENTS}
+    beyond = found.outside("ACL.stiffness", flexion > 40.0, "anterior")
     most = _largest(means["ACL"]) == "anterior"
-    before = found.most_outside("PCL.stiffness", flexion < 60.0)
+    before = found.outside("PCL.stiffness", flexion < 60.0, "anterior", "lateral")
     least = {name: _largest(one, -1.0) == "superior" for name, one in means.items()}
-    turns = {
-        name: np.array([np.nanmean(found.effect(f"{name}.stiffness", c)) for c in _ROTATIONS])
-        for name in LIGAMENTS
-    }
+    turns = {name: [*found.means(f"{name}.stiffness", _ROTATIONS).values()] for name in LIGAMENTS}
     lateral = all(_largest(means[name]) == "lateral" for name in ("MCL", "LCL"))
-    cruciate = np.maximum(turns["ACL"], turns["PCL"])
-    rotations = all((turns[name] > cruciate).all() for name in ("MCL", "LCL"))
+    collateral = np.minimum(turns["MCL"], turns["LCL"])
+    rotations = bool((collateral > np.maximum(turns["ACL"], turns["PCL"])).all())
     shown = "; ".join(f"{name} {a:.2f}/{b:.2f} degrees" for name, (a, b) in turns.items())
     # Mean effect on displacements of stiffness above 4000 N, as a share of the whole sweep's.
     columns, late = [FREE_COORDINATES.index(c) for c in _DISPLACEMENTS], {}
     for name in LIGAMENTS:
         one = found.sweeps[f"{name}.stiffness"]
-        arrays = ("values", "table", "status", "unphysiological")
-        above = {x: getattr(one, x)[one.values >= 4000.0] for x in arrays}
-        part, whole = (effect(x)[:, columns] for x in (dataclasses.replace(one, **above), one))
-        late[name] = float(np.nanmean(part) / np.nanmean(whole))
+        part, whole = (np.nanmean(effect(one, x)[:, columns]) for x in (4000.0, -np.inf))
+        late[name] = float(part / whole)
     return {
         "1.1": Finding(
-            beyond < NONE and most,
+            {"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
             f"{beyond:.1%} above 40 degrees; {_in_words(means['ACL'])}",
-            _which({"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most})
-            + ("" if beyond < NONE else _acting(found)),
+            "" if beyond < NONE else _acting(found),
         ),
         "1.2": Finding(
-            before < NONE and least["PCL"],
+            {"from 60 degrees": before < NONE, "displacements": least["PCL"]},
             f"below 60 degrees {before:.1%} at most; {_in_words(means['PCL'])}",
-            _which({"from 60 degrees": before < NONE, "displacements": least["PCL"]}),
         ),
         "1.3": Finding(
-            lateral and rotations,
+            {"medial-lateral": lateral, "rotations": rotations},
             f"MCL: {_in_words(means['MCL'])}; LCL: {_in_words(means['LCL'])}; "
             f"adduction/internal rotation: {shown}",
-            _which({"medial-lateral": lateral, "rotations": rotations}),
         ),
         "1.4": Finding(
-            all(least.values()),
-            "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items()),
-            _which(least),
+            least, "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items())
         ),
         "1.5": Finding(
-            max(late.values()) < _ALMOST,
+            {name: share < _ALMOST for name, share in late.items()},
             ", ".join(f"{name} {share:.0%}" for name, share in late.items()),
-            _which({name: share < _ALMOST for name, share in late.items()}),
         ),
     }
 
@@ -257,9 +247,8 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
     for c in ("lateral", "anterior", *_ROTATIONS):
         own = found.effect(acl, c)
         weakest[c] = float(np.nanmin(own) / np.nanmax(own))
-    means, low = found.displacements(acl), _largest(weakest, -1.0)
-    whole, least = weakest[low] > NONE, _largest(means, -1.0) == "superior"
-    below = found.most_outside("PCL.reference_strain", flexion < 40.0)
+    means, low = found.means(acl), _largest(weakest, -1.0)
+    below = found.outside("PCL.reference_strain", flexion < 40.0, "anterior", "lateral")
     inside, outside, parts = [], [], []
     for name, limits in _PHYSIOLOGICAL.items():
         one = found.sweeps[f"{name}.reference_strain"]
@@ -277,11 +266,10 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
             ", ".join(f"{name} {a:.1f} against {b:.1f} mm" for name, (a, b) in sizes.items()),
         ),
         "1.7": Finding(
-            whole and least and below < _ALMOST,
+            {"ACL over the whole range": weakest[low] > NONE,
+             "distal-proximal": _largest(means, -1.0) == "superior", "PCL late": below < _ALMOST},
             f"ACL weakest at {weakest[low]:.0%} of the largest ({low.replace('_', ' ')}); "
             f"{_in_words(means)}; PCL below 40 degrees {below:.0%} at most",
-            _which({"ACL over the whole range": whole, "distal-proximal": least,
-                    "PCL late": below < _ALMOST}),
         ),
         "1.8": Finding(
             all(inside) and all(outside), "; ".join(parts), "" if all(outside) else None
@@ -310,7 +298,7 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
     acl, pcl = spans if one.names[0].startswith("ACL") else spans[::-1]
     names = [c.replace("_", " ") for c in FREE_COORDINATES]
     ratios = dict(zip(names, pcl / acl, strict=True))
-    more = min(ratios.values()) > 2.0
+    more = {name: ratio > 2.0 for name, ratio in ratios.items()}
     rows, best = np.searchsorted(found.sweeps.flexion_deg, found.measured[:, 0]), {}
     for each in found.sweeps.sweeps:
         table = np.where(each.sound[..., None], each.table, np.nan)[:, rows]
@@ -322,14 +310,12 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
         "1.9": Finding(
             all(straight.values()),
             ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
-            "" if all(straight.values()) else "a valley of low stiffness bends towards high "
-            "strains: a soft ligament needs more strain for the same tension. " + _which(straight),
+            numbers={"parts": which(straight)},
         ),
         "1.10": Finding(
             more,
             ", ".join(f"{name} {ratio:.1f} times" for name, ratio in ratios.items()),
-            _which({name: ratio > 2.0 for name, ratio in ratios.items()})
-            + ("" if more else _acting(found)),
+            "" if all(more.values()) else _acting(found),
         ),
         "1.11": Finding(
             best[lowest] > 10.0 * together,
@@ -354,12 +340,11 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
     covered = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in answer)
     return {
         "1.12": Finding(
-            fewer and near,
+            {"fewer evaluations": fewer, "same parameters": near},
             f"evaluations {counts}; farthest parameter I {apart['I']:.0%}, II {apart['II']:.0%} of "
             f"its width; objectives {objectives}",
-            _which({"fewer evaluations": fewer, "same parameters": near})
-            + ("" if fewer and near else "; with exact Jacobians all eight at once cost no more, "
-               "and a two-step search that stops after one cycle stops on the way"),
+            "" if fewer and near else "; with exact Jacobians all eight at once cost no more, and "
+            "a two-step search that stops after one cycle stops on the way",
         ),
         "1.13": Finding(None, f"evaluations with exact Jacobian: {counts}"),
         "1.14": Finding(
@@ -377,15 +362,6 @@ def _largest(numbers: Mapping[str, float], sign: float = 1.0) -> str:
 
 def _in_words(means: Mapping[str, float]) -> str:
     return ", ".join(f"{_DISPLACEMENTS[c]} {value:.2f} mm" for c, value in means.items())
-
-
-def _which(parts: Mapping[str, bool]) -> str:
-    """What holds and what does not; empty if all holds."""
-    missing = [name for name, holds in parts.items() if not holds]
-    holding = [name for name, holds in parts.items() if holds]
-    if not missing:
-        return ""
-    return f"not: {', '.join(missing)}" + (f"; holds: {', '.join(holding)}" if holding else "")
 
 
 def _acting(found: Paper1Study) -> str:

@@ -15,7 +15,7 @@ from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
-from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, styled
+from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -120,26 +120,21 @@ def reproduce(stages: Stages = silent) -> Answer:
     if importlib.util.find_spec("dtaidistance"):
         with stages("grafts in eight places"):
             grafts = octagon_study(knee)
-    names = list(found.printed["two bundles"].tension)
-    header = ["strains", "acl", "anterior_N", "anterior_mm", *(f"{name}_N" for name in names)]
-    rows = [
-        [kind, state, load, test.moved[k], *(test.tension[name][k] for name in names)]
-        for kind, tests in found.kinds.items()
-        for state, test in tests.items()
-        for k, load in enumerate(found.load_N)
-    ]
-    doubts = [
-        f"{'Table 1' if kind == 'table_1' else kind}, {state}: {test.status.word} "
-        f"({test.status.sentence})."
-        for kind, tests in found.kinds.items()
-        for state, test in tests.items()
-        if test.status not in _ANSWERS
-    ]
+    names = (f"{name}_N" for name in found.printed["two bundles"].tension)
+    rows, doubts = [], []
+    for kind, tests in found.kinds.items():
+        for state, test in tests.items():
+            loaded = zip(found.load_N, test.moved, *test.tension.values(), strict=True)
+            rows += [[kind, state, *row] for row in loaded]
+            if (status := test.status) not in _ANSWERS:
+                strains = "Table 1" if kind == "table_1" else kind
+                doubts.append(f"{strains}, {state}: {status.word} ({status.sentence}).")
     settings = {
         "knee": KNEE, "added_to_collateral_strains": list(PRESTRAINS),
         "calibrated_at": found.prestrain, "changes_of_resting_length": list(LENGTH_CHANGES),
     }  # fmt: skip
-    tables = {"lachman": (header, rows)} | ({"octagon": grafts.table} if grafts else {})
+    header = ["strains", "acl", "anterior_N", "anterior_mm", *names]
+    tables = {"lachman": Table.plain(header, rows)} | ({"octagon": grafts.table} if grafts else {})
     figures = {"lachman": lachman_figure(found)}
     return answered(2, claims(found, grafts), figures, tables, settings, doubts, {"knee": KNEE})
 
@@ -150,26 +145,28 @@ def lachman_study(knee: Knee) -> LachmanStudy:
     def states(one: Knee) -> dict[str, Lachman]:
         return {name: lachman(cut(one, gone)) for name, (gone, *_) in STATES.items()}
 
+    def changed(names: Sequence[str], change: Callable) -> Knee:
+        selection = select(knee, tuple(names))
+        return selection.apply(knee, change(selection.read(knee)))
+
     def strained(by: float) -> Knee:
-        names = [f"{name}.reference_strain" for name in COLLATERALS]
-        return _changed(knee, names, lambda x: x + by)
+        return changed([f"{name}.reference_strain" for name in COLLATERALS], lambda x: x + by)
+
+    def longer(by: float) -> Knee:
+        return changed(["aACL.slack_length", "pACL.slack_length"], lambda x: x * (1.0 + by))
 
     printed = states(knee)
     deficient = {0.0: printed["deficient"]}
     for by in PRESTRAINS[1:]:
         deficient[by] = lachman(cut(strained(by), ("ACL",)))
-    resting = ("aACL.slack_length", "pACL.slack_length")
-    longer = {
-        by: lachman(_changed(knee, resting, lambda x, by=by: x * (1.0 + by)))
-        for by in LENGTH_CHANGES
-    }
+    lengthened = {by: lachman(longer(by)) for by in LENGTH_CHANGES}
     for _ in range(MOST_STEPS):
         best = fitted({by: one.end for by, one in deficient.items()})
         if best in deficient:
             break
         deficient[best] = lachman(cut(strained(best), ("ACL",)))
     loads = FULL_N * np.linspace(0.0, 1.0, STEPS + 1)
-    return LachmanStudy(loads, printed, states(strained(best)), deficient, best, longer)
+    return LachmanStudy(loads, printed, states(strained(best)), deficient, best, lengthened)
 
 
 def fitted(ends: dict[float, float]) -> float:
@@ -213,11 +210,6 @@ def lachman(knee: Knee) -> Lachman:
     return Lachman(moved, named, neutral, float(along), status, held)
 
 
-def _changed(knee: Knee, names: Sequence[str], change: Callable) -> Knee:
-    selection = select(knee, tuple(names))
-    return selection.apply(knee, change(selection.read(knee)))
-
-
 def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, ...]:
     """Judge the claims of paper 2.
 
@@ -235,10 +227,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
     scanned = ", ".join(f"{by:.3g}: {one}" for by, one in sorted(found.deficient.items()))
     pulls = [sum(float(t[0]) for t in one.tension.values()) for one in (before, test)]
     one, two = (found.calibrated[state].end for state in ("one bundle", "two bundles"))
-    apart = {
-        kind: (tests["two bundles"].end, tests["deficient"])
-        for kind, tests in (("printed", found.printed), ("calibrated", found.calibrated))
-    }
+    both = {"printed": found.printed, "calibrated": found.calibrated}
+    apart = {kind: (x["two bundles"].end, x["deficient"]) for kind, x in both.items()}
     known = np.flatnonzero(np.isfinite(test.moved))
     last = known[-1] if known.size else 0
     rises = {name: float(t[last] - t[0]) for name, t in test.tension.items()}
@@ -247,13 +237,8 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
         "2.1": Finding(
             abs(test.end - MEASURED_MM) < NEAR_MM,
             f"{found.prestrain:.3f} added: {test}. Scanned: {scanned}",
-            f"It takes collaterals that pull with {pulls[1]:.0f} N without any load "
-            f"({pulls[0]:.0f} N as printed), which no passive knee does: "
-            f"{FULL_N / MEASURED_MM:.1f} N/mm are needed, and lines that run across the drawer "
-            f"give no more than tension over length ({test.along:.1f} N/mm here, "
-            f"{before.along:.1f} as printed) until the tibia has moved far enough to stretch them. "
-            "The paper's model has muscles, whose pull it does not print. The range of what may be "
-            "added was widened after the first had been seen not to reach",
+            numbers={"pull": pulls[1], "pull_before": pulls[0], "needed": FULL_N / MEASURED_MM,
+                     "along": test.along, "along_before": before.along},
         ),
         "2.2": Finding(
             abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
@@ -271,7 +256,7 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
             set(order[:2]) == set(RISES),
             ", ".join(f"{name} {rises[name]:+.0f} N" for name in order[:4]),
         ),
-    }
+    }  # fmt: skip
 
 
 def _rise(found: LachmanStudy, name: str) -> Finding:
@@ -301,13 +286,9 @@ def _length(found: LachmanStudy) -> dict[str, Finding]:
         f"{by:+.0%}: {(x.neutral - rest + x.end) / own - 1.0:+.0%}"
         for by, x in found.longer.items()
     )
-    reason = (
-        "the neutral position, from which a displacement is counted, moves with the resting "
-        f"length: {moved}. Counted from one and the same place, as a simulation that begins in a "
-        f"given pose counts, the tibia stands {placed} of {own:.2f} mm elsewhere under 100 N"
-    )
     ours = ", ".join(f"{by:+.0%}: {found.longer[by]} ({x:+.0%})" for by, x in parts.items())
-    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", "" if holds else reason)}
+    numbers = {"moved": moved, "placed": placed, "own": own}
+    return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers=numbers)}
 
 
 @styled

@@ -11,6 +11,7 @@ from kneejax import planning
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Finding
+from kneejax.report.look import Table
 
 #: The motion of section 4.3, in steps of our own, and the test of 4.2.
 EXTENSION_DEG, LACHMAN_DEG, FORCE_N = np.arange(80.0, -1.0, -2.5), 20.0, 100.0
@@ -42,8 +43,8 @@ class Octagon:
     two: float
 
     @property
-    def table(self) -> tuple[list[str], list[list]]:
-        """Columns and rows of Table 4, of the moved bundle and of a graft under its tension."""
+    def table(self) -> Table:
+        """Table 4, of the moved bundle and of a graft under its tension."""
         others = [name for name in self.ligaments if name not in ("pACL", "graft")]
         columns = [f"{name}_distance" for name in ("graft", "pACL", *others)]
         rows = []
@@ -53,7 +54,7 @@ class Octagon:
                 by = dict(zip(names, distance, strict=True))
                 each = [by["graft"], by.get("pACL", float("nan")), *(by[name] for name in others)]
                 rows.append([graft, k + 1, *each, outcome.total[k]])
-        return ["graft", "position", *columns, "total"], rows
+        return Table.plain(["graft", "position", *columns, "total"], rows)
 
 
 def octagon_study(knee: Knee) -> Octagon:
@@ -111,30 +112,23 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
         return ", ".join(f"{x:.2f}" if np.isfinite(x) else "no balance" for x in totals)
 
     moved, planned = found.moved.total, found.planned.total
-    ordered = any(map(holds, numberings(moved)))
-    fits = "does" if any(map(holds, numberings(planned))) else "does not"
     own, theirs, retensioned = (
         float(np.max(x) / np.min(x)) for x in (moved, np.array(TOTALS), planned)
     )
-    near = 0.5 * theirs < own < 2.0 * theirs
     spread = np.ptp(found.moved.distance, axis=0)
     widest = np.argsort(-np.nan_to_num(spread))[: len(TELLING)]
     names = [found.ligaments[k].replace("graft", "aACL") for k in widest]
     return {
         "2.9": Finding(
-            ordered,
+            any(map(holds, numberings(moved))),
             f"from front and medial through the lateral side: {listed(moved)}. A hamstring graft "
             f"in place of both bundles, under 80 N: {listed(planned)}",
-            "" if ordered else "the best and the worst corner depend on where the bundle begins on "
-            "the femur and on what holds the knee beside it, neither of which is printed; the "
-            f"retensioned graft's order {fits} fit either",
+            numbers={"fits": "does" if any(map(holds, numberings(planned))) else "does not"},
         ),
         "2.12": Finding(
-            near,
+            0.5 * theirs < own < 2.0 * theirs,
             f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
-            "" if near else "a bundle that keeps its resting length changes little where its new "
-            f"way is about as long as the old one, as at corner {np.argmin(moved) + 1} here: the "
-            "ratio tells where the femoral end lies, which is not printed",
+            numbers={"corner": np.argmin(moved) + 1},
         ),
         "2.13": Finding(
             set(names) == set(TELLING),

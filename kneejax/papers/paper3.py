@@ -15,13 +15,14 @@ from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, sile
 from kneejax.papers.paper3_leg import (
     BODY_KG,
     HEIGHT_M,
+    OTHER,
     RaisedLeg,
     leg_findings,
     leg_table,
     raise_leg,
     raised_leg_figure,
 )
-from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, styled
+from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
 
@@ -101,23 +102,16 @@ def reproduce(stages: Stages = silent) -> Answer:
         found = laxity_study(load_knee(KNEE), flexion, drawer_mm, torque_Nm)
     with stages("leg raise"):
         raised = raise_leg(load_knee(KNEE), load_knee(KNEE, patella=True))
-    bundles = list(found.tension)
-    turned = found.torsion_deg, found.internal_deg, found.external_deg, *found.held_Nm.T
-    tables = {
-        "drawer": (
-            ["flexion_deg", "anterior_mm", "anterior_N", *(f"{name}_N" for name in bundles)],
-            [
-                [flexion, mm, found.force_N[i, k], *(found.tension[name][i, k] for name in bundles)]
-                for i, flexion in enumerate(found.drawer_deg)
-                for k, mm in enumerate(found.moved_mm)
-            ],
-        ),
-        "torsion": (
-            ["flexion_deg", "internal_deg", "external_deg", "held_external_Nm", "held_internal_Nm"],
-            list(zip(*turned, strict=True)),
-        ),
-        "raised_leg": leg_table(raised),
-    }
+    grid_deg, grid_mm = np.meshgrid(found.drawer_deg, found.moved_mm, indexing="ij")
+    drawn = {"flexion_deg": grid_deg, "anterior_mm": grid_mm, "anterior_N": found.force_N}
+    drawn |= {f"{name}_N": pulls for name, pulls in found.tension.items()}
+    turned = {
+        "flexion_deg": found.torsion_deg, "internal_deg": found.internal_deg,
+        "external_deg": found.external_deg,
+        ("held_external_Nm", "held_internal_Nm"): found.held_Nm,
+    }  # fmt: skip
+    tables = {"drawer": Table.of({name: x.ravel() for name, x in drawn.items()}),
+              "torsion": Table.of(turned), "raised_leg": leg_table(raised)}  # fmt: skip
     doubts = [
         f"{flexion:g} degrees: {status.word} ({status.sentence})."
         for flexion, status in sorted(found.status.items())
@@ -177,7 +171,7 @@ def claims(found: LaxityStudy, raised: RaisedLeg) -> tuple[Claim, ...]:
         raised: the leg that its quadriceps holds.
     """
     findings = _drawer(found) | _torsion(found) | leg_findings(raised)
-    return judged(3, findings, torque_Nm=found.torque_Nm)
+    return judged(3, findings, torque_Nm=found.torque_Nm, other=OTHER)
 
 
 def _drawer(found: LaxityStudy) -> dict[str, Finding]:
@@ -187,9 +181,7 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
     }
     lax = max(span[x] for x in MIDDLE_DEG)
     soft = [x for x in EXTREME_DEG if not span[x] > lax]
-    where = " and ".join(f"{x:g}" for x in soft)
     ratios = {x: found.stiffness_ratio(x) for x in MIDDLE_DEG}
-    small = all(ratio < SMALL for ratio in ratios.values())
     neutral, pulls, shares = int(np.argmin(np.abs(found.moved_mm))), [], {}
     for x in MIDDLE_DEG:
         acl, pcl = (found.tension[name][found.row(x), neutral] for name in ("ACL", "PCL"))
@@ -201,15 +193,12 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
         "3.1": Finding(
             not soft,
             ", ".join(f"{x:g} degrees {span[x]:.0f} N" for x in sorted(span)),
-            f"not at {where} degrees: the attachments are another person's than the paper's, whose "
-            "lengths over flexion decide where a cruciate is taut" if soft else "",
+            numbers={"where": " and ".join(f"{x:g}" for x in soft)},
         ),
         "3.2": Finding(
-            small,
+            all(ratio < SMALL for ratio in ratios.values()),
             ", ".join(f"{x:g} degrees {ratio:.0%}" for x, ratio in ratios.items()),
-            "" if small else f"in the neutral position the cruciates pull already "
-            f"({'; '.join(pulls)}), against each other, so that the tibia cannot move without "
-            "stretching one of them",
+            numbers={"pulls": "; ".join(pulls)},
         ),
         "3.3": Finding(
             min(shares.values()) >= NEARLY_ALL,

@@ -14,7 +14,8 @@ from kneejax.mechanics import Knee, add_lane_axis
 from kneejax.papers.claims import Finding
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
-from kneejax.report.look import styled
+from kneejax.parameters import fibre_rows
+from kneejax.report.look import Table, styled
 from kneejax.report.panels import draw_named, flexion_axis, legend_above, panel_grid
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ STEADY, NONE = 0.2, 0.05
 #: Largest of the forces that counts as a sum of zero; tension of a ligament that bears load, N.
 ZERO, BEARS_N = 1e-6, 1.0
 #: Why a patella of another person's knee need not do as the paper's.
-_OTHER = (
+OTHER = (
     "groove, facets, attachments and the length of the tendon are another person's than the "
     "paper's, which prints none of them"
 )
@@ -61,15 +62,14 @@ class RaisedLeg:
     @property
     def doubts(self) -> list[str]:
         """Where the leg has no balance, and where a facet would have to hold on to the groove."""
-        leg, doubts = self.leg, []
-        lost = leg.flexion_deg[np.isnan(leg.quadriceps_N)]
-        if lost.size:
-            doubts.append(f"No held leg was found at {', '.join(f'{x:g}' for x in lost)} degrees.")
-        loose = leg.flexion_deg[self.held & (leg.contact_N < 0.0).any(axis=1)]
-        if loose.size:
-            places = ", ".join(f"{x:g}" for x in loose)
-            doubts.append(f"The patella touches one facet only at {places} degrees.")
-        return doubts
+        lost, off = np.isnan(self.leg.quadriceps_N), (self.leg.contact_N < 0.0).any(axis=1)
+        doubtful = {"No held leg was found": lost,
+                    "The patella touches one facet only": self.held & off}  # fmt: skip
+        return [
+            f"{what} at {', '.join(f'{x:g}' for x in self.leg.flexion_deg[where])} degrees."
+            for what, where in doubtful.items()
+            if where.any()
+        ]
 
 
 def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
@@ -87,10 +87,9 @@ def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
     own = np.asarray(found.tension).T
     ways = leg.tibia.placement.turn_back(tuple(jnp.asarray(lanes.unit_pulls(state))))
     forward = own * np.asarray(ways[0])
-    names = list(alone.ligaments.names)
-    rows = {name: [names.index(one) for one in members] for name, members in alone.groups}
-    rows |= {name: [names.index(name)] for name in names}
-    tension = {name: own[each].sum(axis=0) for name, each in rows.items()}
+    names = alone.ligaments.names
+    each = [*(group for group, _ in alone.groups), *names]
+    tension = {name: own[fibre_rows(alone, name)].sum(axis=0) for name in each}
     shear = {
         "patellar tendon": leg.tendon_force[:, 0],
         "contact": np.asarray(found.contact_force)[:, :, 0].sum(axis=1),
@@ -100,17 +99,17 @@ def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
     return RaisedLeg(leg, tension, shear)
 
 
-def leg_table(raised: RaisedLeg) -> tuple[list[str], np.ndarray]:
-    """Column names, then a row a pose; empty where the quadriceps does not pull."""
-    leg, table = raised.leg, np.asarray(raised.leg.tibia.to_table())
-    forces = np.c_[leg.quadriceps_N, leg.tendon_N, leg.contact_N, leg.patellofemoral_N, leg.arm_mm]
-    shear, pulls = (np.stack(list(x.values()), axis=1) for x in (raised.shear, raised.tension))
-    names = [
-        "flexion_deg", "quadriceps_N", "tendon_N", "medial_facet_N", "lateral_facet_N",
-        "patellofemoral_N", "arm_mm", *COLUMNS[1:], *(x.column for x in BODIES[PATELLA].values()),
-        *(f"{name}_N" for name in raised.tension), *(f"{name}_anterior_N" for name in raised.shear),
-    ]  # fmt: skip
-    return names, np.c_[leg.flexion_deg, forces, table[:, 1:], leg.patella, pulls, shear]
+def leg_table(raised: RaisedLeg) -> Table:
+    """A row a pose; empty where the quadriceps does not pull."""
+    leg, pulls = raised.leg, {f"{name}_N": x for name, x in raised.tension.items()}
+    return Table.of({
+        "flexion_deg": leg.flexion_deg, "quadriceps_N": leg.quadriceps_N, "tendon_N": leg.tendon_N,
+        ("medial_facet_N", "lateral_facet_N"): leg.contact_N,
+        "patellofemoral_N": leg.patellofemoral_N, "arm_mm": leg.arm_mm,
+        tuple(COLUMNS[1:]): leg.tibia.to_table()[:, 1:],
+        tuple(x.column for x in BODIES[PATELLA].values()): leg.patella, **pulls,
+        **{f"{name}_anterior_N": x for name, x in raised.shear.items()},
+    })  # fmt: skip
 
 
 def leg_findings(found: RaisedLeg) -> dict[str, Finding]:
@@ -138,16 +137,17 @@ def _forces(found: RaisedLeg) -> dict[str, Finding]:
     falls = (falls[np.isfinite(falls)] < 0.0).all()
     ratio = found.where_held(leg.patellofemoral_N / leg.quadriceps_N)
     last, grows = ratio[found.held][-1], (np.diff(ratio[found.held]) > 0.0).all()
-    rises = start > 1.0 and 10.0 <= peak <= 30.0 and falls
     return {
         "3.6": Finding(
             steady and gone and pull.argmax() == 0,
             "N at degrees: " + _every_third(found, pull, ".0f"),
             "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
-            f"of the leg, which halves there; the arm does not fall along with it. {_OTHER}",
+            f"of the leg, which halves there; the arm does not fall along with it. {OTHER}",
         ),
-        "3.7": Finding(rises, _every_third(found, tendon, ".2f"),
-                       "" if rises else f"largest at {peak:g} degrees, {start:.2f} at 0; {_OTHER}"),
+        "3.7": Finding(
+            start > 1.0 and 10.0 <= peak <= 30.0 and falls,
+            _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start},
+        ),
         "3.8": Finding(
             0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
             _every_third(found, ratio, ".2f"),
@@ -159,21 +159,18 @@ def _patella(found: RaisedLeg) -> dict[str, Finding]:
     """Claims 3.9 and 3.10: flexion of the patella, moment arm."""
     knee, patella = found.leg.flexion_deg, found.leg.patella[:, 0]
     last = float(patella[int(np.argmin(np.abs(knee - 90.0)))])
-    lags = (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0
     arm = found.where_held(found.leg.arm_mm)
     at, size = float(knee[np.nanargmax(arm)]), float(np.nanmax(arm))
-    bell = 25.0 <= at <= 45.0 and 45.0 <= size <= 55.0
     return {
         "3.9": Finding(
-            lags,
+            (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
             ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
-            "" if lags else f"{last:.0f} degrees at 90, counted in this person's axes, in which "
-            f"the patella of the record, passive, comes to 72; {_OTHER}",
+            numbers={"last": last},
         ),
         "3.10": Finding(
-            bell,
+            25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
             "mm at degrees: " + _every_third(found, found.leg.arm_mm, ".0f"),
-            "" if bell else f"bell-shaped, but {size:.0f} mm at {at:g} degrees; {_OTHER}",
+            numbers={"size": size, "at": at},
         ),
     }  # fmt: skip
 
@@ -183,7 +180,6 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
     flexion, on = found.leg.flexion_deg, found.held
     acl, pcl = (found.tension[name] > BEARS_N for name in ("ACL", "PCL"))
     first = flexion[on & pcl].min() if (on & pcl).any() else np.inf
-    loaded = acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0
     curves = (_every_third(found, found.tension[name], ".0f") for name in ("ACL", "PCL"))
     table = np.asarray(found.leg.tibia.to_table())
     moved = (table - table[0])[on]
@@ -193,10 +189,8 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
     tendon = float(found.shear["patellar tendon"][int(np.argmin(np.abs(flexion)))])
     return {
         "3.11": Finding(
-            loaded,
-            "ACL {}; PCL {} N".format(*curves),
-            "" if loaded else "attachments are another person's; its PCL begins to bear at "
-            f"{first:g} degrees",
+            acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
+            "ACL {}; PCL {} N".format(*curves), numbers={"first": first},
         ),
         "3.12": Finding(
             10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Sequence, Sized
 from functools import partial
 
 import numpy as np
@@ -69,12 +69,9 @@ def claims(found: KneeComparison, kinship: str = "") -> tuple[Claim, ...]:
     share = max(found.settings.modulus_MPa, default=0.0) / found.settings.reference_modulus_MPa
     findings = _prestretch(found) | _modulus(found) | _across_parameters(found)
     each = judged(4, findings, modulus_share=share)
-    return tuple(
-        dataclasses.replace(claim, reason=f"{claim.reason} {kinship}".strip())
-        if claim.number in _BETWEEN_KNEES
-        else claim
-        for claim in each
-    )
+    said = {one.number: kinship if one.number in _BETWEEN_KNEES else "" for one in each}
+    return tuple(dataclasses.replace(one, reason=f"{one.reason} {said[one.number]}".strip())
+                 for one in each)  # fmt: skip
 
 
 def _prestretch(found: KneeComparison) -> dict[str, Finding]:
@@ -117,9 +114,7 @@ def _modulus(found: KneeComparison) -> dict[str, Finding]:
             ", ".join(f"{ligament} spans {_short(span)}" for ligament, span in spans.items()),
         ),
         "4.9": _alike(found, f"MCL.{MODULUS}", (ROTATION, PRESSURE, PLACE)),
-        "4.10": Finding(
-            len(above) <= 1, f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above)
-        ),
+        "4.10": Finding(len(above) <= 1, _counted(above, pairs, "pairs above 2")),
     }
 
 
@@ -147,13 +142,9 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
     return {
         "4.11": Finding(
             len(above) <= len(pairs) / 8 if pairs else None,
-            f"{len(above)} of {len(pairs)} pairs above 2" + _bracketed(above),
-            "Half of the fibres' ends are moved to the nearest of the other half; in the paper "
-            "nodes are set free." + without,
+            _counted(above, pairs, "pairs above 2"), numbers={"lines": without},
         ),
-        "4.12": Finding(
-            bool(ends), f"{len(ends)} of {len(spans)} parameters" + _bracketed(ends)
-        ),
+        "4.12": Finding(bool(ends), _counted(ends, spans, "parameters")),
         "4.13": Finding(
             len(specific) > len(spans) / 2, f"{len(specific)} of {len(spans)} parameters"
         ),
@@ -190,9 +181,8 @@ def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Fi
 def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
     """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
     parameter = f"{ligament}.{PRESTRETCH}"
-    known = {
-        knee.name: one for knee in found.knees if (one := knee.influence(parameter, ROTATION))
-    }
+    each = ((knee.name, knee.influence(parameter, ROTATION)) for knee in found.knees)
+    known = {name: one for name, one in each if one}
     shown = [
         f"{name} {_short(one.average[more])} deg ({_short(one.scores[more])}) against "
         f"{_short(one.average[less])} deg ({_short(one.scores[less])})"
@@ -230,8 +220,7 @@ def _of(found: KneeComparison | KneeStudy, quantity: str) -> list[str]:
 
 def _span(found: KneeComparison, parameter: str, outcome: str) -> float:
     """Largest less smallest score of the knees; NaN if fewer than two are known."""
-    scores = [knee.score(parameter, outcome) for knee in found.knees]
-    scores = [x for x in scores if np.isfinite(x)]
+    scores = _known([knee.score(parameter, outcome) for knee in found.knees])
     return float(np.ptp(scores)) if len(scores) > 1 else np.nan
 
 
@@ -243,5 +232,5 @@ def _short(number: float) -> str:
     return "-" if np.isnan(number) else f"{number:.2f}".rstrip("0").rstrip(".")
 
 
-def _bracketed(words: Sequence[str]) -> str:
-    return f" ({', '.join(words)})" if words else ""
+def _counted(some: Sequence[str], every: Sized, what: str) -> str:
+    return f"{len(some)} of {len(every)} {what}" + (f" ({', '.join(some)})" if some else "")

@@ -8,24 +8,14 @@ import numpy as np
 
 from kneejax.files import load_knee
 from kneejax.joints import MEASURES, UnsuitableMotions
+from kneejax.papers import paper5_study as study
 from kneejax.papers import paper5_tables as printed
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
-from kneejax.papers.paper5_study import (
-    CENTRE_SD_MM,
-    COHORTS,
-    CORRELATIONS,
-    DONOR,
-    DRAWS,
-    FACETS,
-    MIDPOINT_SD_MM,
-    SIZES,
-    Paper5Study,
-    paper5_study,
-)
+from kneejax.papers.paper5_study import DONOR, Paper5Study
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
-from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, styled
-from kneejax.report.panels import flexion_axis, grid, part_legend
+from kneejax.report.look import BLACK, BLUE, VERMILLION, Answer, Table, styled
+from kneejax.report.panels import coordinate_panels, part_legend
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,11 +37,11 @@ def reproduce(stages: Stages = silent) -> Answer:
 
     try:
         with stages("cohorts"):
-            found = paper5_study(load_knee(DONOR))
+            found = study.paper5_study(load_knee(DONOR))
     except UnsuitableMotions as problem:
         raise UnsuitableData(str(problem)) from problem
     # Which synthetic cohort is drawn and written: the first of this correlation.
-    shown = CORRELATIONS[1]
+    shown = study.CORRELATIONS[1]
     cohort = found.cohorts[shown][0]
     means = {(motion, "printed"): table for motion, table in printed.MEAN.items()}
     means |= {(MOVING_AXIS, f"ours, facets {x}"): table for x, table in found.moving_axis.items()}
@@ -62,7 +52,9 @@ def reproduce(stages: Stages = silent) -> Answer:
         for angle, row in zip(printed.REACHED_DEG, table, strict=True)
     ]
     tables = {
-        "means": (["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows),
+        "means": Table.plain(
+            ["motion", "source", "flexion_deg", *(x.column for x in MEASURES)], rows
+        ),
         **{f"synthetic_{name}": one for name, one in comparison_tables(cohort).items()},
     }
     labelled = {f"{name}, SYNTHETIC": motion for name, motion in cohort.models.items()}
@@ -71,13 +63,13 @@ def reproduce(stages: Stages = silent) -> Answer:
         "synthetic_cohort": joint_comparison_figure(cohort, cohort.flexion_deg, labelled),
     }
     settings = {
-        "axis_points_of": DONOR, "facets_deg": FACETS, "drawn_axis_points": DRAWS,
-        "midpoint_sd_mm": MIDPOINT_SD_MM, "centre_sd_mm": CENTRE_SD_MM, "sizes": SIZES,
-        "assumed_correlations": CORRELATIONS, "cohorts_each": COHORTS, "shown_cohort": shown,
-        "seed": found.seed, "facet_centres_mm": found.points.facets,
-        "epicondyles_mm": found.points.epicondyles,
+        "axis_points_of": DONOR, "facets_deg": study.FACETS, "drawn_axis_points": study.DRAWS,
+        "midpoint_sd_mm": study.MIDPOINT_SD_MM, "centre_sd_mm": study.CENTRE_SD_MM,
+        "sizes": study.SIZES, "assumed_correlations": study.CORRELATIONS,
+        "cohorts_each": study.COHORTS, "shown_cohort": shown, "seed": found.seed,
+        "facet_centres_mm": found.points.facets, "epicondyles_mm": found.points.epicondyles,
     }  # fmt: skip
-    words = {"donor": DONOR, "draws": DRAWS, "cohorts": COHORTS}
+    words = {"donor": DONOR, "draws": study.DRAWS, "cohorts": study.COHORTS}
     return answered(5, claims(found), figures, tables, settings, (), words)
 
 
@@ -129,11 +121,11 @@ def _moving_means(found: Paper5Study) -> dict[str, Finding]:
             f"{angle} deg: {x:.2f} ({least:.2f} to {most:.2f})"
             for angle, x, least, most in zip(ANGLES, ours[:, j], low[:, j], high[:, j], strict=True)
         )
-        holds = True if near[j] else None if within[j] else False
         depends = "the answer depends on axis points that were not published"
-        findings[f"5.{15 + j}"] = Finding(
-            holds, f"{spans} {one.unit}", depends if holds is None else None
-        )
+        findings[f"5.{15 + j}"] = (
+            Finding(None, f"{spans} {one.unit}", depends) if within[j] and not near[j] else
+            Finding(near[j], f"{spans} {one.unit}")
+        )  # fmt: skip
     return findings
 
 
@@ -145,10 +137,6 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
     }
     always = all((x > 0.5).all() for x in share.values())
     never = (np.stack(list(share.values())) < 0.5).all(axis=0).any()
-    shares = {
-        rho: ", ".join(f"{n} {x:.0%}" for n, x in zip(NAMES, each, strict=True))
-        for rho, each in share.items()
-    }
     # AP of both models against measured, in the first cohort.
     significant, epsilons = {}, {}
     for rho, (first, *_) in found.cohorts.items():
@@ -161,13 +149,12 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
     return {
         "5.21": Finding(
             True if always else False if never else None,
-            "; ".join(f"correlation {rho:g}: {x}" for rho, x in shares.items()),
+            "; ".join(f"correlation {rho:g}: {measures_row(x, '.0%')}" for rho, x in share.items()),
         ),
         "5.22": Finding(
             True if all(every) else None if any(every) else False,
             "; ".join(f"correlation {rho:g}: {sum(x)} of 6" for rho, x in significant.items()),
-            "The subjects are invented. Greenhouse-Geisser epsilon, which the paper does not "
-            f"print: {spread}",
+            numbers={"epsilons": spread},
         ),
     }
 
@@ -180,21 +167,19 @@ def means_figure(found: Paper5Study) -> Figure:
         Five panels over flexion, the legend in the sixth. The band holds the middle 95 % of the
         axis points that were drawn.
     """
-    figure, panels = grid(3, 2, 6.3, apart=(0.5, 0.4), sharex=True)
-    x, shown = printed.REACHED_DEG, (*panels[:, 0], *panels[:2, 1])
+    x, room = printed.REACHED_DEG, {"bottom": 0.5, "top": 0.3, "apart": (0.5, 0.4)}
+    figure, panels, beside = coordinate_panels(x, 6.3, **room)
     low, high = np.quantile(found.spread, [0.025, 0.975], axis=0)
     mean, sd, ours = printed.MEAN, printed.SD[EOS], found.moving_axis["contact"]
     square = {"markersize": 4, "markeredgecolor": "white", "markeredgewidth": 0.5}
-    for j, (measure, axes) in enumerate(zip(MEASURES, shown, strict=True)):
+    for j, (measure, axes) in enumerate(zip(MEASURES, panels.values(), strict=True)):
         axes.set_title(f"{measure.name}: {measure.meaning}, {measure.unit}")
-        label = "moving axis, ours, stand-in axis points"
-        axes.plot(x, ours[:, j], color=VERMILLION, label=label)
+        axes.plot(x, ours[:, j], color=VERMILLION, label="moving axis, ours, stand-in axis points")
         axes.fill_between(
             x, low[:, j], high[:, j], color=VERMILLION, alpha=0.15, linewidth=0,
             label="the same, drawn axis points (95 %)",
         )  # fmt: skip
-        label = "hinge, ours, one number fitted"
-        axes.plot(x, found.hinge[:, j], color=BLUE, linestyle="--", label=label)
+        axes.plot(x, found.hinge[:, j], "--", color=BLUE, label="hinge, ours, one number fitted")
         axes.errorbar(
             x, mean[EOS][:, j], sd[:, j], fmt="o", markersize=4, markerfacecolor="none",
             color=BLACK, capsize=2, linewidth=0.8, label="EOS, printed, mean +- SD of ten",
@@ -202,9 +187,6 @@ def means_figure(found: Paper5Study) -> Figure:
         label = "moving axis, printed"
         axes.plot(x, mean[MOVING_AXIS][:, j], "D", color=VERMILLION, label=label, **square)
         axes.plot(x, mean[HINGE][:, j], "s", color=BLUE, label="hinge, printed", **square)
-        flexion_axis(axes, x, last := axes in (panels[2, 0], panels[1, 1]))
-        axes.tick_params(labelbottom=last)
-    panels[2, 1].set_axis_off()
-    handles, labels = shown[0].get_legend_handles_labels()
-    part_legend(panels[2, 1], dict(zip(labels, handles, strict=True)), (0.0, 0.82))
+    handles, labels = axes.get_legend_handles_labels()
+    part_legend(beside, dict(zip(labels, handles, strict=True)), (0.0, 0.82))
     return figure

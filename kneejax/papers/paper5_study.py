@@ -48,6 +48,8 @@ DRAWS = 500
 #: centre, in the sagittal plane. And the range of sizes: the ten are men of 1.82 m on average, the
 #: donor is smaller.
 MIDPOINT_SD_MM, CENTRE_SD_MM, SIZES = 3.0, 3.0, (1.0, 1.15)
+#: Calibration poses of the moving axis: the first and the last of the five.
+ENDS = [0, -1]
 #: Assumed correlations of a subject's measures between flexions, and cohorts drawn for each.
 CORRELATIONS, COHORTS = (0.25, 0.5, 0.75), 20
 
@@ -113,16 +115,14 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
     rng = np.random.default_rng(seed)
     stand_ins = {name: axis_points(knee, name) for name in FACETS}
     points, mean = stand_ins["contact"], printed.MEAN[printed.EOS]
-    own = {
-        name: moving_axis_measures(one.facets[None], mean[None])[0]
-        for name, one in stand_ins.items()
-    }
+    own = {name: measures_of(moving_axis, one.facets[None], ENDS, mean[None, ENDS])[0]
+           for name, one in stand_ins.items()}  # fmt: skip
     drawn = np.array([_drawn(stand_ins, rng) for _ in range(DRAWS)])
-    spread = moving_axis_measures(drawn, np.broadcast_to(mean, (DRAWS, *mean.shape)))
+    spread = measures_of(moving_axis, drawn, ENDS, np.tile(mean[ENDS], (DRAWS, 1, 1)))
     tilt, hinged = _printed_hinge()
     # The axis 17 degrees beyond its two calibration poses.
-    ends = printed.REACHED_DEG[[0, -1]]
-    joint = moving_axis(points.facets, Pose.from_table(poses_from_clinical(ends, mean[[0, -1]])))
+    ends = printed.REACHED_DEG[ENDS]
+    joint = moving_axis(points.facets, Pose.from_table(poses_from_clinical(ends, mean[ENDS])))
     at, beyond = (
         np.asarray(joint.axis_points(np.deg2rad(ends + off))[0])
         for off in (0.0, np.array([-17.0, 17.0]))
@@ -154,12 +154,8 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     centres = condyle_axes(*condyle_points(knee), extension_deg, flexion_deg).points
     names = list(knee.ligaments.names)
     attachments = np.asarray(knee.ligaments.femoral_attachment)
-    epicondyles = np.array(
-        [
-            attachments[names.index(_MCL)] - _MCL_FROM_EPICONDYLE,
-            attachments[names.index(_LCL)] - _LCL_FROM_EPICONDYLE,
-        ]
-    )
+    away = {_MCL: _MCL_FROM_EPICONDYLE, _LCL: _LCL_FROM_EPICONDYLE}
+    epicondyles = np.array([attachments[names.index(name)] - x for name, x in away.items()])
     origin, across = epicondyles.mean(axis=0), epicondyles[1] - epicondyles[0]
     turn = np.arctan2(across[0], across[2])
     c, s = np.cos(turn), np.sin(turn)
@@ -167,18 +163,24 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     return AxisPoints((centres - origin) @ axes.T, (epicondyles - origin) @ axes.T)
 
 
-def moving_axis_measures(facets: np.ndarray, measures: np.ndarray) -> np.ndarray:
-    """Motion of moving axes that are calibrated on the first and the last of five poses.
+def measures_of(
+    make: Callable[[jax.Array, Pose], Joint], points: np.ndarray, at: int | list[int],
+    measures: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Motion of joints, each put at clinical measures at some of the printed flexions.
 
     Args:
-        facets: extension and flexion centres, shape `(joints, 2, 2, 3)`, mm.
-        measures: clinical measures at the printed flexions, shape `(joints, 5, 5)`.
+        make: `moving_axis`, of extension and flexion centres, `(2, 2, 3)`, mm, which is calibrated
+            on two poses; or `hinge`, of the medial and lateral epicondyle, `(2, 3)`, on one.
+        points: of each joint, `(joints, ...)`.
+        at: which flexions.
+        measures: there, shape `(joints, 2, 5)` or `(joints, 5)`.
 
     Returns:
-        What the joints say at the same flexions, shape `(joints, 5, 5)`.
+        What the joints say at the five printed flexions, shape `(joints, 5, 5)`.
     """
-    tables = poses_from_clinical(printed.REACHED_DEG, measures)[:, [0, -1]]
-    return clinical_measures(_tables(moving_axis, jnp.asarray(facets), jnp.asarray(tables)))
+    poses = poses_from_clinical(printed.REACHED_DEG[at], measures)
+    return clinical_measures(_tables(make, jnp.asarray(points), jnp.asarray(poses)))
 
 
 def _drawn(stand_ins: dict[str, AxisPoints], rng: np.random.Generator) -> np.ndarray:
@@ -188,20 +190,6 @@ def _drawn(stand_ins: dict[str, AxisPoints], rng: np.random.Generator) -> np.nda
     centres = own.facets * rng.uniform(*SIZES)
     centres = centres + MIDPOINT_SD_MM * rng.normal(size=3) * sagittal
     return centres + CENTRE_SD_MM * rng.normal(size=centres.shape) * sagittal
-
-
-def hinge_measures(epicondyles: np.ndarray, first: np.ndarray) -> np.ndarray:
-    """Motion of hinges, each put at clinical measures at the first of the printed flexions.
-
-    Args:
-        epicondyles: medial and lateral, shape `(joints, 2, 3)`, mm.
-        first: shape `(joints, 5)`.
-
-    Returns:
-        What the joints say at the printed flexions, shape `(joints, 5, 5)`.
-    """
-    tables = poses_from_clinical(printed.REACHED_DEG[0], first)
-    return clinical_measures(_tables(hinge, jnp.asarray(epicondyles), jnp.asarray(tables)))
 
 
 @functools.partial(jax.jit, static_argnums=0)
@@ -229,7 +217,7 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     errors = printed.SD[printed.HINGE] / np.sqrt(printed.SUBJECTS)
 
     def motion(tilt_deg: float) -> np.ndarray:
-        return hinge_measures(_tilted(tilt_deg)[None], rows[:1])[0]
+        return measures_of(hinge, _tilted(tilt_deg)[None], 0, rows[:1])[0]
 
     def misfit(tilt_deg: float) -> float:
         return float((((motion(tilt_deg) - rows) / errors) ** 2).sum())
@@ -237,8 +225,7 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     from scipy.optimize import minimize_scalar
 
     found: Any = minimize_scalar(misfit, bounds=(-20.0, 20.0), method="bounded")
-    tilt = float(found.x)
-    return tilt, motion(tilt)
+    return float(found.x), motion(float(found.x))
 
 
 def _cohort(stand_ins: dict[str, AxisPoints], tilt_deg: float, rho: float, rng: np.random.Generator,
@@ -251,18 +238,16 @@ def _cohort(stand_ins: dict[str, AxisPoints], tilt_deg: float, rho: float, rng: 
     measured pose, with the stand-in's tilt, which turned them the wrong way; replaced after its
     numbers had been seen.)
     """
-    mean, sd = printed.MEAN[printed.EOS], printed.SD[printed.EOS]
-    count = printed.SUBJECTS
+    mean, sd, count = printed.MEAN[printed.EOS], printed.SD[printed.EOS], printed.SUBJECTS
     measured = synthetic_measures(rho, count, rng)
     facets = np.array([_drawn(stand_ins, rng) for _ in range(count)])
     tilts = rng.normal(tilt_deg, 2.0, size=count)
     apart = (measured[:, 0] - mean[0]) / sd[0]
     first = printed.MEAN[printed.HINGE][0] + printed.SD[printed.HINGE][0] * apart
-    hinges = hinge_measures(np.array([_tilted(tilt) for tilt in tilts]), first)
-    return compare_motions(printed.FLEXION_DEG, measured,
-                           {"moving axis": moving_axis_measures(facets, measured), "hinge": hinges},
-                           calibrated_at_deg=(0.0, 90.0), anova=tested,
-                           alpha=printed.ALPHA)  # fmt: skip
+    models = {"moving axis": measures_of(moving_axis, facets, ENDS, measured[:, ENDS]),
+              "hinge": measures_of(hinge, np.array([*map(_tilted, tilts)]), 0, first)}  # fmt: skip
+    return compare_motions(printed.FLEXION_DEG, measured, models, calibrated_at_deg=(0.0, 90.0),
+                           anova=tested, alpha=printed.ALPHA)  # fmt: skip
 
 
 def synthetic_measures(rho: float, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -63,22 +63,19 @@ def table_findings() -> dict[str, Finding]:
     return _averages() | _statistics() | _models()
 
 
-def measures_row(values: np.ndarray) -> str:
+def measures_row(values: np.ndarray, form: str = ".2f") -> str:
     """Five numbers with the names of their clinical measures, for a row of the report."""
-    return ", ".join(f"{name} {value:.2f}" for name, value in zip(NAMES, values, strict=True))
+    return ", ".join(f"{name} {value:{form}}" for name, value in zip(NAMES, values, strict=True))
 
 
 def _averages() -> dict[str, Finding]:
     """Claims 5.1 to 5.3: averages and differences are those of their rows."""
-    apart = {}
-    for motion, average in AVERAGE.items():
-        for kind, table in enumerate((MEAN[motion], SD[motion])):
-            for row, span in enumerate((slice(None), COMPARED)):
-                off = np.abs(table[span].mean(axis=0) - average[kind, row])
-                where = (
-                    f"{motion}, {('mean', 'SD')[kind]} of {NAMES[off.argmax()]}, "
-                    f"{('0 to 90', '20 to 60')[row]} degrees"
-                )
+    apart, spans = {}, {"0 to 90": slice(None), "20 to 60": COMPARED}
+    for motion, averages in AVERAGE.items():
+        for (kind, tables), rows in zip({"mean": MEAN, "SD": SD}.items(), averages, strict=True):
+            for (angles, span), row in zip(spans.items(), rows, strict=True):
+                off = np.abs(tables[motion][span].mean(axis=0) - row)
+                where = f"{motion}, {kind} of {NAMES[off.argmax()]}, {angles} degrees"
                 apart[where] = float(off.max())
     worst = max(apart, key=apart.__getitem__)
     rows = {

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -28,14 +27,6 @@ _DEGREE = 13
 _FLEXION_DEG = np.arange(-10.0, 122.6, 2.5)
 
 
-class _Along(NamedTuple):
-    """A quantity at a place of the path, and its first and second derivative by it."""
-
-    value: Array
-    rate: Array
-    bend: Array
-
-
 class Strands(eqx.Module):
     """Straight fibres from the patella on its path to another bone.
 
@@ -58,9 +49,7 @@ class Strands(eqx.Module):
 
     def lines(self, other: Placement, place: Array) -> Vector:
         """From the patella to the other bone, femur axes, each `(n, ...)`, mm."""
-        ends = jnp.moveaxis(_along(self.on_path, place).value, 1, 0)
-        far = other.apply(_rows(self.on_other))
-        return far - Vector(*ends)
+        return other.apply(_rows(self.on_other)) - _rows(_along(self.on_path, place)[0])
 
     def tension(self, length: Array) -> Array:
         """Of each, N."""
@@ -73,9 +62,8 @@ class Strands(eqx.Module):
 
     def pull(self, other: Placement, place: Array) -> tuple[Array, Array]:
         """First and second derivative of the energy of all by the place."""
-        line, end = self.lines(other, place), _along(self.on_path, place)
+        line, (rate, bend) = self.lines(other, place), map(_rows, _along(self.on_path, place)[1:])
         length = line.norm()
-        rate, bend = _rows(end.rate), _rows(end.bend)
         longer = -(line @ rate) / length
         tension = self.tension(length)
         strain = length / self.slack_length - 1.0
@@ -125,7 +113,7 @@ class PatellaOnPath(eqx.Module):
         """Of quadriceps, tendon and retinacula, N mm."""
         tibia = state.between(self.bodies)
         place = self._place(tibia)
-        pulled = self.tension * _along(self.quadriceps, place).value
+        pulled = self.tension * _along(self.quadriceps, place)[0]
         tendon, held = self.tendon.lines(tibia, place), self.retinacula.lines(_FEMUR, place)
         return pulled + self.tendon.energy(tendon.norm()) + self.retinacula.energy(held.norm())
 
@@ -188,7 +176,7 @@ class PatellaOnPath(eqx.Module):
 _FEMUR = Placement(None, ZERO)
 
 
-def _along(coefficients: Array, place: Array) -> _Along:
+def _along(coefficients: Array, place: Array) -> tuple[Array, Array, Array]:
     """A polynomial, lowest power first, and its derivatives, by Horner's rule."""
     value = coefficients[-1] + 0.0 * place
     rate = bend = jnp.zeros_like(value)
@@ -196,7 +184,7 @@ def _along(coefficients: Array, place: Array) -> _Along:
         bend = bend * place + 2.0 * rate
         rate = rate * place + value
         value = value * place + row
-    return _Along(value, rate, bend)
+    return value, rate, bend
 
 
 def _rows(points: Array) -> Vector:

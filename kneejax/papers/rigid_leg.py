@@ -6,6 +6,7 @@ Tibia, patella, pull and multipliers are one system of equations, whose root is 
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import jax
 import jax.numpy as jnp
@@ -84,10 +85,8 @@ def rigid_leg(
     pull, own = table[:, _PULL], table[:, _FIRST:]
     tibia = State.of({"flexion": flexion}, found[:, :_TIBIA].T).tibia
     there = Pose(*(found[:, _FIRST + k] for k in range(6)))
-    ends = there.placement.apply(tuple(patella.patellar_attachment)), tibia.placement.apply(
-        tuple(patella.tibial_attachment)
-    )
-    along = np.stack([np.asarray(a) - np.asarray(b) for a, b in zip(*ends, strict=True)])
+    attached = jnp.stack(tuple(tibia.placement.apply(tuple(patella.tibial_attachment))))
+    along = np.asarray(patella.tendon(there.placement, attached))
     tendon = pull * own[:, 12]
     force = tuple(jnp.asarray(tendon * along / np.linalg.norm(along, axis=0)))
     down = tuple(jnp.asarray(x) + 0 * tibia.flexion for x in np.asarray(weight.force))
@@ -97,10 +96,16 @@ def rigid_leg(
     )
     normals = [facet.frame.placement.turn((0.0, 1.0, 0.0)) for facet in patella.facets]
     pressed = own[:, 10:12, None] * np.array([[float(x) for x in one] for one in normals])
+    # The arm, all else balanced: row `_TIBIA` of the derivative is the moment about the flexion
+    # axis, at its scale; column `_PULL` the pull.
+    slope, every = np.asarray(slope), np.arange(slope.shape[-1])
+    others, kept = every != _PULL, every != _TIBIA
+    moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
+    grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
     return RigidLeg(
         np.asarray(flexion_deg, float), tibia, np.asarray(there.to_table()), pull, tendon,
         pull[:, None] * own[:, 10:12], pull * np.linalg.norm(pressed.sum(axis=1), axis=1),
-        _arms(np.asarray(slope)), on_tibia, of_weight, table,
+        grows / scales(["flexion"])[0], on_tibia, of_weight, table,
     )  # fmt: skip
 
 
@@ -148,7 +153,7 @@ def _searched(knee, patella, weight, flexion, near: Array) -> tuple[Array, Array
 
 @compiled()
 def _unbalanced_at(knee, patella, weight, flexion, unknowns: Array) -> Array:
-    return jax.vmap(lambda a, x: _unbalanced(x, (knee, patella, weight, a)))(flexion, unknowns)
+    return jax.vmap(functools.partial(_unbalanced, knee, patella, weight))(flexion, unknowns)
 
 
 @compiled()
@@ -156,9 +161,7 @@ def _linear(knee, patella, weight, flexion, unknowns: Array) -> tuple[Array, Arr
     """What is unbalanced, `(poses, n)`, and its derivative by the unknowns, `(poses, n, n)`."""
 
     def one(a: Array, x: Array) -> tuple[Array, Array]:
-        def left(y: Array) -> Array:
-            return _unbalanced(y, (knee, patella, weight, a))
-
+        left = functools.partial(_unbalanced, knee, patella, weight, a)
         # One direction after the other: all at once would copy every point of a contact for each
         # of them, and compile for minutes.
         ways = jnp.eye(len(x))
@@ -173,25 +176,19 @@ _UNITS = (*scales(FREE_COORDINATES), _PULL_N, *SCALES)
 _BALANCED = (*FREE_COORDINATES, "flexion")
 
 
-def _unbalanced(unknowns: Array, args) -> Array:
+def _unbalanced(knee, patella, weight, flexion, unknowns: Array) -> Array:
     """What vanishes where the leg is held: forces on the tibia, the moment about the flexion axis,
     and all of the patella."""
-    knee, patella, weight, flexion = args
     pull, own = unknowns[_PULL], unknowns[_FIRST:]
     state = State.of({"flexion": flexion[None]}, unknowns[:_TIBIA, None])
-    attached = _attached(patella, state)
+    point = state.tibia.placement.apply(tuple(patella.tibial_attachment))
+    attached = jnp.stack([jnp.ravel(x)[0] for x in jnp.broadcast_arrays(*point)])
     along = patella.tendon(Pose(*own[:6]).placement, attached)
     tendon = Load(pull * own[12] * along / jnp.linalg.norm(along), point=patella.tibial_attachment)
     left = force_along(add_lane_axis(knee), state, None, _BALANCED)[:, 0]
     for load in (weight, tendon):
         left = left - jnp.stack([x[0] for x in add_lane_axis(load).work(state, _BALANCED)])
     return jnp.concatenate([left * jnp.array(scales(_BALANCED)), patella.stationary(own, attached)])
-
-
-def _attached(patella: RigidPatella, state: State) -> Array:
-    """The tendon's end on the tibia in the femur, `(3,)`, of a state of one lane."""
-    point = state.tibia.placement.apply(tuple(patella.tibial_attachment))
-    return jnp.stack([jnp.ravel(x)[0] for x in jnp.broadcast_arrays(*point)])
 
 
 def _beginnings(
@@ -211,30 +208,14 @@ def _beginnings(
     coordinates = jnp.stack([jnp.ravel(jnp.asarray(x))[0] for x in jax.tree.leaves(start)])
     touch = [jnp.stack([0.0 * x, x]) for x in (jnp.mean(g.width) for g in patella.groove)]
     near = jnp.concatenate([coordinates, *touch, jnp.array(_NEAR_FORCES)])
-    solve, rows = jax.jit(RigidPatella.balanced), []
-    for place in attached:
-        here = solve(patella, jnp.asarray(place), near)
+    solve, rows, ways = jax.jit(RigidPatella.balanced), [], []
+    for place in map(jnp.asarray, attached):
+        here = solve(patella, place, near)
         near = jnp.where(jnp.all(jnp.isfinite(here)), here, near)
-        rows.append(np.asarray(near))
-    own = np.array(rows)
-    along = np.array(
-        [patella.tendon(Pose(*y[:6]).placement, jnp.asarray(x))
-         for x, y in zip(attached, own, strict=True)]
-    )  # fmt: skip
+        rows.append(near)
+        ways.append(patella.tendon(Pose(*near[:6]).placement, place))
+    own, along = np.array(rows), np.array(ways)
     along *= (carried * own[:, 12] / np.linalg.norm(along, axis=1))[:, None]
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
     loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
     return jnp.asarray(np.c_[np.asarray(loaded.equilibrium.q).T, carried, own])
-
-
-def _arms(slope: np.ndarray) -> np.ndarray:
-    """How fast the moment about the flexion axis grows with the pull, all else balanced, mm.
-
-    Row `_TIBIA` of the derivative is the moment, at its scale; column `_PULL` the pull.
-    """
-    every = range(slope.shape[-1])
-    others = np.array([k for k in every if k != _PULL])
-    kept = np.array([k for k in every if k != _TIBIA])
-    moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
-    grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
-    return grows / scales(["flexion"])[0]

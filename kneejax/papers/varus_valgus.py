@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from kneejax.geometry import Pose
-from kneejax.mechanics import Contact, Knee, add_lane_axis, load_of
+from kneejax.geometry import Pose, Vector
+from kneejax.mechanics import Knee, add_lane_axis, load_of
 from kneejax.numerics import compiled
 from kneejax.statics import Equilibria, LoadCases, Status, balance_many, itself
 
@@ -109,7 +109,9 @@ class VarusValgus:
     @functools.cached_property
     def reached(self) -> np.ndarray:
         """Number of steps that each variant holds before its end, `(variants,)`."""
-        fine = (self.balances.status == Status.BALANCED) & ~self._jumps
+        apart = np.abs(np.diff(self.balances.table, axis=1)).max(axis=-1, initial=0.0)
+        jumps = np.pad(apart > _JUMP, ((0, 0), (1, 0)))
+        fine = (self.balances.status == Status.BALANCED) & ~jumps
         return np.where(fine.all(axis=1), len(self.ramp), np.argmin(fine, axis=1))
 
     @property
@@ -120,14 +122,9 @@ class VarusValgus:
     @property
     def ending(self) -> tuple[str, ...]:
         """What ends the ramp of each variant: a word of `Status`, `jump`, or empty at its top."""
-        words = []
-        for row, step in enumerate(self.reached):
-            if step == len(self.ramp):
-                words.append("")
-            else:
-                status = Status(int(self.balances.status[row, step]))
-                words.append("jump" if status is Status.BALANCED else status.word)
-        return tuple(words)
+        words = {int(status): status.word for status in Status} | {int(Status.BALANCED): "jump"}
+        runs = zip(self.balances.status, self.reached, strict=True)
+        return tuple(words[int(row[x])] if x < len(row) else "" for row, x in runs)
 
     @property
     def adduction_deg(self) -> np.ndarray:
@@ -143,11 +140,6 @@ class VarusValgus:
     def moment_reached_Nm(self) -> np.ndarray:
         """Last moment held, positive in varus, `(variants,)`."""
         return np.r_[0.0, self.ramp.moment_Nm][self.reached]
-
-    @property
-    def _jumps(self) -> np.ndarray:
-        apart = np.abs(np.diff(self.balances.table, axis=1)).max(axis=-1, initial=0.0)
-        return np.pad(apart > _JUMP, ((0, 0), (1, 0)))
 
 
 def varus_valgus(knee: Knee, ramp: VarusValgusRamp, vary=None, values: Any = None,
@@ -214,11 +206,21 @@ def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array)
     lanes, row, peaks = add_lane_axis(knee), 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
-            elements = _rings(contact, poses, contact_points[row])
+            gap = contact.gap(poses.placement, contact_points[row])
             row += 1
+            # Rings, along an axis before the poses: depth falls as the square of the radius, and
+            # so, linearly, with the area inside.
+            inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
+            depth, area = gap.depth * (1.0 - inside), jnp.ones_like(inside)
+            pressure = contact.pressure(depth)
+            place = contact.tibial.frame.placement.apply(gap.point)
         else:
-            elements = _points(contact, poses)
-        peaks.append(_highest(*elements, share))
+            first, second = contact.points
+            fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
+            sampled = fine.foundation.sample(poses.placement)
+            points, depth = sampled.points, sampled.depth
+            pressure, area, place = points.pressure(depth), points.area, points.point
+        peaks.append(_highest(jnp.where(depth > 0, pressure, 0.0), area, place, share))
     if not peaks:
         nothing = jnp.zeros((*jnp.shape(poses.flexion), 0))
         return PeakPressure(nothing, nothing[..., None] * jnp.ones(3))
@@ -226,49 +228,17 @@ def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array)
     return PeakPressure(pressure, jnp.moveaxis(center, 0, -1))
 
 
-def _rings(contact: Contact, poses: Pose, contact_points: Array) -> tuple[Array, Array, Array]:
-    """Pressure, area and centre of the rings of a patch, along an axis before the poses."""
-    gap = contact.gap(poses.placement, contact_points)
-    # Depth falls as the square of the radius, and so, linearly, with the area inside.
-    inside = (jnp.arange(_RINGS)[:, None] + 0.5) / _RINGS
-    depth = gap.depth * (1.0 - inside)
-    pressure = jnp.where(depth > 0, contact.pressure(depth), 0.0)
-    center = contact.tibial.frame.placement.apply(gap.point)
-    return _spread(pressure, jnp.ones_like(inside), center)
-
-
-def _points(contact: Contact, poses: Pose) -> tuple[Array, Array, Array]:
-    """Pressure, area and place of points on the tibial surface, likewise."""
-    first, second = contact.points
-    fine = dataclasses.replace(contact, points=(_FINER * first, _FINER * second))
-    sampled = fine.foundation.sample(poses.placement)
-    points, depth = sampled.points, sampled.depth
-    pressure = jnp.where(depth > 0, points.pressure(depth), 0.0)
-    return _spread(pressure, points.area, points.point)
-
-
-def _spread(pressure: Array, area: Array, place) -> tuple[Array, Array, Array]:
-    places = jnp.stack([jnp.broadcast_to(x, pressure.shape) for x in place])
-    return pressure, jnp.broadcast_to(area, pressure.shape), places
-
-
-def _highest(pressure: Array, area: Array, place: Array, share: Array) -> tuple[Array, Array]:
-    """Mean pressure and place over the part of the area where pressure is highest.
-
-    Args:
-        pressure: `(elements, poses)`.
-        area: likewise.
-        place: `(3, elements, poses)`.
-        share: of the area under pressure.
-    """
+def _highest(pressure: Array, area: Array, place: Vector, share: Array) -> tuple[Array, Array]:
+    """Mean pressure `(elements, poses)` and place over that share of the area under pressure where
+    it is highest."""
     order = jnp.argsort(-pressure, axis=0)
     area = jnp.where(pressure > 0, area, 0.0)
-    pressure, area = (jnp.take_along_axis(x, order, axis=0) for x in (pressure, area))
-    place = jnp.take_along_axis(place, order[None], axis=1)
+    every = (jnp.broadcast_to(x, pressure.shape) for x in (pressure, area, *place))
+    pressure, area, *places = (jnp.take_along_axis(x, order, axis=0) for x in every)
     before = jnp.cumsum(area, axis=0) - area
     counted = jnp.clip(share * jnp.sum(area, axis=0) - before, 0.0, area)
     total = jnp.sum(counted, axis=0)
     touches = total > 0
     weight = counted / jnp.where(touches, total, 1.0)
-    center = jnp.where(touches, jnp.sum(weight * place, axis=1), jnp.nan)
+    center = jnp.where(touches, jnp.sum(weight * jnp.stack(places), axis=1), jnp.nan)
     return jnp.sum(weight * pressure, axis=0), center
