@@ -1,10 +1,10 @@
-"""Paper 4's changes of a ligament, prestretch, Young's modulus, attachment, and synthetic knees."""
+"""Paper 4's changes of ligaments and meniscal horns, one at a time, and synthetic knees."""
 
 from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -16,7 +16,10 @@ from kneejax.parameters import fibre_rows
 
 #: What is changed of a ligament, with the unit of a change's value.
 PRESTRETCH, MODULUS, ATTACHMENT = "prestretch", "youngs_modulus", "attachment"
-CHANGED = {PRESTRETCH: "", MODULUS: "MPa", ATTACHMENT: ""}
+HORNS = "horn_stiffness"
+CHANGED = {PRESTRETCH: "", MODULUS: "MPa", ATTACHMENT: "", HORNS: "N/mm"}
+#: What has horns, as the name of a ligament: all menisci of a knee with a ring.
+MENISCI = "menisci"
 #: Values of an attachment's change: which ends are halved.
 HALVES = {1.0: "femoral half", 2.0: "tibial half", 3.0: "both halves"}
 #: Standard deviations of synthetic knees: of attachments in each direction, mm; of reference
@@ -25,41 +28,49 @@ ATTACHMENT_MM, STRAIN, LOG_STIFFNESS = 2.0, 0.02, 0.2
 
 
 class Fibres(NamedTuple):
-    """What a change moves: numbers of every fibre, in the arrays of `kneejax.mechanics.Ligaments`.
+    """What a change moves: numbers of every fibre, in the arrays of `kneejax.mechanics.Ligaments`,
+    and of every meniscus with a ring.
 
     Attributes:
         stiffness: N per unit strain.
         slack_length: mm.
         femoral_attachment: mm.
         tibial_attachment: mm.
+        horn_stiffness: of each horn of a meniscus, N/mm, `(menisci,)`.
     """
 
     stiffness: np.ndarray
     slack_length: np.ndarray
     femoral_attachment: np.ndarray
     tibial_attachment: np.ndarray
+    horn_stiffness: np.ndarray
 
     @classmethod
     def of(cls, knee: Knee) -> Fibres:
-        """The fibres of a knee."""
-        return cls(*(np.array(getattr(knee.ligaments, name)) for name in cls._fields))
+        """The fibres of a knee, and its horns."""
+        stiffness, slack_length, femoral, tibial, *horns = map(np.array, _moved(knee))
+        return cls(stiffness, slack_length, femoral, tibial, np.array(horns, float))
+
+
+def _moved(knee: Knee) -> tuple[Any, ...]:
+    """Arrays of a knee: those of its fibres, in order, and the stiffness of each pair of horns."""
+    fibres = (getattr(knee.ligaments, name) for name in Fibres._fields[:-1])
+    return *fibres, *(x.ring.horn_stiffness for x in knee.contacts if x.ring is not None)
 
 
 def with_fibres(knee: Knee, fibres: Fibres) -> Knee:
-    """The knee with other numbers of its fibres."""
-    return eqx.tree_at(
-        lambda k: tuple(getattr(k.ligaments, name) for name in Fibres._fields), knee, tuple(fibres)
-    )
+    """The knee with other numbers of its fibres and horns."""
+    return eqx.tree_at(_moved, knee, (*fibres[:-1], *fibres.horn_stiffness))
 
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """A ligament that differs from the unchanged knee's.
+    """A ligament, or the menisci, that differ from the unchanged knee's.
 
     Attributes:
-        ligament: its name, or that of a group of fibres.
-        quantity: `prestretch`, `youngs_modulus` or `attachment`.
-        value: how much is added: of stretch; MPa; or a key of `HALVES`.
+        ligament: its name, or that of a group of fibres; `menisci`.
+        quantity: `prestretch`, `youngs_modulus` or `attachment`; of menisci `horn_stiffness`.
+        value: how much is added: of stretch; MPa; N/mm a horn; or a key of `HALVES`.
     """
 
     ligament: str
@@ -85,15 +96,17 @@ class Change:
 
 
 def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, ...],
-               modulus_MPa: tuple[float, ...],
-               reference_modulus_MPa: float) -> tuple[tuple[Change, ...], Fibres]:  # fmt: skip
+               modulus_MPa: tuple[float, ...], reference_modulus_MPa: float,
+               horn_N_per_mm: tuple[float, ...] = (),
+               ) -> tuple[tuple[Change, ...], Fibres]:  # fmt: skip
     """Every change of every ligament, and the fibres that result.
 
     A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's
     modulus scales their stiffnesses by `1 + change / reference_modulus_MPa`. An attachment is
     halved as in paper 4, on the femur to the most proximal half of the fibres' ends, on the tibia
     or fibula to the most distal half: the other fibres end at the nearest of those, as taut at
-    the reference pose as before. A single line has no halves.
+    the reference pose as before. A single line has no halves. Horns of menisci change together;
+    what would leave them no stiffness is left out.
 
     Args:
         knee: the unchanged knee.
@@ -101,6 +114,7 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
         prestretch: values.
         modulus_MPa: values.
         reference_modulus_MPa: the modulus that the knee's stiffnesses stand for.
+        horn_N_per_mm: values, for a knee with menisci.
 
     Returns:
         The changes, and fibres whose arrays have a leading axis: the unchanged knee's first.
@@ -132,6 +146,10 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
             yield Change(ligament, ATTACHMENT, value), moved._replace(slack_length=slack)
 
     found = [pair for ligament in ligaments for pair in one(ligament)]
+    for value in horn_N_per_mm if len(same.horn_stiffness) else ():
+        horns = same.horn_stiffness + value
+        if (horns > 0.0).all():
+            found.append((Change(MENISCI, HORNS, value), same._replace(horn_stiffness=horns)))
     fibres = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), same, *(f for _, f in found))
     return tuple(change for change, _ in found), fibres
 
@@ -175,7 +193,8 @@ def synthetic_knee(knee: Knee, seed: int) -> Knee:
         for ends in (old.femoral_attachment, old.tibial_attachment)
     )
     stiffness = old.stiffness * np.exp(LOG_STIFFNESS * draw.standard_normal(count))
-    moved = Fibres(jnp.asarray(stiffness), jnp.asarray(old.slack_length), femoral, tibial)
+    moved = Fibres(jnp.asarray(stiffness), jnp.asarray(old.slack_length), femoral, tibial,
+                   jnp.asarray(old.horn_stiffness))  # fmt: skip
     length = with_fibres(knee, moved).reference_length()
     knee = with_fibres(knee, moved._replace(slack_length=length / (1.0 + strain)))
     softer = np.exp(LOG_STIFFNESS * draw.standard_normal())

@@ -12,13 +12,14 @@ import time
 import warnings
 from collections.abc import Callable, Mapping
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import State
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
-from kneejax.papers.fibre_changes import Change, changes_of, with_fibres
+from kneejax.papers.fibre_changes import HORNS, Change, Fibres, changes_of, with_fibres
 from kneejax.papers.varus_valgus import (
     BODY_WEIGHT_N,
     DIRECTIONS,
@@ -28,6 +29,7 @@ from kneejax.papers.varus_valgus import (
     varus_valgus,
 )
 from kneejax.parameters import UnsuitableData, fibre_rows
+from kneejax.statics import in_lanes
 
 #: Outcomes, and the upper limits of the scores 0.5, 1, 1.5, 2 and 2.5 in the outcome's unit.
 LIMITS = {"convergence_percent": (1.0, 5.0, 10.0, 20.0, 40.0),
@@ -72,6 +74,7 @@ class OneAtATime:
             stiffness and no cross-section, so a change of modulus is taken as a change of stiffness
             in proportion. 345 MPa was measured on fascicles of the ACL, PCL and LCL (Butler, Kay
             and Stouffer 1986); with it, 100 MPa are 29 per cent.
+        horn_N_per_mm: added to each horn of menisci; 180 become 18 springs of 1, 5 and 20 N/mm.
         full_Nm: moment that is aimed at.
         body_weight_N: half of it is the axial load.
         axial_steps: of the ramp.
@@ -83,6 +86,7 @@ class OneAtATime:
     prestretch: tuple[float, ...] = (-0.1, -0.075, -0.05, -0.025, 0.025, 0.05, 0.075, 0.1)
     modulus_MPa: tuple[float, ...] = (-100.0, -75.0, -50.0, -25.0, 25.0, 50.0, 75.0, 100.0)
     reference_modulus_MPa: float = 345.0
+    horn_N_per_mm: tuple[float, ...] = (-162.0, -90.0, 180.0)
     full_Nm: float = 40.0
     body_weight_N: float = BODY_WEIGHT_N
     axial_steps: int = 4
@@ -249,7 +253,7 @@ def compare_knees(
     settings: OneAtATime | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> KneeComparison:
-    """Change one ligament at a time in several knees, under varus and valgus moments.
+    """Change one ligament at a time, and menisci, in several knees under varus and valgus moments.
 
     Args:
         knees: name -> knee, each with the ligaments of the settings.
@@ -270,7 +274,7 @@ def compare_knees(
         raise UnsuitableData("no knees; expected one or more")
     # All are looked at before the first is computed.
     asked = (settings.ligaments, settings.prestretch, settings.modulus_MPa,
-             settings.reference_modulus_MPa)  # fmt: skip
+             settings.reference_modulus_MPa, settings.horn_N_per_mm)  # fmt: skip
     work = {name: changes_of(knee, *asked) for name, knee in knees.items()}
     ramps = {direction: settings.ramp(direction) for direction in DIRECTIONS}
     steps = sum(map(len, ramps.values()))
@@ -284,7 +288,7 @@ def compare_knees(
             runs[direction], done = run, done + (len(changes) + 1) * len(ramp)
             for parameter in dict.fromkeys(change.parameter for change in changes):
                 rows = {i: c for i, c in enumerate(changes, 1) if c.parameter == parameter}
-                outcomes += _outcomes(knees[name], run, rows, settings.least_Nm)
+                outcomes += _outcomes(knees[name], fibres, run, rows, settings.least_Nm)
         tensions = {x: _tensions(knees[name], run, settings.ligaments) for x, run in runs.items()}
         doubts, seconds = _doubts(runs, outcomes, settings), time.perf_counter() - begun
         studies.append(
@@ -306,7 +310,7 @@ def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[
 
 
 def _outcomes(
-    knee: Knee, run: VarusValgus, changes: dict[int, Change], least_Nm: float
+    knee: Knee, fibres: Fibres, run: VarusValgus, changes: dict[int, Change], least_Nm: float
 ) -> list[Outcome]:
     """Of the changes of one parameter, by variant, which are compared at one moment."""
     rows = list(changes)
@@ -316,13 +320,16 @@ def _outcomes(
     rmse = np.where(count, np.sqrt((apart**2).sum(axis=1) / np.maximum(count, 1)), np.nan)
     late = 100.0 * np.abs(run.time_reached[rows] / run.time_reached[0] - 1.0)
     step, far = common_step(run, rows, least_Nm)
-    # Only ligaments are changed: the contacts are the knee's own.
+    # Where only ligaments are changed the contacts are the knee's own.
+    own, lanes = np.array([0, *rows]), None
+    if any(change.quantity == HORNS for change in changes.values()):
+        lanes = in_lanes(knee, with_fibres, jax.tree.map(lambda x: x[own], fibres))
     q, points = (
-        jnp.asarray(np.moveaxis(x[[0, *rows], step], 0, -1))
+        jnp.asarray(np.moveaxis(x[own, step], 0, -1))
         for x in (run.balances.q, run.balances.contact_points)
     )
     pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, q).tibia
-    peaks, known = peak_pressure(knee, pose, points), np.array([bool(far.any()), *far])
+    peaks, known = peak_pressure(knee, pose, points, lanes=lanes), np.r_[far.any(), far]
     peak = np.where(known[:, None], np.asarray(peaks.pressure), np.nan)
     center = np.where(known[:, None, None], np.asarray(peaks.center), np.nan)
     percent, moved = differences(peak, center)

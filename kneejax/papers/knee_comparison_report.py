@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, MODULUS, PRESTRETCH
+from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, HORNS, MODULUS, PRESTRETCH
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
 from kneejax.papers.varus_valgus import DIRECTIONS
 from kneejax.quantities import AXES
@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_QUANTITIES = {PRESTRETCH: "prestretch", MODULUS: "Young's modulus", ATTACHMENT: "attachment"}
+_QUANTITIES = {PRESTRETCH: "prestretch", MODULUS: "Young's modulus", ATTACHMENT: "attachment",
+               HORNS: "horn stiffness"}  # fmt: skip
 _OUTCOMES = dict(
     zip(LIMITS, ("Convergence", "Rotation", "Peak pressure", "Place of the peak"), strict=True)
 )

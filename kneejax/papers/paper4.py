@@ -10,20 +10,26 @@ import numpy as np
 
 from kneejax.files import load_knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
-from kneejax.papers.fibre_changes import ATTACHMENT, MODULUS, PRESTRETCH, synthetic_knee
+from kneejax.papers.fibre_changes import (
+    ATTACHMENT,
+    HORNS,
+    MODULUS,
+    PRESTRETCH,
+    synthetic_knee,
+)
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
 from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
 from kneejax.report.look import Answer
 
 #: Bundled models, and the one around which synthetic knees are drawn, with their seeds.
-KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015")
+KNEES = ("four_ligament", "lenhart2015_reduced", "lenhart2015", "average_knee")
 DRAWN_AROUND, SEEDS = "lenhart2015_reduced", (1, 2)
 _CURVES = ("MCL.prestretch", "LCL.prestretch", "MCL.youngs_modulus")
 
 _, ROTATION, PRESSURE, PLACE = LIMITS
 _NAMES = dict(zip(LIMITS, ("convergence", "rotation", "pressure", "place"), strict=True))
-_MEDIUM, _SIMILAR, _MATTERS = 2.0, 0.75, 1.5
+_SMALL, _MEDIUM, _SIMILAR, _MATTERS = 1.0, 2.0, 0.75, 1.5
 #: Part of the tension in the other direction below which a ligament counts as slack.
 _SLACK = 0.1
 #: Claims on how alike or unlike knees are, and what is to be known of these knees there.
@@ -35,7 +41,7 @@ _KINSHIP = (
 
 
 def reproduce(stages: Stages = silent) -> Answer:
-    """Compare three bundled and two synthetic knees, and judge the findings.
+    """Compare four bundled and two synthetic knees, and judge the findings.
 
     Args:
         stages: shows progress.
@@ -119,7 +125,8 @@ def _modulus(found: KneeComparison) -> dict[str, Finding]:
 
 
 def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
-    """Claims 4.11 to 4.15: attachments, convergence, all parameters, slack ligaments."""
+    """Claims 4.11 to 4.15 and 4.17: attachments, convergence, all parameters, slack ligaments,
+    menisci."""
     pairs = [(knee, name) for knee in found.knees for name in _of(knee, ATTACHMENT)]
     above = [
         f"{knee.name} {name.split('.')[0]}"
@@ -150,7 +157,23 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
         ),
         "4.14": Finding(slack > len(found.knees) / 2, "; ".join(tensions)),
         "4.15": _go_together(found),
+        "4.17": _horns(found),
     }  # fmt: skip
+
+
+def _horns(found: KneeComparison) -> Finding:
+    """Claim 4.17: the stiffness of meniscal horns, of knees that have any."""
+    scores = {
+        knee.name: [knee.score(name, outcome) for outcome in LIMITS]
+        for knee in found.knees for name in _of(knee, HORNS)
+    }  # fmt: skip
+    if not scores:
+        return Finding(None, "-", "None of these knees has menisci with horns.")
+    shown = (f"{name} {'/'.join(map(_short, each))}" for name, each in scores.items())
+    return Finding(
+        max(x for each in scores.values() for x in each) <= _SMALL,
+        "scores on convergence/rotation/pressure/place: " + "; ".join(shown),
+    )
 
 
 def _matters(found: KneeComparison, quantity: str) -> Finding:

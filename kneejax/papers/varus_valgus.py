@@ -178,7 +178,7 @@ class PeakPressure(eqx.Module):
 
 
 def peak_pressure(
-    knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1
+    knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1, lanes: Knee | None = None
 ) -> PeakPressure:
     """Mean pressure over the highest tenth of each touching area, and where that is.
 
@@ -192,18 +192,20 @@ def peak_pressure(
         poses: fields of shape `(poses,)`.
         contact_points: contact points of the patches, `(n, 2, poses)`, as a balance gives them.
         share: of the touching area.
+        lanes: the knee with a lane for each pose, where contacts differ from pose to pose.
 
     Returns:
         One row per pose, one column per contact.
 
     Source: paper 4, section 2.4.1.
     """
-    return _peak_pressure(knee, poses, contact_points, jnp.asarray(share))
+    lanes = add_lane_axis(knee) if lanes is None else lanes
+    return _peak_pressure(lanes, poses, contact_points, jnp.asarray(share))
 
 
 @compiled()
-def _peak_pressure(knee: Knee, poses: Pose, contact_points: Array, share: Array) -> PeakPressure:
-    lanes, row, peaks = add_lane_axis(knee), 0, []
+def _peak_pressure(lanes: Knee, poses: Pose, contact_points: Array, share: Array) -> PeakPressure:
+    row, peaks = 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
             gap = contact.gap(poses.placement, contact_points[row])

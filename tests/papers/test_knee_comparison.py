@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.mechanics import add_lane_axis
+from kneejax.mechanics import Ring, add_lane_axis
 from kneejax.numerics import compiled
-from kneejax.papers.fibre_changes import changes_of, synthetic_knee, with_fibres
+from kneejax.papers.fibre_changes import Change, changes_of, synthetic_knee, with_fibres
 from kneejax.papers.knee_comparison import (
     LIMITS,
     OneAtATime,
@@ -86,6 +86,20 @@ def test_halved_attachments_are_gathered_and_as_taut_as_before(grouped):
         assert np.asarray(knee.reference_strain()) == pytest.approx(
             np.asarray(same.reference_strain()), abs=1e-12
         )
+
+
+def test_horns_of_menisci_change_together_and_keep_some_stiffness(small_knee):
+    ring = Ring(120.0, 40.0, 180.0, 30.0, [0.0, 0.0], [0.5, 5.8])
+    held = dataclasses.replace(small_knee.contacts[0], form="quadrature", ring=ring)
+    knee = dataclasses.replace(small_knee, contacts=(held, *small_knee.contacts[1:]))
+    changes, knees = varied(knee, (), horn_N_per_mm=(-200.0, -90.0, 180.0))
+    assert [change.label for change in changes] == ["-90 N/mm", "+180 N/mm"]
+    assert {change.parameter for change in changes} == {"menisci.horn_stiffness"}
+    assert [float(k.contacts[0].ring.horn_stiffness) for k in knees] == [180.0, 90.0, 360.0]
+    # A knee without menisci has no horns.
+    assert varied(small_knee, ("MCL",), horn_N_per_mm=(90.0,), prestretch=(0.1,))[0][-1] == Change(
+        "MCL", "prestretch", 0.1
+    )
 
 
 def test_a_made_up_knee_differs_as_stated_and_comes_again(small_knee):

@@ -1,10 +1,14 @@
 """Verdicts follow the numbers: each criterion is met by one comparison and missed by another."""
 
+import dataclasses
+
 import pytest
 
 from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, Claim
+from kneejax.papers.fibre_changes import Change
+from kneejax.papers.knee_comparison import LIMITS
 from kneejax.papers.paper4 import claims
-from tests.papers.compared_knees import AVERAGES, comparison, study
+from tests.papers.compared_knees import AVERAGES, comparison, influence, study
 
 
 def verdicts(*knees):
@@ -56,6 +60,20 @@ def test_what_could_not_be_compared_cannot_be_judged():
     without = verdicts(study("a", attachments=False), study("b", attachments=False))
     assert without["4.11"] == CANNOT_BE_JUDGED
     assert verdicts(study("a"), study("b"))["4.11"] == REPRODUCED
+
+
+def test_horns_of_menisci_have_a_small_influence_or_more():
+    def horns(pressure):
+        one = study("a")
+        influences = (influence("menisci.horn_stiffness", o, pressure, 0.1) for o in LIMITS)
+        change = Change("menisci", "horn_stiffness", 180.0)
+        return dataclasses.replace(
+            one, changes=(*one.changes, change), influences=(*one.influences, *influences)
+        )
+
+    assert verdicts(study("a"))["4.17"] == CANNOT_BE_JUDGED
+    assert verdicts(horns(0.1), study("b"))["4.17"] == REPRODUCED
+    assert verdicts(horns(30.0), study("b"))["4.17"] == NOT_REPRODUCED
 
 
 def test_a_claim_has_one_of_three_verdicts():
