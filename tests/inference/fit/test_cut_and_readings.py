@@ -276,7 +276,7 @@ def test_parts_of_a_knee_over_points_are_read_where_it_stands():
         values, np.zeros((1, 2, 5)), np.zeros((1, 2, 5, 2)), nothing, np.zeros((1, 2, 0, 2, 2)),
         np.zeros((1, 2, 5, 5)), np.zeros((1, 2), int),
     )  # fmt: skip
-    strain, slope = problem.cases.readings.model(problem.cases, here)
+    strain, slope = problem.cases.readings.error(problem.cases, here)
     poses = kj.State({"tibia": kj.Pose.from_table([[0.0] * 6, [30.0] + [0.0] * 5])})
     length = np.asarray(add_lane_axis(knee.ligaments).length(poses))[0]
     assert strain[0] == pytest.approx(length / values[0, 1] - 1.0, abs=1e-12)
