@@ -80,7 +80,8 @@ def _laxities(knee, band: LaxityBand, size: float, intact=None) -> tuple[kj.Laxi
 
 
 def forces_beside(knee, name: str) -> list[tuple[str, float, float, float]]:
-    """What, found, published and its spread of each in-situ force of a bundled table, N."""
+    """What, found, published and its spread of each in-situ force of a bundled table, N, of what
+    the knee has."""
     table = read_lab_table(bundled_measurements()[name].path)
     (sizes,) = table.loads.values()
     rows = []
@@ -88,8 +89,8 @@ def forces_beside(knee, name: str) -> list[tuple[str, float, float, float]]:
         (test,) = kj.lab_tests("drawer", [flexion], force_N=float(size), steps=2)
         carried = _carried(knee, test)[-1]
         for column, measured in table.readings.items():
-            if np.isfinite(measured[place]):
-                part = column.removesuffix(".tension_N")
+            part = column.removesuffix(".tension_N")
+            if np.isfinite(measured[place]) and part in carried:
                 spread = IN_SITU[name][int(flexion), part]
                 said = f"{name}_{part}_{size:g}N_{flexion:g}deg"
                 rows.append((said, carried[part], float(measured[place]), spread))
@@ -97,11 +98,12 @@ def forces_beside(knee, name: str) -> list[tuple[str, float, float, float]]:
 
 
 def _carried(knee, test: kj.LabTest) -> list[dict[str, float]]:
-    """Tension of each group of fibres, N, at each step of a test at one flexion."""
+    """Tension of each ligament and group, N, at each step of a test at one flexion."""
     (curves,) = kj.load_curves(knee, test)
     tension = np.asarray(mechanics_of(curves).tension)[np.asarray(curves.nodes)[0]]
-    groups = {name: fibre_rows(knee, name) for name, _ in knee.groups}
-    return [{name: float(row[own].sum()) for name, own in groups.items()} for row in tension]
+    names = (*knee.ligaments.names, *(name for name, _ in knee.groups))
+    rows = {name: fibre_rows(knee, name) for name in names}
+    return [{name: float(row[own].sum()) for name, own in rows.items()} for row in tension]
 
 
 def under_compression(knee) -> dict[str, float | str]:
