@@ -130,13 +130,13 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
     fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
     values, (residual, _) = fit.values[0], data.residual(fit)
     at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
-    told = fit_information(fitted.knee, fitted.selection, alone, fit, at_bound=at_bound)
+    information = fit_information(fitted.knee, fitted.selection, alone, fit, at_bound=at_bound)
     cases = dataclasses.replace(alone, offsets=())
     return Identification(
         selection=fitted.selection, values=values, lower=lower, upper=upper, at_bound=at_bound,
         offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)), noise=sure.noise,
         noise_estimated=noise.estimated, chi2=float(residual[0] @ residual[0]),
-        data=fitted.counted_numbers, converged=sure.converged, information=told,
+        data=fitted.counted_numbers, converged=sure.converged, information=information,
         profiles=sure.profiles, intervals=sure.intervals, motion=motion_of(fitted, fit),
         problem=dataclasses.replace(fitted, cases=cases, offsets=offsets),
         lost=int((~fitted.used).sum()), spare=spare,

@@ -98,18 +98,18 @@ def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Populat
         (2.5, True, 4)
     """
     y, s = np.asarray(value, float), np.asarray(error, float)
-    told = np.isfinite(y) & np.isfinite(s) & (s > 0)
-    if told.sum() < 3:
+    known = np.isfinite(y) & np.isfinite(s) & (s > 0)
+    if known.sum() < 3:
         return None
-    tau, weight, mean, variance = _posterior(y[told], s[told])
+    tau, weight, mean, variance = _posterior(y[known], s[known])
     middle = float(weight @ mean)
     total = float(weight @ (variance + (mean - middle) ** 2))
     below = np.cumsum(weight) - 0.5 * weight
     low, between, high = (float(np.interp(level, below, tau)) for level in _LEVELS)
     share = np.ones((len(y), len(tau)))  # of the population in what is known of a knee
-    square = s[told, None] ** 2
-    share[told] = square / (square + tau**2)
-    each = share * mean + (1.0 - share) * np.where(told, y, 0.0)[:, None]
+    square = s[known, None] ** 2
+    share[known] = square / (square + tau**2)
+    each = share * mean + (1.0 - share) * np.where(known, y, 0.0)[:, None]
     shrunk = each @ weight
     inner = share * tau**2 + share**2 * variance
     spread = (inner + (each - shrunk[:, None]) ** 2) @ weight
@@ -119,7 +119,7 @@ def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Populat
     own = np.clip(1.0 - spread / alone, 0.0, 1.0)
     return Population(
         middle, (middle - side, middle + side), between, (low, high), shrunk, np.sqrt(spread), own,
-        following, log, int(told.sum()),
+        following, log, int(known.sum()),
     )  # fmt: skip
 
 

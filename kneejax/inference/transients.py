@@ -165,7 +165,7 @@ def fit_transient(
     x, evaluations = np.array([[free[name] for name in names]], float), 0
     found, fit, motion, grid = None, None, None, None
 
-    def told(*_) -> np.ndarray:
+    def reported(*_) -> np.ndarray:
         nonlocal evaluations
         evaluations += 1
         if progress is not None:
@@ -183,7 +183,8 @@ def fit_transient(
             break
         grid = found.grid
         motion = _Motions(moving, names, given_of(moving, start, grid, **options), grid.asked)
-        fit = fit_lanes(motion, data, motion(x), x, lower, upper, most=_MOST, far=True, watch=told)
+        fit = fit_lanes(motion, data, motion(x), x, lower, upper, most=_MOST, far=True,
+                       watch=reported)  # fmt: skip
         x = fit.values
     assert found is not None and fit is not None and motion is not None
     seen = data.seen.any(axis=0)

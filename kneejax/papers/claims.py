@@ -121,8 +121,8 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
 
 def which(parts: Mapping[str, bool]) -> str:
     """What holds and what does not; empty if all holds."""
-    missing, holding = ([name for name, x in parts.items() if bool(x) is y] for y in (False, True))
-    both = [f"{word}: {', '.join(x)}" for word, x in (("not", missing), ("holds", holding)) if x]
+    missing, met = ([name for name, x in parts.items() if bool(x) is y] for y in (False, True))
+    both = [f"{word}: {', '.join(x)}" for word, x in (("not", missing), ("holds", met)) if x]
     return "; ".join(both) if missing else ""
 
 

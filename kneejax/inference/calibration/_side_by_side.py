@@ -178,13 +178,13 @@ def _answers(
     for row, answer in enumerate(answers):
         problem, objective = knees.problems[row], answer.fit.objective
         if (answer.misfits or problem.tests) and answer.fit.success:
-            walked = _walked(problem, first.knee[row], _values(answer))
+            there = _continued(problem, first.knee[row], _values(answer))
             spare = max(problem.counted_numbers - problem.size, 1)
             lower = objective * (1.0 - _LOWER / spare)
-            if problem.objective(walked) < lower:
-                anew[row] = walked
+            if problem.objective(there) < lower:
+                anew[row] = there
                 continue
-            freed = _past_what_blocks(problem, members[row], walked, objective / spare)
+            freed = _past_what_blocks(problem, members[row], there, objective / spare)
             if freed is not None and problem.objective(freed) < lower:
                 anew[row] = freed
     if not anew:
@@ -196,7 +196,7 @@ def _answers(
     for row, problem, *rest in zip(rows, some.problems, fits, sure, strict=True):
         again = _answer(members[row], problem, begin[row], *rest)
         # Its own noise, where that is estimated, would make any fit as good as another.
-        there = _walked(knees.problems[row], first.knee[row], _values(again))
+        there = _continued(knees.problems[row], first.knee[row], _values(again))
         if knees.problems[row].objective(there) < answers[row].fit.objective:
             answers[row] = again
     return answers
@@ -232,7 +232,7 @@ def _past_what_blocks(
         used[cases[far]] = False
         for own in (problem.with_used(used), problem):
             trail = run_procedure(own, "III", begin, one.lower, one.upper, unit=one.noise.unit)
-            begin = _walked(problem, there.knee[0], trail.x)
+            begin = _continued(problem, there.knee[0], trail.x)
             found.append(begin)
     known = [one for one in found if np.isfinite(problem.objective(one))]
     return min(known, key=problem.objective, default=None)
@@ -242,7 +242,7 @@ def _values(answer: Calibration) -> np.ndarray:
     return np.array([one.value for one in (*answer.fit.estimates, *answer.fit.offsets)])
 
 
-def _walked(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
+def _continued(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
     """Balances of one knee at values, followed from its reference pose."""
     return dataclasses.replace(problem.begin(values[None]), knee=np.array([knee]))
 
@@ -270,7 +270,8 @@ def _fits(
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
-            begin = [_walked(knees.problems[row], first[row].knee[0], best[row]) for row in every]
+            pairs = zip(knees.problems, first, best, strict=True)
+            begin = [_continued(one, found.knee[0], values) for one, found, values in pairs]
         trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
         lap("search")
         if not number:
@@ -292,7 +293,7 @@ def _fits(
             if reached:
                 ends, objectives = reached[row]
                 known = np.isfinite(objectives)
-                objectives[known] = _walked_objectives(problem, ends[known])
+                objectives[known] = _continued_objectives(problem, ends[known])
                 fit = dataclasses.replace(fit, starts=starts_of(problem, fit, ends, objectives))
             fits[row].append(fit)
     return knees, fits, sure
@@ -306,7 +307,7 @@ def _at_the_bottom(
         trail = trail.weighed(problem)
     if not trail.converged:
         return trail
-    there = _walked(problem, first.knee[0], likely.best.values[0])
+    there = _continued(problem, first.knee[0], likely.best.values[0])
     lost = problem.used & ~there.converged[0]
     if lost.any() or problem.objective(there) > trail.objective:
         return trail
@@ -329,12 +330,12 @@ def _from_several(problem: Problem, one: CalibrationProblem) -> tuple[np.ndarray
     ends, reached = several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
     # A search may have followed balances past the end of their branch, as tests do not.
     known = np.flatnonzero(np.isfinite(reached))
-    walked = _walked_objectives(problem, ends[known])
-    reached[known] = np.where(walked < reached[known], walked, reached[known])
+    there = _continued_objectives(problem, ends[known])
+    reached[known] = np.where(there < reached[known], there, reached[known])
     return ends, reached
 
 
-def _walked_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
+def _continued_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
     """Of balances at values `(fits, p)` that are followed from the reference pose; infinite where
     there are none."""
     if not len(values):

@@ -4,7 +4,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.files import bundled_bands
-from kneejax.report.laboratory import laxity_figure, load_figure
+from kneejax.report.laboratory import laxity_figure, laxity_table, load_figure
 
 
 @pytest.mark.parametrize(("from_intact", "said"), [(True, "intact knee"), (False, "neutral pose")])
@@ -23,3 +23,14 @@ def test_a_figure_says_what_a_cut_knee_is_counted_from(from_intact, said):
     (whole,) = kj.load_curves(knee, tests)
     (axes,) = laxity_figure([whole], kj.laxity(whole), bundled_bands([])).axes
     assert "from" not in axes.get_legend().get_texts()[0].get_text()
+
+
+@pytest.mark.parametrize("both", [False, True])
+def test_a_table_shows_the_directions_that_were_tested(both):
+    tests = kj.lab_tests("drawer", [30.0], force_N=90.0, steps=1, both=both)
+    (curves,) = kj.load_curves(kj.load_knee("four_ligament"), tests)
+    table = laxity_table(curves, kj.laxity(curves))
+    shown = {column.name for column in table.shown} & {"range", "positive", "negative"}
+    assert shown == ({"range", "positive", "negative"} if both else {"positive"})
+    # What is not shown is known all the same to whoever saves the table.
+    assert {"range", "positive", "negative"} <= set(table.names)
