@@ -14,14 +14,16 @@ from kneejax.papers.fibre_changes import Change, changes_of, synthetic_knee, wit
 from kneejax.papers.knee_comparison import (
     LIMITS,
     OneAtATime,
+    _outcomes,
     common_step,
     compare_knees,
     differences,
     score,
 )
-from kneejax.papers.varus_valgus import VarusValgusRamp
+from kneejax.papers.varus_valgus import VarusValgus, VarusValgusRamp, peak_pressure
 from kneejax.parameters import UnknownParameter, UnsuitableData
-from kneejax.statics import Guess, Status, solve_equilibrium
+from kneejax.statics import Equilibria, Guess, Status, solve_equilibrium
+from tests.mechanics.contact.test_ring import rim
 
 COARSE = OneAtATime(
     ("MCL", "LCL"), prestretch=(0.0,), modulus_MPa=(-50.0, 100.0), full_Nm=12.0, axial_steps=1,
@@ -100,6 +102,25 @@ def test_horns_of_menisci_change_together_and_keep_some_stiffness(small_knee):
     assert varied(small_knee, ("MCL",), horn_N_per_mm=(90.0,), prestretch=(0.1,))[0][-1] == Change(
         "MCL", "prestretch", 0.1
     )
+
+
+def test_pressures_beside_other_horns_are_those_of_a_knee_that_has_them(small_knee):
+    """At one pose, a ring with softer horns gives way farther."""
+    knee = dataclasses.replace(small_knee, contacts=(rim(),), contact_names=("medial_meniscus",))
+    changes, fibres = changes_of(knee, (), (), (), 345.0, (-200.0, 400.0))
+    q, nothing = np.zeros((3, 2, 5)), np.zeros((3, 2))
+    held = Equilibria(q, np.zeros((3, 2, 0, 2)), nothing.astype(int), nothing.astype(int),
+                      nothing + 1.0, nothing.astype(int), nothing)  # fmt: skip
+    run = VarusValgus(VarusValgusRamp("varus", 10.0, 100.0, 1, 1), held)
+    found = _outcomes(knee, fibres, run, dict(enumerate(changes, 1)), 5.0)
+    there, points = kj.Pose(*jnp.zeros((6, 1))), jnp.zeros((0, 2, 1))
+    alone = [
+        float(peak_pressure(with_fibres(knee, one), there, points).pressure[0, 0])
+        for one in (jax.tree.map(lambda x, i=i: x[i], fibres) for i in range(3))
+    ]
+    assert alone[1] < alone[0] < alone[2]
+    assert [one.peak_MPa[0] for one in found] == pytest.approx(alone[1:], rel=1e-9)
+    assert [one.unchanged_peak_MPa[0] for one in found] == pytest.approx([alone[0]] * 2, rel=1e-9)
 
 
 def test_a_made_up_knee_differs_as_stated_and_comes_again(small_knee):
