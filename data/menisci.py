@@ -80,7 +80,7 @@ def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> di
     surface["source"] = f"wedge on the {rim.compartment} plateau: {rim.source}"
     return {
         "form": "quadrature",
-        "points": [20, 16],
+        "points": [36, 5],
         "law": "linear",
         "youngs_modulus_MPa": rim.youngs_modulus_MPa,
         "poisson_ratio": rim.poisson_ratio,

@@ -297,13 +297,14 @@ def _over_points(foundation: Foundation, tibia: Placement):
 
 def _extrusion(foundation: Foundation, sampled: Sampled) -> tuple[Array, Array]:
     """How far the sections of each meniscus have moved outwards, mm: the most, and the mean."""
-    points = sampled.points
-    if points.given_way is None or points.outwards is None:
+    points, hoops = sampled.points, foundation.hoops
+    if points.given_way is None or hoops is None:
         still = jnp.zeros((len(foundation.counts), *sampled.depth.shape[1:]))
         return still, still
-    gives = (points.outwards != 0.0) & (points.area > 0.0)
+    a_mm = hoops.given_way(sampled.depth, jnp.ones_like(hoops.angle))
+    gives = (a_mm != 0.0) & (points.area > 0.0)
     weight = jnp.where(gives, points.area, 0.0)
-    outward = jnp.where(gives, points.given_way / jnp.where(gives, points.outwards, 1.0), 0.0)
+    outward = jnp.where(gives, points.given_way / jnp.where(gives, a_mm, 1.0), 0.0)
     whole = foundation.of_each(jnp.sum, weight)
     mean = foundation.of_each(jnp.sum, weight * outward) / jnp.where(whole > 0.0, whole, 1.0)
     return foundation.of_each(jnp.max, outward), mean

@@ -57,7 +57,8 @@ class Contact(eqx.Module):
         onset_width: rounding of the depth's corner at first touch, mm.
         law: pressure law, one of `linear`, `log`, `ratio`.
         form: `elliptical_patch` or `quadrature`.
-        points: quadrature points along the two parameters of the tibial surface.
+        points: quadrature points along the two parameters of the tibial surface; of a ring, along
+            its arc, as many in each section, and across its width.
         bodies: the two bones. Methods ask where the second is in the first: `tibia`.
         damper: what resists compression during a step through time; None at rest.
         ring: what holds a meniscus from horn to horn; None where the surface stands still. Read by
@@ -122,6 +123,8 @@ class Contact(eqx.Module):
             raise ValueError(f"Contact.form is {self.form!r}; expected one of {FORMS}")
         if self.ring is not None and self.form != QUADRATURE:
             raise ValueError(f"Contact.ring: expected form {QUADRATURE}, not {self.form!r}")
+        if self.ring is not None and getattr(self.tibial, "outline", None) is None:
+            raise ValueError("Contact.ring: expected a plateau with the outline of a meniscus")
 
     @property
     def modulus(self) -> Array:

@@ -8,8 +8,7 @@ one region to compile, however many menisci it has.
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -160,7 +159,8 @@ def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
         contacts: of any form; those of one foundation join the same bones by the same law.
     """
     kinds: dict[object, list[int]] = {}
-    for row, contact in enumerate(contacts):
+    # The points of rings come last.
+    for row, contact in sorted(enumerate(contacts), key=lambda one: one[1].ring is not None):
         if not contact.has_patch:
             alone = None if Condyles.can_hold(contact.femoral) else row
             left_out = contact.femoral.frame.rotation is None, contact.damper is None
@@ -171,13 +171,11 @@ def foundations_of(contacts: Sequence[Contact]) -> tuple[Foundation, ...]:
 
 def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     own = [contacts[row] for row in rows]
-    rings = [contact.ring for contact in own if contact.ring is not None]
-    places = np.cumsum([0] + [0 if x.ring is None else x.ring.sections for x in own])
-    both = [_points_of(contact, bool(rings), int(first))
-            for contact, first in zip(own, places[:-1], strict=True)]  # fmt: skip
-    each, bodies = [points for points, _ in both], own[0].bodies
-    counts = tuple(math.prod(contact.points) for contact in own)
-    hoops = _hoops_of(rings, [held for _, held in both if held is not None]) if rings else None
+    each, placed = zip(*map(_points_of, own), strict=True)
+    rings = [(contact.ring, *of_ring) for contact, of_ring in zip(own, placed, strict=True)
+             if contact.ring is not None and of_ring is not None]  # fmt: skip
+    counts, bodies = tuple(len(points.point.x) for points in each), own[0].bodies
+    hoops = _hoops_of(rings) if rings else None
     if len(own) == 1:
         return Foundation(own[0].femoral, each[0], hoops, counts, tuple(rows), bodies)
     poses = (1,) * jnp.ndim(own[0].onset_width)
@@ -185,7 +183,7 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     def joined(*parts: Array | float) -> Array:
         full = [x.reshape(-1, *(x.shape[1:] or poses)) for x in map(jnp.asarray, parts)]
         shape = jnp.broadcast_shapes(*(x.shape[1:] for x in full))
-        each = [jnp.broadcast_to(x, (n, *shape)) for x, n in zip(full, counts, strict=True)]
+        each = [jnp.broadcast_to(x, (n, *shape)) for n, x in zip(counts, full, strict=True)]
         return jnp.concatenate(each)
 
     which = jnp.asarray(np.repeat(np.arange(len(own)), counts).reshape(-1, *poses), jnp.int32)
@@ -194,41 +192,38 @@ def _of_rows(contacts: Sequence[Contact], rows: Sequence[int]) -> Foundation:
     return Foundation(femoral, points, hoops, counts, tuple(rows), bodies)
 
 
-def _hoops_of(rings: Sequence[Ring], placed: Sequence[tuple[Array, Array]]) -> Hoops:
-    """Rings side by side, each with the angle of its sections and its stiffness as a whole."""
-    angles, wholes = zip(*placed, strict=True)
-    coronary = [ring.coronary_stiffness / ring.sections for ring in rings]
+def _hoops_of(rings: Sequence[tuple[Ring, Array, Array]]) -> Hoops:
+    """Rings side by side, each with the stiffness of its hoop and what its points lose."""
+    counts = tuple((ring.sections, len(lost) // ring.sections) for ring, _, lost in rings)
+    each = [(ring.angle / ring.sections, ring.coronary_stiffness / ring.sections, hoop, lost)
+            for ring, hoop, lost in rings]  # fmt: skip
     # Of knees side by side some numbers vary, and others do not.
-    shape = jnp.broadcast_shapes(*map(jnp.shape, (*angles, *coronary, *wholes)))
-    counts = tuple(ring.sections for ring in rings)
+    shape = jnp.broadcast_shapes(*(jnp.shape(x) for *own, lost in each for x in (*own, lost[0])))
 
-    def of_each(parts: Sequence[Array]) -> Array:
-        every = zip(counts, parts, strict=True)
-        return jnp.concatenate([jnp.broadcast_to(x, (n, *shape)) for n, x in every])
+    def joined(parts: Iterable[Array], of: Iterable[int]) -> Array:
+        full = [jnp.broadcast_to(x, (n, *shape)) for n, x in zip(of, parts, strict=True)]
+        return jnp.concatenate(full)
 
-    stiffness = jnp.stack([jnp.broadcast_to(whole, shape) for whole in wholes])
-    return Hoops(of_each(angles), of_each(coronary), stiffness, counts)
+    angle, held, hoops, lost = zip(*each, strict=True)
+    sections = [count for count, _ in counts]
+    return Hoops(
+        joined(angle, sections), joined(held, sections), joined(hoops, [1] * len(rings)),
+        joined(lost, map(len, lost)), counts,
+    )  # fmt: skip
 
 
-def _points_of(
-    contact: Contact, with_rings: bool, first: int
-) -> tuple[Points, tuple[Array, Array] | None]:
-    """Points of a contact, in the axes of its second bone; and of a ring a section's angle and
-    the stiffness of the whole.
-
-    Args:
-        contact: over points.
-        with_rings: whether points tell how they give way, since those of another contact do.
-        first: number of the contact's first section among those of all.
-    """
+def _points_of(contact: Contact) -> tuple[Points, tuple[Array, Array] | None]:
+    """Points of a contact, in the axes of its second bone; and of a ring the stiffness of its hoop
+    and what depth its points lose for each mm of outward motion."""
     surface, trailing = contact.tibial, jnp.ndim(contact.onset_width)
-    point, normal, area, across = midpoints(surface, contact.points, trailing)
-    frame, placed, outwards, section = surface.frame.placement, None, None, None
-    if with_rings:
-        outwards = section = jnp.zeros_like(area)
-    if contact.ring is not None:
-        outwards, section, *placed = contact.ring.placed(point, normal, area)
-        section = section + float(first)
+    frame, of_ring = surface.frame.placement, None
+    if contact.ring is None:
+        point, normal, area, across = midpoints(surface, contact.points, trailing)
+    else:
+        point, normal, area, across, lost = contact.ring.midpoints(
+            surface, contact.points, trailing
+        )
+        of_ring = contact.ring.hoop(point, area), lost
     numbers = contact.modulus, contact.onset_width, contact.femoral.frame.placement
     points = Points(
         frame.apply(point),
@@ -239,10 +234,8 @@ def _points_of(
         which=None,
         damper=contact.damper,
         law=contact.law,
-        outwards=outwards,
-        section=section,
     )
-    return points, None if placed is None else (placed[0], placed[1])
+    return points, of_ring
 
 
 def midpoints(

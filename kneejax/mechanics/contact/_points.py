@@ -124,7 +124,7 @@ def over_rays(
             return answer(sampled)
         own = sampled.points
         outward = hoops.settled(own, sampled.depth)
-        own = dataclasses.replace(own, given_way=hoops.given_way(own, outward))
+        own = dataclasses.replace(own, given_way=hoops.given_way(sampled.depth, outward))
         depth, energy = own.left_of(sampled.depth), hoops.energy(outward)
         return answer(dataclasses.replace(sampled, points=own, depth=depth, of_hoops=energy))
 
@@ -253,10 +253,8 @@ class Points(eqx.Module):
         which: number of that surface among several; None where it is the same for all.
         damper: of the contact during a step through time, arrays `(points, ...)`; None at rest.
         law: pressure law.
-        outwards: of rims that give way: mm of depth that are lost for each mm of motion of the
-            section in which a point stands; None where none does. See `Ring`.
-        section: number of that section.
-        given_way: depth that is lost, mm; None as long as it is not known.
+        given_way: depth that is lost where a rim has given way, mm; None as long as that is not
+            known, or where none does.
     """
 
     point: Vector
@@ -269,8 +267,6 @@ class Points(eqx.Module):
     which: Array | None
     damper: ContactDamper | None
     law: str = eqx.field(static=True)
-    outwards: Array | None = None
-    section: Array | None = None
     given_way: Array | None = None
 
     def energy(self, depth: Array) -> Array:

@@ -160,7 +160,7 @@ def _stiff(
     if hoops is not None:
         depth, exits = _every_depth(femoral, points, motion, sampled, quick, sound)
         outward = hoops.settled(points, depth)
-        points = dataclasses.replace(points, given_way=hoops.given_way(points, outward))
+        points = dataclasses.replace(points, given_way=hoops.given_way(depth, outward))
         left = points.left_of(sampled.depth)
         sampled = dataclasses.replace(sampled, points=points, depth=left)
     usual = sampled.only(of_usual_rows(sound))
@@ -168,13 +168,14 @@ def _stiff(
     sums = held, stiffness(usual, motion, *level), _pushes(hoops, usual)
 
     def again():
-        search = partial(_stiff_row, femoral, motion, hoops)
-        nothing = partial(_nothing, hoops)
-        *rows, found = over_unusual_rows(points, quick, sound, search, nothing, exits)
+        search = partial(_stiff_row, femoral, motion)
+        *rows, firmer, found = over_unusual_rows(points, quick, sound, search, _nothing, exits)
         held, by_twist = jax.tree.map(lambda x: jnp.sum(x, axis=0), rows)
-        changes, pushes = (
-            [jax.tree.map(lambda x, k=k: x[k], one) for k in range(6)] for one in by_twist
-        )
+        changes = [jax.tree.map(lambda x, k=k: x[k], by_twist) for k in range(6)]
+        pushes: list[Any] = [()] * 6
+        if hoops is not None:
+            each = (row_after_row(firmer[:, k])[: len(quick)] for k in range(6))
+            pushes = [*map(hoops.pushed, each)]
         depth = jnp.maximum(faults.depth, row_after_row(found.depth)[: len(quick)])
         bad = (
             x | jnp.any(y, axis=0)
@@ -207,7 +208,7 @@ def _pushes(hoops: Hoops | None, sampled: Sampled) -> list[Any]:
         return [()] * 6
     _, firm = jax.jvp(sampled.points.force, (sampled.depth,), (jnp.ones_like(sampled.depth),))
     turn = sampled.hit.cross(sampled.slope)
-    return [hoops.pushed(sampled.points, -firm * x) for x in (*sampled.slope, *turn)]
+    return [hoops.pushed(-firm * x) for x in (*sampled.slope, *turn)]
 
 
 def _every_depth(
@@ -237,10 +238,11 @@ def _every_depth(
 
 
 def _stiff_row(
-    femoral: Surface | Condyles, motion: Placement, hoops: Hoops | None, points: Points,
-    known: Array, is_known: Array, found: Exit | None,
+    femoral: Surface | Condyles, motion: Placement, points: Points, known: Array,
+    is_known: Array, found: Exit | None,
 ):  # fmt: skip
-    """As `_stiff`, differentiated: of points whose rays are searched thoroughly."""
+    """As `_stiff`, differentiated: of points whose rays are searched thoroughly; with the change of
+    each point's force."""
     surface, nowhere = asked_at(femoral, points), (jnp.zeros(known.shape[1:]),) * 6
     if found is None:
         found = thorough_exit(surface, *points.lines(motion), known, is_known)
@@ -249,9 +251,7 @@ def _stiff_row(
         moved = _displaced(motion, twist)
         sampled = thoroughly(surface, points, moved, known, is_known, found)
         held, faults = _pressed_and_faults(surface, motion, sampled)
-        own = sampled.points
-        push = () if hoops is None else hoops.pushed(own, own.force(sampled.depth))
-        return (*held, push), faults
+        return (*held, sampled.points.force(sampled.depth)), faults
 
     def by(unit: Array):
         rates = tuple(x + rate for x, rate in zip(nowhere, unit, strict=True))
@@ -259,18 +259,17 @@ def _stiff_row(
 
     held, (_, *changes), faults = lax.map(by, jnp.eye(6))
     (energy, wrench, _), faults = jax.tree.map(lambda x: x[0], (held, faults))
-    return (energy, wrench), tuple(changes), faults
+    return (energy, wrench), *changes, faults
 
 
-def _nothing(hoops: Hoops | None, known: Array):
+def _nothing(known: Array):
     """What `_stiff_row` gives of points that do nothing."""
     zero, fine = jnp.zeros(known.shape[1:]), jnp.zeros(known.shape[1:], bool)
     wrench, changes = (
         Wrench(Vector(x, x, x), Vector(x, x, x)) for x in (zero, jnp.zeros((6, *zero.shape)))
     )
-    pushes = () if hoops is None else jnp.zeros((6, sum(hoops.counts), *zero.shape))
-    apart = jnp.full(known.shape, -FARTHEST)
-    return (zero, wrench), (changes, pushes), PointFaults(apart, fine, fine, fine)
+    apart, unpressed = jnp.full(known.shape, -FARTHEST), jnp.zeros((6, *known.shape))
+    return (zero, wrench), changes, unpressed, PointFaults(apart, fine, fine, fine)
 
 
 def _displaced(motion: Placement, twist: tuple[Array, ...]) -> Placement:

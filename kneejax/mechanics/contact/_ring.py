@@ -17,6 +17,8 @@ the least by the pose, and needs no derivative of `u`; its stiffness has that of
 from __future__ import annotations
 
 import dataclasses
+from itertools import pairwise
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -25,9 +27,9 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Vector
+from kneejax.geometry import Plateau, Vector
 from kneejax.mechanics.contact._points import Points
-from kneejax.numerics import jvp_of_moved, ruled
+from kneejax.numerics import jvp_of_moved, ruled, safe_sqrt
 
 # Newton steps and trials at most, the length of the last, and from which on none was found, mm.
 _STEPS, _ACCURACY, _NOT_FOUND = 100, 1e-11, 1e-6
@@ -80,37 +82,64 @@ class Ring(eqx.Module):
         self.hoop_left = jnp.asarray(hoop_left, float)
         self.sections = sections
 
-    def placed(
-        self, point: Vector, normal: Vector, area: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """How its points give way.
+    @property
+    def angle(self) -> Array:
+        """From horn to horn, rad."""
+        return self.horns[1] - self.horns[0]
+
+    def midpoints(
+        self, surface: Plateau, count: tuple[int, int], trailing: int
+    ) -> tuple[Vector, Vector, Array, tuple[Array, Array], Array]:
+        """Middles of equal pieces of arc and of width, one section after the other.
+
+        Args:
+            surface: with the outline of the meniscus.
+            count: number along the arc, rounded up to as many in each section, and across it.
+            trailing: number of axes that the poses take.
+
+        Returns:
+            Points and unit normals in the surface's frame, areas, both parameters, scaled to -1..1,
+            and depth that is lost for each mm of outward motion; each `(points, ...)`. Where
+            nothing is left of the meniscus, the area is zero.
+        """
+        assert surface.outline is not None
+        pieces = self.sections * -(-count[0] // self.sections)
+        part, width = (
+            ((np.arange(n) + 0.5) / n).reshape(-1, *(1,) * trailing) for n in (pieces, count[1])
+        )
+        turn = self.horns[0] + self.angle * part
+        inner, outer = _across(surface.outline - self.middle, turn)
+        wide = (outer - inner)[:, None]
+        away = inner[:, None] + wide * width
+
+        def flat(x: Array) -> Array:
+            return jnp.broadcast_to(x, away.shape).reshape(-1, *away.shape[2:])
+
+        forwards, right = flat(jnp.cos(turn)[:, None]), flat(jnp.sin(turn)[:, None])
+        weight, away = flat(away * wide * self.angle / (pieces * count[1])), flat(away)
+        x, z = self.middle[0] + away * forwards, self.middle[1] + away * right
+        point, normal, area = surface.oriented(x, z)
+        across = tuple(
+            (2.0 * place - low - high) / (high - low)
+            for place, (low, high) in zip((x, z), surface.bounds(), strict=True)
+        )
+        outwards = -(normal.x * forwards + normal.z * right)
+        return point, normal, weight * area, across, outwards
+
+    def hoop(self, point: Vector, area: Array) -> Array:
+        """N/mm of the whole hoop, with its horns in series.
 
         Args:
             point: in the frame of the surface, mm, components `(points, ...)`.
-            normal: outward unit normals there.
             area: that each point stands for, mm^2.
-
-        Returns:
-            Depth that is lost for each mm of outward motion, `(points, ...)`; number of the
-            section, likewise; angle of a section, rad, and N/mm of the whole hoop with its horns in
-            series, both `(...)`.
         """
-        forwards, right = point.x - self.middle[0], point.z - self.middle[1]
-        away = jnp.sqrt(forwards * forwards + right * right)
-        outwards = -(normal.x * forwards + normal.z * right) / away
-        begin, span = self.horns[0], self.horns[1] - self.horns[0]
-        turn = jnp.mod(jnp.arctan2(right, forwards) - begin, 2.0 * jnp.pi)
-        place = jnp.clip(jnp.floor(self.sections * turn / span), 0, self.sections - 1)
-        on_ring = (turn <= span) & (area > 0.0)
-        weight = jnp.where(on_ring, area, 0.0)
-        whole = jnp.sum(weight, axis=0)
+        away = safe_sqrt((point.x - self.middle[0]) ** 2 + (point.z - self.middle[1]) ** 2)
+        whole = jnp.sum(area, axis=0)
         empty = whole == 0.0  # a meniscus that was removed
-        radius = jnp.sum(jnp.where(empty, 1.0, weight) * away, axis=0)
-        radius = radius / jnp.where(empty, 1.0, whole)
-        hoop = self.hoop_left * self.youngs_modulus * self.cross_section / (radius * span)
-        series = hoop * self.horn_stiffness / (self.horn_stiffness + 2.0 * hoop)
-        outwards = jnp.where(on_ring, outwards, 0.0)
-        return outwards, lax.stop_gradient(place), span / self.sections, series
+        radius = jnp.sum(jnp.where(empty, 1.0, area) * away, axis=0) / jnp.where(empty, 1.0, whole)
+        own = self.youngs_modulus * self.cross_section / (radius * self.angle)
+        hoop = self.hoop_left * own
+        return hoop * self.horn_stiffness / (self.horn_stiffness + 2.0 * hoop)
 
     def resected(
         self, outline: np.ndarray, width: float, anterior: float, posterior: float
@@ -137,8 +166,8 @@ class Ring(eqx.Module):
         left = narrow / (narrow + sum(ends) * (1.0 - narrow))  # in series with what is whole
         ring = dataclasses.replace(self, hoop_left=self.hoop_left * left)
         turns = np.linspace(begin, end, 721)
-        inner, outer = _across(outline - np.asarray(self.middle), turns)
-        known = np.isfinite(inner)
+        inner, outer = map(np.asarray, _across(jnp.asarray(outline) - self.middle, turns))
+        known = inner < outer
         low, high = turns[known][[0, -1]]
         if width == 1.0:
             low, high = max(low, first), min(high, last)
@@ -153,43 +182,49 @@ class Ring(eqx.Module):
         return ring, corners[[*range(len(corners)), *[-1] * (len(outline) - len(corners))]]
 
 
-def _across(corners: np.ndarray, turns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Distances at which rays from the origin enter and leave an outline; NaN where they miss it.
+def _across(corners: Array, turns: ArrayLike) -> tuple[Array, Array]:
+    """Distances at which rays from the origin enter and leave an outline, `(n, ...)`; alike where
+    they miss it.
 
     Args:
-        corners: in order, shape `(k, 2)`.
-        turns: of the rays, from the first axis towards the second, rad, `(n,)`.
+        corners: in order, shape `(k, 2, ...)`.
+        turns: of the rays, from the first axis towards the second, rad, `(n, ...)`.
     """
-    edge = np.roll(corners, -1, axis=0) - corners
-    ray = np.stack([np.cos(turns), np.sin(turns)], axis=1)[:, None]
+    turns = jnp.asarray(turns)[:, None]
+    ray = jnp.cos(turns), jnp.sin(turns)
+    edge, corner = (jnp.moveaxis(x, 1, 0) for x in (jnp.roll(corners, -1, 0) - corners, corners))
 
-    def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    def cross(a, b):
+        return a[0] * b[1] - a[1] * b[0]
 
-    with np.errstate(divide="ignore", invalid="ignore"):
-        away = cross(corners, edge) / cross(ray, edge)
-        part = cross(corners, ray) / cross(ray, edge)
-    meets = (part >= 0.0) & (part <= 1.0) & (away > 0.0)
-    far = np.where(meets, away, -np.inf).max(axis=1)
-    near = np.where(meets, away, np.inf).min(axis=1)
-    known = near < far
-    return np.where(known, near, np.nan), np.where(known, far, np.nan)
+    turned = cross(ray, edge)
+    per_turned = 1.0 / jnp.where(turned == 0.0, 1.0, turned)
+    away, part = cross(corner, edge) * per_turned, cross(corner, ray) * per_turned
+    meets = (turned != 0.0) & (part >= 0.0) & (part < 1.0) & (away > 0.0)
+    far = jnp.max(jnp.where(meets, away, 0.0), axis=1)
+    near = jnp.min(jnp.where(meets, away, jnp.inf), axis=1)
+    # An odd number of times: the origin is inside.
+    near = jnp.where(jnp.sum(meets, axis=1) % 2 == 1, 0.0, near)
+    return jnp.where(near < far, near, far), far
 
 
 class Hoops(eqx.Module):
-    """Rings of a foundation, with the sections of all of them.
+    """Rings of a foundation, whose points are the last ones, with the sections of all of them.
 
     Attributes:
         angle: of each section, rad, `(sections, ...)`.
         held: N/mm by which each section is held by itself, `(sections, ...)`.
         stiffness: of each ring as a whole, N/mm, `(rings, ...)`.
-        counts: sections of each ring.
+        outwards: mm of depth that a point loses for each mm of outward motion, `(points of rings,
+            ...)`.
+        counts: sections of each ring, and points in each of these.
     """
 
     angle: Array
     held: Array
     stiffness: Array
-    counts: tuple[int, ...] = eqx.field(static=True)
+    outwards: Array
+    counts: tuple[tuple[int, int], ...] = eqx.field(static=True)
 
     def tension(self, outward: Array) -> Array:
         """Of each ring, N, `(rings, ...)`.
@@ -209,14 +244,16 @@ class Hoops(eqx.Module):
         """Outward motion of each section, mm, `(sections, ...)`, differentiable.
 
         Args:
-            points: with `outwards` and `section`, without `given_way`.
+            points: of the rings and others.
             depth: overlap of each point if no section moved, mm, `(points, ...)`.
         """
+        points, depth = self._own((points, depth))
         still, fixed, below = lax.stop_gradient((self, points, depth))
 
         def newton(outward):
             left = still._residual(fixed, below, outward)
-            return left, -still.solved(still._firm(fixed, below, outward), left)
+            firm = still.firm(fixed, below - still._lost(outward))
+            return left, -still.solved(firm, left)
 
         def nearer(state):
             count, outward, left, step, part = state
@@ -235,27 +272,26 @@ class Hoops(eqx.Module):
             return jnp.max(jnp.abs(state[3]), axis=0) > _ACCURACY
 
         shape = jnp.broadcast_shapes(self.held.shape[1:], depth.shape[1:])
-        nothing = jnp.zeros((sum(self.counts), *shape))
+        nothing = jnp.zeros((len(self.angle), *shape))
         state = jnp.asarray(0), nothing, *newton(nothing), jnp.ones(shape)
         going_on = lambda s: (s[0] < _STEPS) & jnp.any(far(s))  # noqa: E731
         last = lax.while_loop(going_on, nearer, state)
         found = jnp.where(jnp.max(jnp.abs(last[3]), axis=0) > _NOT_FOUND, jnp.nan, last[1])
         return ruled(_settled_rule, found, self, points, depth)
 
-    def given_way(self, points: Points, outward: Array) -> Array:
-        """Depth that each point has lost, mm, `(points, ...)`."""
-        assert points.outwards is not None
-        return points.outwards * jnp.tensordot(self._members(points).T, outward, 1)
+    def given_way(self, depth: Array, outward: Array) -> Array:
+        """Depth that each point has lost, mm, `(points, ...)`; as many as `depth` has."""
+        lost = self._lost(outward)
+        others = jnp.zeros((len(depth) - len(lost), *lost.shape[1:]))
+        return jnp.concatenate([others, lost])
 
-    def pushed(self, points: Points, x: Array) -> Array:
+    def pushed(self, x: Array) -> Array:
         """Sum over the points of each section of what moves it outwards, `(sections, ...)`.
 
         Args:
-            points: of the rings and others.
-            x: force of each point, N, or its change.
+            x: force of each point, N, or its change, `(points, ...)`, of the rings and others.
         """
-        assert points.outwards is not None
-        return jnp.tensordot(self._members(points), points.outwards * x, 1)
+        return jnp.tensordot(self._members, self.outwards * self._own(x), 1)
 
     def solved(self, firm: Array, right: Array) -> Array:
         """Solution of the system with the second derivative of the energy.
@@ -276,37 +312,45 @@ class Hoops(eqx.Module):
         """N/mm by which points hold each section, `(sections, ...)`.
 
         Args:
-            points: with `outwards` and `section`.
+            points: of the rings and others.
             depth: that presses, mm.
         """
+        points, depth = self._own((points, depth))
         _, firm = jax.jvp(points.force, (depth,), (jnp.ones_like(depth),))
-        assert points.outwards is not None
-        return self.pushed(points, points.outwards * firm)
+        return self.pushed(self.outwards * firm)
 
-    def _firm(self, points: Points, depth: Array, outward: Array) -> Array:
-        return self.firm(points, depth - self.given_way(points, outward))
+    def _own(self, of_points: Any) -> Any:
+        """What is known of the points of rings; what one point states for all stays as it is."""
+        own = len(self.outwards)
+        return jax.tree.map(lambda x: x if len(x) == 1 else x[-own:], of_points)
 
     def _residual(self, points: Points, depth: Array, outward: Array) -> Array:
         """Derivative of the energy by the motion of each section, N."""
-        force = points.force(depth - self.given_way(points, outward))
+        force = points.force(depth - self._lost(outward))
         hoop = self.angle * self._to_sections(self.tension(outward))
-        return self.held * outward + hoop - self.pushed(points, force)
+        return self.held * outward + hoop - self.pushed(force)
 
-    def _members(self, points: Points) -> Array:
-        """Which points are of which section, `(sections, points)`."""
-        assert points.section is not None
-        place = points.section.reshape(len(points.section), -1)
-        if place.shape[1] > 1:
-            raise ValueError("rings with other horns or middles side by side: use jax.vmap")
-        return (place[:, 0] == jnp.arange(sum(self.counts))[:, None]).astype(float)
+    def _lost(self, outward: Array) -> Array:
+        return self.outwards * jnp.tensordot(self._members.T, outward, 1)
+
+    @property
+    def _members(self) -> np.ndarray:
+        """Which points are of which section, `(sections, points of rings)`. Products with it end a
+        kernel of XLA's; sums over axes are computed again for each number that reads them."""
+        per = [per for count, per in self.counts for _ in range(count)]
+        return np.repeat(np.eye(len(per)), per, axis=1)
+
+    def _parts(self, x: Array) -> list[Array]:
+        """What is known of sections, `(sections, ...)`, ring by ring."""
+        ends = np.cumsum([0, *(count for count, _ in self.counts)])
+        return [x[a:b] for a, b in pairwise(ends)]
 
     def _of_rings(self, x: Array) -> Array:
-        ends = np.cumsum((0, *self.counts))
-        pairs = zip(ends[:-1], ends[1:], strict=True)
-        return jnp.stack([jnp.sum(x[a:b], axis=0) for a, b in pairs])
+        return jnp.stack([jnp.sum(part, axis=0) for part in self._parts(x)])
 
     def _to_sections(self, x: Array) -> Array:
-        return jnp.repeat(x, np.array(self.counts), axis=0, total_repeat_length=sum(self.counts))
+        counts = np.array([count for count, _ in self.counts])
+        return jnp.repeat(x, counts, axis=0, total_repeat_length=int(counts.sum()))
 
 
 def _settled_rule(outward: Array, primals, tangents):
@@ -315,6 +359,7 @@ def _settled_rule(outward: Array, primals, tangents):
 
     hoops, points, depth = primals
     change = jvp_of_moved(residual, primals, tangents)[1]
-    return outward, -hoops.solved(hoops._firm(points, depth, outward), change)
+    firm = hoops.firm(points, depth - hoops._lost(outward))
+    return outward, -hoops.solved(firm, change)
 
 

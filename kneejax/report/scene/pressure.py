@@ -68,7 +68,8 @@ def plateau_pressures(
     Args:
         knee: any knee.
         poses: of the tibia, fields of shape `(poses,)`; a `State` where other bones move too.
-        points: grid on each surface, along its two parameters (middles of rectangles).
+        points: grid on each surface, along its two parameters (middles of rectangles); on a
+            meniscus along its arc, as many in each section, and across its width.
 
     Returns:
         One field for each compartment.
@@ -98,10 +99,11 @@ def plateau_pressures(
         with np.errstate(invalid="ignore", divide="ignore"):
             center = np.einsum("kp,kxp->px", share, place) / total[:, None]
         drawn = np.array([1.0, 1.0, lateral_sign(knee)])
+        shape = len(place) // points[1], points[1]
         fields.append(
-            PlateauPressure(name, contact.bodies[1], place[:, :, 0].reshape(*points, 3) * drawn,
-                            np.moveaxis(pressure, -1, 0).reshape(-1, *points), center * drawn,
-                            covered.reshape(points), rim * drawn)
+            PlateauPressure(name, contact.bodies[1], place[:, :, 0].reshape(*shape, 3) * drawn,
+                            np.moveaxis(pressure, -1, 0).reshape(-1, *shape), center * drawn,
+                            covered.reshape(shape), rim * drawn)
         )
     return tuple(fields)
 
@@ -133,7 +135,8 @@ def lots(state: State) -> list[State]:
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
     return Contact(contact.femoral, contact.tibial, contact.youngs_modulus, contact.poisson_ratio,
                    contact.layer_thickness, contact.onset_width, law=contact.law, form=QUADRATURE,
-                   points=points, layer_variation=contact.layer_variation, bodies=contact.bodies)
+                   points=points, layer_variation=contact.layer_variation, bodies=contact.bodies,
+                   ring=contact.ring)
 
 
 @eqx.filter_jit

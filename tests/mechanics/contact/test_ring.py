@@ -43,11 +43,8 @@ def outward_and_tension(contact):
     still = dataclasses.replace(foundation, hoops=None)
     depth = still.sample(there(jnp.zeros(6))).depth
     outward = foundation.hoops.settled(foundation.points, depth)
-    left = depth - foundation.hoops.given_way(foundation.points, outward)
-    force = foundation.points.force(left)
-    return outward, foundation.hoops.tension(outward), foundation.hoops.pushed(
-        foundation.points, force
-    )  # fmt: skip
+    force = foundation.points.force(depth - foundation.hoops.given_way(depth, outward))
+    return outward, foundation.hoops.tension(outward), foundation.hoops.pushed(force)
 
 
 energy = eqx.filter_jit(lambda contact, pose: contact.energy(there(pose)))
@@ -86,20 +83,35 @@ def test_a_ring_under_even_pressure_has_the_tension_of_the_closed_form():
 def test_a_symmetric_ring_moves_symmetrically():
     outward, _, _ = map(np.asarray, outward_and_tension(rim()))
     np.testing.assert_allclose(outward, outward[::-1], rtol=1e-9)
-    # As even as points on a square grid are on a ring.
-    assert np.ptp(outward) < 0.2 * outward.mean()
+    # The outline is a polygon of corners that do not fall on the ends of sections.
+    assert np.ptp(outward) < 0.002 * outward.mean()
+
+
+def test_the_area_of_a_ring_is_exact_and_its_load_converges_with_the_square_of_the_pieces():
+    """Of an annulus of 48 corners on a nearly flat plateau: the area between two polygons."""
+    area = eqx.filter_jit(lambda contact: jnp.sum(contact.foundation.points.area))
+    polygon = 0.5 * 48 * np.sin(2.0 * np.pi / 48) * (16.0**2 - 8.0**2) * 300.0 / 360.0
+    assert float(area(rim(rise=1e-9))) == pytest.approx(polygon, rel=2e-3)
+    pose = jnp.array([0.0, 0.0, 0.02, 0.0, -0.5, 0.0])
+    soft = eqx.tree_at(lambda r: r.coronary_stiffness, RING, 2.0)
+    load = [float(energy(rim(soft, points=(n, n)), pose)) for n in (12, 24, 48, 96)]
+    steps = np.abs(np.diff(load))
+    assert steps[1] < 0.35 * steps[0] and steps[2] < 0.35 * steps[1]
 
 
 def test_what_holds_endlessly_stands_still_and_what_holds_nothing_carries_less():
     pose = jnp.zeros(6)
-    stands, gives = float(energy(rim(None), pose)), float(energy(rim(), pose))
+    still = eqx.filter_jit(
+        lambda contact: dataclasses.replace(contact.foundation, hoops=None).energy(there(pose))
+    )
+    stands, gives = float(still(rim())), float(energy(rim(), pose))
     firm = dataclasses.replace(RING, coronary_stiffness=jnp.asarray(1e12))
     assert float(energy(rim(firm), pose)) == pytest.approx(stands, rel=1e-6)
     soft = dataclasses.replace(RING, youngs_modulus=jnp.asarray(1.0))
     assert float(energy(rim(soft), pose)) < gives < stands
 
 
-@pytest.mark.parametrize("number", ["coronary_stiffness", "youngs_modulus"])
+@pytest.mark.parametrize("number", ["coronary_stiffness", "youngs_modulus", "horns"])
 def test_rings_that_differ_in_one_number_side_by_side_move_as_each_alone(number):
     """As in a calibration of that number: every other one is the same of all knees."""
     value = getattr(RING, number)
@@ -110,9 +122,11 @@ def test_rings_that_differ_in_one_number_side_by_side_move_as_each_alone(number)
     for lane, ring in enumerate(both):
         for together, alone in zip(found, outward_and_tension(rim(ring)), strict=True):
             np.testing.assert_allclose(together[..., lane], alone, rtol=1e-9)
-    horns = jnp.stack([RING.horns, 0.9 * RING.horns], axis=-1)
-    with pytest.raises(ValueError, match="jax.vmap"):
-        outward_and_tension(eqx.tree_at(lambda x: x.ring.horns, lanes, horns))
+
+
+def test_a_ring_needs_an_outline():
+    with pytest.raises(ValueError, match="outline"):
+        Contact(geo.Sphere(20.0), geo.Plane(), form="quadrature", ring=RING)
 
 
 @pytest.mark.parametrize("rise", [0.02, 0.001])
