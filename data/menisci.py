@@ -74,7 +74,8 @@ def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> di
     contact = knee.contacts[knee.contact_names.index(rim.compartment)]
     surface = copy.deepcopy(own["tibial_surface"])
     surface["coefficients_mm"] = np.round(_heights(contact, rim, poses), 4).tolist()
-    surface["outline_mm"] = np.round(_ring(contact.tibial, rim), 3).tolist()
+    outline, middle = _ring(contact.tibial, rim)
+    surface["outline_mm"] = np.round(outline, 3).tolist()
     for field in ("fit_rms_mm", "fit_max_mm"):
         surface.pop(field, None)
     surface["source"] = f"wedge on the {rim.compartment} plateau: {rim.source}"
@@ -86,16 +87,15 @@ def contact_of(document: dict, knee: kj.Knee, rim: Rim, poses: np.ndarray) -> di
         "poisson_ratio": rim.poisson_ratio,
         "layer_thickness_mm": rim.layer_thickness_mm,
         "onset_width_mm": 0.05,
-        "ring": _held(_ring(contact.tibial, rim), rim),
+        "ring": _held(outline, middle, rim),
         "femoral_surface": copy.deepcopy(own["femoral_surface"]),
         "tibial_surface": surface,
         "source": rim.source,
     }
 
 
-def _held(outline: np.ndarray, rim: Rim) -> dict:
+def _held(outline: np.ndarray, middle: np.ndarray, rim: Rim) -> dict:
     """What holds a rim, from the horn at one end of its border to that at the other."""
-    middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
     forwards, right = (outline[:_CORNERS] - middle).T
     turns = np.rad2deg(np.unwrap(np.arctan2(right, forwards)))
     return {
@@ -151,8 +151,9 @@ def _room(contact: Contact, x, z, cartilage, poses: np.ndarray) -> np.ndarray:
     return least
 
 
-def _ring(plateau: Surface, rim: Rim) -> np.ndarray:
-    """Corners of the ring: along the cartilage's border, and back along its inner edge."""
+def _ring(plateau: Surface, rim: Rim) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of the ring: along the cartilage's border, and back along its inner edge; and the
+    middle from which its sections are seen."""
     assert isinstance(plateau, Plateau)
     border = np.asarray(plateau.outline)
     steps = np.linspace(0.0, 1.0, 12, endpoint=False)[:, None, None]
@@ -168,7 +169,7 @@ def _ring(plateau: Surface, rim: Rim) -> np.ndarray:
     outer = along[np.linspace(0, len(along) - 1, _CORNERS).round().astype(int)]
     radius = np.linalg.norm(outer - middle, axis=1, keepdims=True)
     inner = middle + (outer - middle) * (1.0 - rim.width_mm / radius)
-    return np.vstack([outer, inner[::-1]])
+    return np.vstack([outer, inner[::-1]]), middle
 
 
 def _inwards(border: np.ndarray, x, z) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Springs at fixed points of tibial surfaces, and how deep each of them is pressed.
 
-Of a knee with menisci every other pose has an unusual ray, at one point of 1,400. A row is also
+Of a knee with menisci one pose of ten has an unusual ray, at one point of 1,200. A row is also
 what is searched at once: a program's memory is that of its largest part, asked for in each call,
 and all points at once made every solve four times slower.
 """

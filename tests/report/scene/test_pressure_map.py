@@ -62,6 +62,17 @@ def test_the_map_adds_up_to_the_evaluated_force(knee):
     )
 
 
+@pytest.mark.long
+def test_a_meniscus_that_gives_way_is_drawn_as_it_is_pressed():
+    """Its sections have moved outwards: without that the map shows up to twice the pressure."""
+    knee = kj.load_knee("average_knee")
+    poses = geo.Pose.from_table([[30.0, 1.2, 11.9, 8.9, -1.8, -1.4]])
+    found = kj.evaluate(knee, poses)
+    for row, field in enumerate(plateau_pressures(knee, poses, (36, 5))):
+        if field.name.endswith("meniscus"):
+            assert field.peak_MPa == pytest.approx(float(found.max_pressure[0, row]), rel=1e-9)
+
+
 def test_nothing_is_pressed_where_there_is_no_cartilage_or_no_touch(knee):
     turn = np.linspace(0.0, 2.0 * np.pi, 30)[:-1]
     outline = np.stack([1.0 + 4.0 * np.cos(turn), 4.0 * np.sin(turn)], axis=1)
