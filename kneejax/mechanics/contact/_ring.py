@@ -134,9 +134,9 @@ class Ring(eqx.Module):
             area: that each point stands for, mm^2.
         """
         away = safe_sqrt((point.x - self.middle[0]) ** 2 + (point.z - self.middle[1]) ** 2)
-        whole = jnp.sum(area, axis=0)
-        empty = whole == 0.0  # a meniscus that was removed
-        radius = jnp.sum(jnp.where(empty, 1.0, area) * away, axis=0) / jnp.where(empty, 1.0, whole)
+        whole, moment = jnp.sum(area, axis=0), jnp.sum(area * away, axis=0)
+        some = whole > 0.0  # where the meniscus was not removed
+        radius = jnp.where(some, moment / jnp.where(some, whole, 1.0), 1.0)
         own = self.youngs_modulus * self.cross_section / (radius * self.angle)
         hoop = self.hoop_left * own
         return hoop * self.horn_stiffness / (self.horn_stiffness + 2.0 * hoop)

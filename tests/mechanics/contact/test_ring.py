@@ -124,6 +124,13 @@ def test_rings_that_differ_in_one_number_side_by_side_move_as_each_alone(number)
             np.testing.assert_allclose(together[..., lane], alone, rtol=1e-9)
 
 
+def test_a_ring_that_was_removed_does_nothing():
+    gone = eqx.tree_at(lambda x: x.tibial.outline, rim(), jnp.full_like(rim().tibial.outline, 1e4))
+    force, rates = wrench_and_rates(gone, jnp.zeros(6))
+    np.testing.assert_array_equal(force, 0.0)
+    np.testing.assert_array_equal(rates, 0.0)
+
+
 def test_a_ring_needs_an_outline():
     with pytest.raises(ValueError, match="outline"):
         Contact(geo.Sphere(20.0), geo.Plane(), form="quadrature", ring=RING)
