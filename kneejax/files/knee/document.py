@@ -82,8 +82,7 @@ class Patella(Part):
         mistakes = Mistakes()
         for section in ("ligaments", "muscles"):
             _check_wraps(getattr(self, section), self.wraps, section, mistakes)
-        heads = [one for one in self.muscles.values() if one.insertion_bone == PATELLA]
-        if not any(head.tension_N for head in heads):
+        if not any(x.tension_N for x in self.muscles.values() if x.insertion_bone == PATELLA):
             expected = "a quadriceps, inserted on the patella, whose tension at rest is above 0"
             mistakes.append(wrong("none", expected, at="muscles"))
         mistakes.check()
@@ -204,8 +203,8 @@ def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument
         raise InputProblem(file, "kneejax", kind, expected)
     mistakes, patella, others = Mistakes(file), document.get("patella"), document.get("ligaments")
     own = patella.get("ligaments") if isinstance(patella, dict) else None
-    for name in own if isinstance(own, dict) and isinstance(others, dict) else ():
-        if own and name in others:
+    if isinstance(own, dict) and isinstance(others, dict):
+        for name in (x for x in own if x in others):
             expected = "a name that no ligament between femur and tibia has"
             mistakes.keep(wrong(own[name], expected, at=f"patella.ligaments.{name}"))
     with mistakes.gathered():
@@ -257,9 +256,9 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
-    """The other side's twin of a contact or a surface of a knee document."""
-    model = faces.SURFACES[part["kind"]] if "kind" in part else faces.ContactPart
-    return _walked(model, part, _image)
+    """The other side's twin of a contact, an obstacle or a surface of a knee document."""
+    kinds: Mapping[str, type[Part]] = faces.OBSTACLES if "bone" in part else faces.SURFACES
+    return _walked(kinds[part["kind"]] if "kind" in part else faces.ContactPart, part, _image)
 
 
 def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:
@@ -288,13 +287,10 @@ def _walked(model: type[Part], part: Any, change: _Change) -> Any:
     """A part with its fields in the order of the model, each of them changed."""
     if not isinstance(part, dict):
         return part
-    fields = {field.alias or name: field for name, field in model.model_fields.items()}
-    found = {}
-    for name in [*(x for x in fields if x in part), *(x for x in part if x not in fields)]:
-        known = fields.get(name)
-        kind, marks = (known.annotation, tuple(known.metadata)) if known else (None, ())
-        found[name] = _inside(kind, marks, part[name], change, part)
-    return found
+    fields = {field.alias or name: (field.annotation, tuple(field.metadata))
+              for name, field in model.model_fields.items()}
+    names = [*(x for x in fields if x in part), *(x for x in part if x not in fields)]
+    return {x: _inside(*fields.get(x, (None, ())), part[x], change, part) for x in names}
 
 
 def _inside(
@@ -302,15 +298,13 @@ def _inside(
 ) -> Any:
     """What stands in a field of this type, changed."""
     origin, inner = get_origin(kind), get_args(kind)
-    for mark in marks:
-        if isinstance(mark, Chosen):
-            try:
-                return _walked(mark.model(value), value, change)
-            except InputProblem:
-                return value
-    if origin is Annotated:
-        return _inside(inner[0], (*marks, *inner[1:]), value, change, part)
-    if origin in (Union, UnionType):
+    for mark in (x for x in marks if isinstance(x, Chosen)):
+        try:
+            return _walked(mark.model(value), value, change)
+        except InputProblem:
+            return value
+    if origin in (Annotated, Union, UnionType):
+        marks = (*marks, *inner[1:]) if origin is Annotated else marks
         return _inside(inner[0], marks, value, change, part)
     if isinstance(kind, type) and issubclass(kind, Part):
         return _walked(kind, value, change)

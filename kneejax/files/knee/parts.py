@@ -9,10 +9,9 @@ lateral are positive on either side).
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
 import numpy as np
 from pydantic import BeforeValidator, model_validator
@@ -34,22 +33,19 @@ ALL_BONES = (FEMUR, TIBIA, PATELLA)
 _LAST = ("source", "fit_rms_mm", "fit_max_mm")
 
 
-@dataclasses.dataclass(frozen=True)
-class Gives:
+class Gives(NamedTuple):
     """The attribute of what is built that has the number, where it is not the field's own name."""
 
     attribute: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Mirrored:
+class Mirrored(NamedTuple):
     """How a value of the other side follows from a field's, and from the part it stands in."""
 
     image: Callable[[Any, Mapping[str, Any]], Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class Source:
+class Source(NamedTuple):
     """Of a field that needs no source of its own: whether it has a number, and is built with."""
 
     number: bool
@@ -70,9 +66,9 @@ def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
                 yield one
             yield from marks(*getattr(one, "__metadata__", ()), *get_args(one))
 
-    fields = model.model_fields.items()
-    every = {name: [*marks(*one.metadata, one.annotation)] for name, one in fields}
-    return {name: found[0] for name, found in every.items() if found}
+    every = {name: next(marks(*field.metadata, field.annotation), None)
+             for name, field in model.model_fields.items()}
+    return {name: found for name, found in every.items() if found is not None}
 
 
 _UNITS = ("_N_per_mm", "_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
@@ -84,11 +80,9 @@ _ELSEWHERE = (*_LAST, "via_points")
 def attributes(model: type[Part]) -> dict[str, str]:
     """Field -> attribute of what is built that has its number."""
     gives, apart = marked(model, Gives), marked(model, Source)
-    return {
-        name: gives[name].attribute if name in gives else quantity(name)
-        for name in model.model_fields
-        if name not in _ELSEWHERE and apart.get(name, SPARED).number
-    }
+    return {name: gives[name].attribute if name in gives else quantity(name)
+            for name in model.model_fields
+            if name not in _ELSEWHERE and apart.get(name, SPARED).number}
 
 
 def quantity(field: str) -> str:
@@ -156,13 +150,12 @@ class Sourced(Part):
     @model_validator(mode="after")
     def _check_source(self) -> Sourced:
         if isinstance(self.source, dict):
-            fields, stated = type(self).model_fields, self.model_fields_set - {"source"}
-            given = [name for name in fields if name in stated]
-            spared, mistakes = marked(type(self), Source), Mistakes()
-            for name in given:
-                if name not in spared and name not in self.source:
-                    mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
-            for name in [name for name in self.source if name not in given]:
+            stated = self.model_fields_set - {"source"}
+            given = [name for name in type(self).model_fields if name in stated]
+            spared, mistakes = {*marked(type(self), Source), *self.source}, Mistakes()
+            for name in (x for x in given if x not in spared):
+                mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
+            for name in (x for x in self.source if x not in given):
                 expected = f"no such field, but one of {', '.join(given)}"
                 mistakes.append(wrong(self.source[name], expected, at=f"source.{name}"))
             mistakes.check()

@@ -223,10 +223,9 @@ def _by_kind(models: Mapping[str, type[Part]]) -> Chosen:
     def model(value: Any) -> type[Part]:
         if not isinstance(value, dict) or "kind" not in value:
             raise wrong(value, f"a mapping with the field kind, one of {', '.join(models)}")
-        try:
-            return models[reading.choice(value["kind"], models)]
-        except reading.InputProblem as problem:
-            raise wrong(value["kind"], problem.expected, problem.nearest, at="kind") from None
+        if not isinstance(kind := value["kind"], str) or kind not in models:
+            raise wrong(kind, models, at="kind")
+        return models[kind]
 
     return Chosen(model)
 
@@ -289,12 +288,11 @@ class ContactPart(Sourced):
 
     def built(self, **more: Any) -> Contact:
         """The contact in a right knee."""
-        first, second = self.faces
-        bodies = FEMUR, PATELLA if second == "patellar_surface" else TIBIA
-        faces = {"femoral": getattr(self, first).built(), "tibial": getattr(self, second).built()}
+        femoral, other = (getattr(self, face).built() for face in self.faces)
+        bodies = FEMUR, PATELLA if self.patellar_surface is not None else TIBIA
         if self.ring is not None:
             more["ring"] = self.ring.built()
-        return super().built(**faces, bodies=bodies, **more)
+        return super().built(femoral=femoral, tibial=other, bodies=bodies, **more)
 
     @model_validator(mode="after")
     def _check_layer(self) -> ContactPart:
@@ -303,13 +301,12 @@ class ContactPart(Sourced):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))
-        if self.layer_variation_mm is not None:
+        if (table := self.layer_variation_mm) is not None:
             with mistakes.gathered("layer_variation_mm"):
-                layer = self.layer_thickness_mm + _powers(self.layer_variation_mm)
                 allowed = RANGES["layer_thickness_mm"]
-                if not all(allowed.holds(x) for x in (layer.min(), layer.max())):
-                    expected = f"a layer {allowed} all over the region"
-                    raise wrong([*map(list, self.layer_variation_mm)], expected)
+                layer = self.layer_thickness_mm + _powers(table)
+                if not (allowed.holds(layer.min()) and allowed.holds(layer.max())):
+                    raise wrong([*map(list, table)], f"a layer {allowed} all over the region")
         mistakes.check()
         return self
 

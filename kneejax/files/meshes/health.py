@@ -196,17 +196,14 @@ def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarr
 def _edges(faces: np.ndarray):
     """Pairs of faces that share an edge, whether both run along it the same way, rows with open
     edges, and the number of edges with more than two faces."""
-    a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    row = np.repeat(np.arange(len(faces)), 3)
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    order = np.lexsort((row, high, low))
-    low, high, row, way = low[order], high[order], row[order], (a < b)[order]
-    new = np.r_[True, (low[1:] != low[:-1]) | (high[1:] != high[:-1])]
-    start = np.flatnonzero(new)
-    count = np.diff(np.r_[start, len(low)])
-    two = start[count == 2]
-    pairs = np.stack([row[two], row[two + 1]], axis=1)
-    return pairs, way[two] == way[two + 1], row[start[count == 1]], int((count > 2).sum())
+    from trimesh.grouping import group_rows
+
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends, (first, second) = np.sort(edges, axis=1), edges.T
+    alone, two = (group_rows(ends, require_count=count) for count in (1, 2))
+    several = len(np.unique(ends, axis=0)) - len(alone) - len(two)
+    one, other = (first < second)[two].T
+    return two // 3, one == other, alone // 3, several
 
 
 def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):

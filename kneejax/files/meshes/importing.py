@@ -15,7 +15,7 @@ from kneejax.files.meshes import surfaces as fitted
 from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Condyle, Frame, Pose, Surface
+from kneejax.geometry import Condyle, Frame, Placement, Pose, Surface
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
@@ -195,11 +195,11 @@ def import_meshes(
         return right_sheets(path, options.unit, left, findings)
 
     femoral, tibial = read(femoral_cartilage), read(tibial_cartilage)
-    femur, plateaus = find_bones(femoral, tibial, options, left, findings)
-    bones, given_mm = None, options.layer_thickness_mm
+    tibia = (options.reference_pose or Pose.from_table([0.0] * 6)).placement
+    femur, plateaus = find_bones(femoral, tibial, tibia, options, left, findings)
+    contacts, bones, given_mm = {}, None, options.layer_thickness_mm
     if given_mm is None and options.femur_bone is not None and options.tibia_bone is not None:
         bones = read(options.femur_bone), read(options.tibia_bone)
-    contacts, tibia = {}, _reference(options).placement
     for name, sheet in plateaus.items():
         condyle, plateau = fitted.fit_compartment(
             name, sheet, femur, tibia, options.angle_deg, options.splines)
@@ -230,9 +230,8 @@ def import_meshes(
         said = "given at import" if given_mm else "assumed"
         patellofemoral = _contact(options, patella, layer, surfaces, said, left)
     if given_mm is None and bones is None:
-        findings.append(
-            f"No bone meshes, no thickness: the layer is taken as {fitted.ASSUMED_MM:g} mm thick."
-        )
+        assumed = f"the layer is taken as {fitted.ASSUMED_MM:g} mm thick"
+        findings.append(f"No bone meshes, no thickness: {assumed}.")
     if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
@@ -249,8 +248,9 @@ def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> 
 
 
 def find_bones(
-    femoral: list[Sheet], tibial: list[Sheet], options: MeshOptions, left: bool, findings: list[str]
-) -> tuple[anatomy.Femur, dict[str, Sheet]]:
+    femoral: list[Sheet], tibial: list[Sheet], tibia: Placement, options: MeshOptions, left: bool,
+    findings: list[str],
+) -> tuple[anatomy.Femur, dict[str, Sheet]]:  # fmt: skip
     """The femur and the tibia's compartments, by name, of a right knee or the mirror of a left."""
     for sheet in (*femoral, *tibial):
         check_holes(sheet, findings)
@@ -261,16 +261,12 @@ def find_bones(
         point, turn = point * [1.0, 1.0, sign], np.deg2rad(turn * [sign, sign, 1.0])
         axis = Frame(point.tolist(), turn if turn.any() else None)
     femur = anatomy.find_femur(femoral, findings, axis, notch)
-    tibia = _reference(options).placement
     plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
     if split is not None and len(plateaus) < 2:
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", options.split_mm, expected)
     return femur, plateaus
 
-
-def _reference(options: MeshOptions) -> Pose:
-    return Pose.from_table([0.0] * 6) if options.reference_pose is None else options.reference_pose
 
 
 def judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:

@@ -14,19 +14,11 @@ import numpy as np
 from kneejax import geometry
 from kneejax.files.knee import build_surface, mirror_part
 from kneejax.files.knee.document import mirror_document
-from kneejax.files.meshes import anatomy
+from kneejax.files.meshes import anatomy, importing
 from kneejax.files.meshes.health import Sheet, check_holes
-from kneejax.files.meshes.importing import (
-    TARGET_RMS_MM,
-    MeshPath,
-    judge,
-    listed,
-    right_sheets,
-    spread_points,
-    surface_entry,
-)
+from kneejax.files.meshes.importing import TARGET_RMS_MM, MeshPath, judge, right_sheets
 from kneejax.files.meshes.points import cut_by_plane
-from kneejax.files.meshes.surfaces import SheetFit, quality
+from kneejax.files.meshes.surfaces import SheetFit, sheet_fit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Plateau, Pose
 from kneejax.mechanics import QUADRATURE
@@ -159,9 +151,7 @@ def meniscus_of_mesh(
                                              outline=np.round(outline, 3))  # fmt: skip
     except ValueError as error:
         raise InputProblem(path, "upper side", str(error), "a finer mesh") from None
-    every = np.ones(len(spline.points), bool)
-    across = anatomy.in_frame(plateau.frame, spline.points)[:, [0, 2]]
-    fit = SheetFit(spline, every, quality(spline, every, across))
+    fit = sheet_fit(spline, None)
     judge(f"{name} meniscus", fit, "everywhere", stated, findings)
     if fit.quality.rms > TARGET_RMS_MM:
         doubts.append(findings.pop())
@@ -193,13 +183,14 @@ def meniscus_of_mesh(
     whence = {**_OF_RING, **dict.fromkeys(ring, "given at import")}
     source["ring"] = "; ".join([f"{stated}", *(f"{x}: {y}" for x, y in whence.items())])
     contact = {
-        "form": QUADRATURE, "points": spread_points(spline.surface), "law": "linear", **MATERIAL,
+        "form": QUADRATURE, "points": importing.spread_points(spline.surface), "law": "linear",
+        **MATERIAL,
         "layer_thickness_mm": round(thick + cartilage_mm, 3), **material,
         "ring": {**RING, "cross_section_mm2": round(float(area.mean()), 2),
-                 "middle_mm": listed(middle), "horns_deg": listed(np.rad2deg([begin, end])),
-                 **ring},
+                 "middle_mm": importing.listed(middle),
+                 "horns_deg": importing.listed(np.rad2deg([begin, end])), **ring},
         "femoral_surface": cartilage["femoral_surface"],
-        "tibial_surface": surface_entry(fit, stated),
+        "tibial_surface": importing.surface_entry(fit, stated),
         "source": source | dict.fromkeys(source.keys() & material.keys(), "given at import"),
     }  # fmt: skip
     sign = -1.0 if left else 1.0

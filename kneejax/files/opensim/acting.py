@@ -11,9 +11,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.files.knee import build_obstacle
+from kneejax.files.knee import build_obstacle, mirror_part
 from kneejax.files.opensim import ligaments as fibres
-from kneejax.files.opensim.exact import MIRROR, Rigid, angles_xyz, turn_xyz
+from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.frames import Registration
 from kneejax.files.opensim.joints import Movement
 from kneejax.files.opensim.knee import OsimKneeJoint
@@ -21,8 +21,7 @@ from kneejax.files.opensim.model import GROUND, Model, evaluate, function_of
 from kneejax.files.opensim.paths import OsimPoint, path_points, read_wraps
 from kneejax.files.opensim.xml import Element, parse_xml
 from kneejax.files.reading import InputProblem, counted
-from kneejax.files.tables import Storage, last_word
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables.storage import Storage, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import RANGES, Course, Muscles, add_lane_axis, ligament_law
 
@@ -302,23 +301,16 @@ def recorded_muscles(
         tension.append(np.asarray(ligament_law.exact_tension(strain, stiffness, transition)))
     ends = {bone: np.reshape([frames[bone].point(1e3 * way.ends[bone]).T for way in ways],
                              (len(ways), 3, -1 if ways else len(time))) for bone in (FEMUR, TIBIA)}
-    wraps, by_wrap = read_wraps(movement.model), {}
+    wraps, by_wrap, courses = read_wraps(movement.model), {}, []
     for row, way in enumerate(ways):
         wrap = fibres.wrap_of(way.element, wraps, knee, (FEMUR, TIBIA), straight)
         if wrap is not None:
             by_wrap.setdefault(wrap.element, (wrap, []))[1].append(row)
-    courses, mirror = [], MIRROR[knee.side]
     for wrap, rows in by_wrap.values():
         entry = wrap.document(knee, "")
-        bone = entry["bone"]
-        # In the knee's frames. Mirrored axes of a symmetric obstacle are axes again where the last
-        # is turned back.
-        turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
-        center = mirror @ np.array(entry["center_mm"]) + getattr(shifts, bone)
-        obstacle = build_obstacle(entry | {
-            "center_mm": center.tolist(),
-            "rotation_deg": np.rad2deg(angles_xyz(mirror @ turn @ mirror)).tolist(),
-        })
+        entry, bone = mirror_part(entry) if knee.side == "l" else entry, entry["bone"]
+        center = np.add(entry["center_mm"], getattr(shifts, bone)).tolist()
+        obstacle = build_obstacle(entry | {"center_mm": center})
         # As OpenSim has it: what ends inside an obstacle at any instant does not lie around it.
         there = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends[bone][rows], 1, 0)))
         parts = zip(there, obstacle.semi_axes_along_frame, strict=True)

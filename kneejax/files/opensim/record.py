@@ -17,8 +17,7 @@ from kneejax.files.opensim.joints import Joint, Movement, coordinate_columns, co
 from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, angles_rad, common_times, last_word
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables import Storage, storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name
@@ -87,7 +86,7 @@ def read_activity(
     bones = find_knee(model, side, femur, tibia)
     given = sorted_files(model, bones, files, called)
     motion, pulls, reaction, external = map(given.get, _KINDS)
-    time = common_times([x.table if x is external else x for x in given.values()], instants)
+    time = storage.common_times([x.table if x is external else x for x in given.values()], instants)
     shifts = frames if isinstance(frames, Registration) else registration(
         model, bones, knee, document or {}, frames)
     around = moved_around(model, bones, motion, time)
@@ -144,8 +143,8 @@ def sorted_files(
         if Path(path).suffix.lower() == ".xml":
             kind, value = "external loads", forces.read_external_loads(path, model, called)
         else:
-            value = read_storage(path).renamed(called)
-            words = {last_word(name) for name in value.columns}
+            value = storage.read_storage(path).renamed(called)
+            words = {storage.last_word(name) for name in value.columns}
             if flexion in words:
                 kind = "coordinates"
             elif len(words & muscles) > 1:
@@ -187,7 +186,7 @@ def moved_around(
     """The model at five instants about each of `(n,)`, along a first axis."""
     columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
     known = coordinates_of(kinematics.read_joints(model))
-    angles_rad(table, columns[flexion])
+    storage.angles_rad(table, columns[flexion])
     for c in coordinates_of(bones.joints):
         values = table.columns[columns[c.name]] if c.name in columns else np.array([c.default])
         farthest = float(values[np.abs(values - c.default).argmax()])

@@ -22,8 +22,7 @@ from kneejax.files.opensim.knee import find_knee
 from kneejax.files.opensim.model import Model, read_model
 from kneejax.files.opensim.xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
-from kneejax.files.tables import Storage, angles_rad, common_times
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables.storage import Storage, angles_rad, common_times, read_storage
 from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 

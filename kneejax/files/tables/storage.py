@@ -130,9 +130,8 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
 
 
 def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
-    """Whether angles are degrees, and by what. By the line inDegrees. Without it as OpenSim reads
-    them: degrees in a motion of SIMM, which is a .mot without a version, and radians in every other
-    table."""
+    """Whether angles are degrees, and by what: the line inDegrees, or as OpenSim reads what has
+    none: degrees in a motion of SIMM, a .mot without a version, and radians in any other table."""
     has_version = False
     for line in header:
         name, _, value = (x.strip() for x in line.lower().partition("="))

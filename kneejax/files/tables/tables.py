@@ -175,17 +175,15 @@ class Table:
         for name in columns:
             if (count := self.header.count(name)) > 1:
                 self.wrong(name, f"{count} columns", "one column of this name")
-        missing, near = [name for name in columns if name not in self.header], {}
-        for name in missing:
-            # A column that is needed itself is no misspelling of another, nor is one of another
-            # joint.
-            others = [x for x in self.header if x not in columns and _joint(x) == _joint(name)]
-            if nearest := nearest_name(name, others):
-                near[name] = nearest
+        missing = [name for name in columns if name not in self.header]
+        # A column that is needed itself is no misspelling of another, nor is one of another joint.
+        others = [x for x in self.header if x not in columns]
+        near = {name: nearest_name(name, [x for x in others if _joint(x) == _joint(name)])
+                for name in missing}
         if missing:
             one = len(missing) == 1
             what = f"{'this column' if one else 'these columns'} among {', '.join(self.header)}"
-            meant = ", ".join(near.values() if one else (f"{x} by {y}" for x, y in near.items()))
+            meant = ", ".join(y if one else f"{x} by {y}" for x, y in near.items() if y)
             self.wrong(", ".join(missing), "missing", what, meant or None)
 
     def check_columns(self, columns: Sequence[str]) -> None:
