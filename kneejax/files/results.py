@@ -228,12 +228,9 @@ class Checkpoints:
     """
 
     def __init__(
-        self,
-        folder: str | os.PathLike[str],
-        about: Mapping[str, Any],
-        data: bytes,
+        self, folder: str | os.PathLike[str], about: Mapping[str, Any], data: bytes,
         begin: Callable[[], None] | None = None,
-    ):
+    ):  # fmt: skip
         """Check that the folder is free or of the same work; it is claimed by the first part.
 
         Args:

@@ -153,12 +153,9 @@ class MeshImport:
 
 
 def import_meshes(
-    femoral_cartilage: MeshPath,
-    tibial_cartilage: MeshPath,
-    *,
-    side: str,
+    femoral_cartilage: MeshPath, tibial_cartilage: MeshPath, *, side: str,
     options: MeshOptions | None = None,
-) -> MeshImport:
+) -> MeshImport:  # fmt: skip
     """Fit contacts to meshes of cartilage, in the frames of their bones.
 
     Frames are X anterior, Y superior, Z to the person's right.

@@ -71,15 +71,10 @@ class MeshMeniscus(NamedTuple):
 
 
 def meniscus_of_mesh(
-    meshes: MeshPath | Sequence[MeshPath],
-    document: Mapping[str, Any],
-    compartment: str | None = None,
-    *,
-    pose: Pose | None = None,
-    unit: str = "auto",
-    material: Mapping[str, Any] = {},
-    ring: Mapping[str, float] = {},
-) -> MeshMeniscus:
+    meshes: MeshPath | Sequence[MeshPath], document: Mapping[str, Any],
+    compartment: str | None = None, *, pose: Pose | None = None, unit: str = "auto",
+    material: Mapping[str, Any] = {}, ring: Mapping[str, float] = {},
+) -> MeshMeniscus:  # fmt: skip
     """The contact with a ring that a meniscus's mesh is.
 
     Args:

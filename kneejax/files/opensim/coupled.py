@@ -114,12 +114,9 @@ def coupled_motion(
 
 
 def couple_model(
-    model_path: str | os.PathLike[str],
-    side: str,
-    motion: CoupledMotion,
-    shifts: Registration,
+    model_path: str | os.PathLike[str], side: str, motion: CoupledMotion, shifts: Registration,
     bones: tuple[str, str] | None = None,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """A model whose knee follows flexion as a motion does.
 
     Args:

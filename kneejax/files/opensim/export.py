@@ -48,12 +48,9 @@ class OsimExport:
 
 
 def export_osim(
-    knee: KneeFile | str | os.PathLike[str],
-    model: str | os.PathLike[str],
-    *,
-    replace: bool = False,
-    coupled: CoupledMotion | None = None,
-) -> OsimExport:
+    knee: KneeFile | str | os.PathLike[str], model: str | os.PathLike[str], *,
+    replace: bool = False, coupled: CoupledMotion | None = None,
+) -> OsimExport:  # fmt: skip
     """Write a knee's ligaments and obstacles into the model that it came from.
 
     Numbers that are the same keep the model's own text; others become the shortest text that gives

@@ -305,13 +305,9 @@ def registration(
 
 
 def registered(
-    model_path: str | os.PathLike[str],
-    side: str,
-    knee: Knee,
-    document: dict[str, Any],
-    frames: str,
-    bones: tuple[str, str] | None = None,
-) -> Registration:
+    model_path: str | os.PathLike[str], side: str, knee: Knee, document: dict[str, Any],
+    frames: str, bones: tuple[str, str] | None = None,
+) -> Registration:  # fmt: skip
     """Register a model to a knee once, for models that differ from it in how the knee moves.
 
     Args:

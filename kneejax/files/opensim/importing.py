@@ -101,17 +101,10 @@ class OsimImport:
 
 
 def import_osim(
-    path: str | os.PathLike[str],
-    *,
-    side: str,
-    femur: str | None = None,
-    tibia: str | None = None,
-    without: tuple[str, ...] | list[str] = (),
-    inside: str = "refuse",
-    patella: bool = True,
-    at: Mapping[str, float] | None = None,
-    data: bytes | None = None,
-) -> OsimImport:
+    path: str | os.PathLike[str], *, side: str, femur: str | None = None, tibia: str | None = None,
+    without: tuple[str, ...] | list[str] = (), inside: str = "refuse", patella: bool = True,
+    at: Mapping[str, float] | None = None, data: bytes | None = None,
+) -> OsimImport:  # fmt: skip
     """Read a knee from an OpenSim model of schema 3 or 4.
 
     Lengths become mm by moving the decimal point, so that every digit of the file is kept.

@@ -45,18 +45,11 @@ _KINDS = "coordinates", "muscle forces", "joint reactions", "external loads"
 
 
 def read_activity(
-    model_path: str | os.PathLike[str],
-    files: Sequence[str | os.PathLike[str]],
-    *,
-    side: str,
-    knee: Knee,
-    document: dict[str, Any] | None = None,
-    frames: str | Registration = "auto",
-    instants: int | None = None,
-    femur: str | None = None,
-    tibia: str | None = None,
+    model_path: str | os.PathLike[str], files: Sequence[str | os.PathLike[str]], *, side: str,
+    knee: Knee, document: dict[str, Any] | None = None, frames: str | Registration = "auto",
+    instants: int | None = None, femur: str | None = None, tibia: str | None = None,
     called: Mapping[str, str] | None = None,
-) -> LegRecord:
+) -> LegRecord:  # fmt: skip
     """Read a recorded movement, without OpenSim.
 
     Args:

@@ -85,17 +85,11 @@ class WholeBodyForces:
 
 
 def whole_body(
-    model_path: str | os.PathLike[str],
-    motion: str | os.PathLike[str],
-    loads: str | os.PathLike[str] | None,
-    *,
-    side: str,
-    actuators: str | os.PathLike[str] | None = None,
-    instants: int | None = None,
-    time_s: tuple[float, float] | None = None,
-    femur: str | None = None,
-    tibia: str | None = None,
-) -> WholeBody:
+    model_path: str | os.PathLike[str], motion: str | os.PathLike[str],
+    loads: str | os.PathLike[str] | None, *, side: str,
+    actuators: str | os.PathLike[str] | None = None, instants: int | None = None,
+    time_s: tuple[float, float] | None = None, femur: str | None = None, tibia: str | None = None,
+) -> WholeBody:  # fmt: skip
     """Check a movement before OpenSim is asked about it.
 
     Args:

@@ -31,13 +31,9 @@ class InputProblem(ValueError):
     """
 
     def __init__(
-        self,
-        file: str | os.PathLike[str],
-        field: str,
-        value: Any,
-        expected: str | Collection[str],
+        self, file: str | os.PathLike[str], field: str, value: Any, expected: str | Collection[str],
         nearest: str | Iterable[str] | None = None,
-    ):
+    ):  # fmt: skip
         """Make the line.
 
         Args:

@@ -137,10 +137,9 @@ def plain(value: Any) -> Any:
 
 
 def mapping_of(
-    read: Callable[[Any, str], Any],
-    kind: str,
+    read: Callable[[Any, str], Any], kind: str,
     names: Sequence[str] | Callable[[Any], str] | None = None,
-) -> Callable[[Any], dict[str, Any]]:
+) -> Callable[[Any], dict[str, Any]]:  # fmt: skip
     """A reader of a mapping whose values are read with the names under which they stand.
 
     Args:

@@ -193,15 +193,10 @@ class LabTable(NamedTuple):
 
 
 def read_lab_table(
-    path: str | os.PathLike[str],
-    columns: Mapping[str, str] | None = None,
-    flexion_deg: float | None = None,
-    convention: str = CLINICAL,
-    ignore: tuple[str, ...] = (),
-    *,
-    unloaded: bool = False,
-    about: str = "",
-) -> LabTable:
+    path: str | os.PathLike[str], columns: Mapping[str, str] | None = None,
+    flexion_deg: float | None = None, convention: str = CLINICAL, ignore: tuple[str, ...] = (), *,
+    unloaded: bool = False, about: str = "",
+) -> LabTable:  # fmt: skip
     """Read a test under load from a CSV table.
 
     Args:

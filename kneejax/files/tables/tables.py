@@ -28,10 +28,9 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", 
 
 
 def read_poses(
-    path: str | os.PathLike[str],
-    convention: str = FEMORAL,
+    path: str | os.PathLike[str], convention: str = FEMORAL,
     columns: Mapping[str, str] | None = None,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Read poses from a CSV table.
 
     Args:
@@ -267,15 +266,11 @@ def pose_range(column: str) -> Range:
 
 
 def write_poses(
-    path: str | os.PathLike[str],
-    table: np.ndarray,
-    status: Sequence[Any] | None = None,
-    converged: Sequence[bool] | None = None,
-    stable: Sequence[bool] | None = None,
-    convention: str = FEMORAL,
-    doubts: Sequence[str] | None = None,
+    path: str | os.PathLike[str], table: np.ndarray, status: Sequence[Any] | None = None,
+    converged: Sequence[bool] | None = None, stable: Sequence[bool] | None = None,
+    convention: str = FEMORAL, doubts: Sequence[str] | None = None,
     patella: np.ndarray | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Write poses to a CSV table, completely or not at all.
 
     Args:
