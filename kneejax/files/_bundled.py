@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
@@ -114,8 +114,7 @@ def bundled_knee_descriptions() -> dict[str, str]:
     return {name: load_yaml(path, "a knee file")["description"].strip() for name, path in files}
 
 
-@dataclasses.dataclass(frozen=True)
-class Example:
+class Example(NamedTuple):
     """A bundled folder of made-up files to begin with."""
 
     path: Path  # the folder

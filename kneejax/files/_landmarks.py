@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
@@ -67,11 +66,10 @@ class Malleoli(Part):
     lateral_mm: Point | None = meaning("its point", None)
     lateral_ball: Ball | None = meaning("or where to fit a sphere", None)
 
-    @model_validator(mode="after")
-    def _check_each(self) -> Malleoli:
+    @reading.checks
+    def _check_each(self, mistakes: Mistakes) -> None:
         for side in SIDES:
             _check_one_of(self, f"{side}_mm", f"{side}_ball")
-        return self
 
 
 class TibiaFields(Part):
@@ -81,10 +79,9 @@ class TibiaFields(Part):
     ankle_center_mm: Point | None = meaning("the ankle's centre", None)
     malleoli: Malleoli | None = meaning("whose middle it is", None)
 
-    @model_validator(mode="after")
-    def _check_ankle(self) -> TibiaFields:
+    @reading.checks
+    def _check_ankle(self, mistakes: Mistakes) -> None:
         _check_one_of(self, "ankle_center_mm", "malleoli")
-        return self
 
 
 class Landmarks(Part):

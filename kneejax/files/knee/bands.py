@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax import mechanics
 from kneejax.files import reading
 from kneejax.files.knee.parts import POINTS, Point, Sourced
-from kneejax.files.reading import Number, Part, Text, one_of, reads, wrong
+from kneejax.files.reading import Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import Placement, Vector
 from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
 
@@ -37,8 +36,8 @@ class Area(Part):
     outline_mm: Annotated[Any, reads(reading.rows, 3, RANGES["point_mm"]), POINTS] = None
     half: Annotated[str, one_of(_HALVES)] | None = None
 
-    @model_validator(mode="after")
-    def _check_area(self) -> Area:
+    @reading.checks
+    def _check_area(self, mistakes: Mistakes) -> None:
         given = [x for x in (*_ELLIPSE, "outline_mm") if getattr(self, x) is not None]
         if given not in ([*_ELLIPSE], ["outline_mm"]):
             raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
@@ -46,7 +45,6 @@ class Area(Part):
             self.ellipse()
         except ValueError as problem:
             raise wrong(self.outline_mm, f"an outline around an area ({problem})") from None
-        return self
 
     def ellipse(self, side: str = "right") -> AttachmentArea:
         """Its ellipse, or that of its half, in a knee of a side."""
@@ -82,13 +80,12 @@ class Band(Sourced):
     wrap: Text | None = None
     fibres: Annotated[int, reads(reading.whole, 1, _MOST_FIBRES)] = 24
 
-    @model_validator(mode="after")
-    def _check_band(self) -> Band:
+    @reading.checks
+    def _check_band(self, mistakes: Mistakes) -> None:
         if (self.law == BLANKEVOORT) == (self.transition_strain is None):
             given = "missing" if self.transition_strain is None else self.transition_strain
             expected = f"a transition strain with the law {BLANKEVOORT}, and only with that"
-            raise wrong(given, expected, at="transition_strain")
-        return self
+            mistakes.append(wrong(given, expected, at="transition_strain"))
 
 
 def fibre_names(name: str, band: Band) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
@@ -77,16 +77,13 @@ class Patella(Part):
     muscles: Annotated[dict[Name, parts.Muscle], reading.named("a muscle")]
     wraps: Obstacles = {}
 
-    @model_validator(mode="after")
-    def _check_patella(self) -> Patella:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_patella(self, mistakes: Mistakes) -> None:
         for section in ("ligaments", "muscles"):
             _check_wraps(getattr(self, section), self.wraps, section, mistakes)
         if not any(x.tension_N for x in self.muscles.values() if x.insertion_bone == PATELLA):
             expected = "a quadriceps, inserted on the patella, whose tension at rest is above 0"
             mistakes.append(wrong("none", expected, at="muscles"))
-        mistakes.check()
-        return self
 
 
 class SameAs(Part):
@@ -128,10 +125,10 @@ class KneeDocument(Part):
     notes: Text = ""
     imported_from: Origin | None = None
 
-    @model_validator(mode="after")
-    def _check_names(self) -> KneeDocument:
+    @reading.checks
+    def _check_names(self, mistakes: Mistakes) -> None:
         fibres = [one for item in self.bands.items() for one in fibre_names(*item)]
-        mistakes, known = Mistakes(), (*self.ligaments, *fibres)
+        known = (*self.ligaments, *fibres)
         if not known and not self.contacts:
             expected = "a mapping from a name to a ligament, or contacts"
             mistakes.append(wrong({}, expected, at="ligaments"))
@@ -151,8 +148,6 @@ class KneeDocument(Part):
                 if not fnmatch.filter(known, pattern):
                     expected = "the name of a ligament, or a pattern that fits one"
                     mistakes.append(wrong(pattern, expected, known, f"groups.{name}[{place}]"))
-        mistakes.check()
-        return self
 
     def sources(self) -> dict[str, str]:
         """Place of a field (or of a part with all its fields) -> its source."""

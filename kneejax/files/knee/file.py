@@ -164,11 +164,11 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: 
 
 
 class Way(NamedTuple):
-    """A part that may have via points and a wrap, the bones that it joins, and known wraps."""
+    """A part that may have via points, the bones that it joins, and what it goes around."""
 
     part: parts.Ligament | parts.Muscle
     bones: geometry.Pair
-    wraps: Mapping[str, surfaces.Obstacle]
+    obstacle: surfaces.Obstacle | None
 
 
 def _built(
@@ -211,10 +211,8 @@ def pose_of(stated: Any) -> geometry.Pose:
 
 
 def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> dict[str, Way]:
-    return {
-        name: Way(part, (parts.ENDS[part.ends[0]], parts.ENDS[part.ends[1]]), wraps)
-        for name, part in ligaments.items()
-    }
+    return {name: Way(x, (parts.ENDS[x.ends[0]], parts.ENDS[x.ends[1]]), wraps.get(x.wrap or ""))
+            for name, x in ligaments.items()}
 
 
 def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechanics.Ligaments:
@@ -279,16 +277,13 @@ def _courses(ways: list[Way]) -> list[mechanics.Course]:
     kinds: dict[tuple, list[int]] = {}
     for row, way in enumerate(ways):
         bones = tuple(via.bone for via in way.part.via_points)
-        if bones or way.part.wrap is not None:
-            section = id(way.wraps) if way.part.wrap is not None else 0
-            kinds.setdefault((way.bones, bones, way.part.wrap, section), []).append(row)
+        if bones or way.obstacle is not None:
+            kinds.setdefault((way.bones, bones, id(way.obstacle)), []).append(row)
     courses = []
-    for (pair, bones, name, _), rows in kinds.items():
+    for (pair, bones, _), rows in kinds.items():
         via = [[ways[row].part.via_points[k].point_mm for row in rows] for k in range(len(bones))]
-        points = np.array(via, float) if bones else None
-        wrap = ways[rows[0]].wraps[name] if name else None
-        bone = wrap.bone if wrap else pair[1]
-        obstacle = wrap.built() if wrap else None
+        points, wrap = np.array(via, float) if bones else None, ways[rows[0]].obstacle
+        obstacle, bone = (None, pair[1]) if wrap is None else (wrap.built(), wrap.bone)
         courses.append(mechanics.Course(rows, points, bones, obstacle, bone, pair))
     return courses
 
@@ -306,7 +301,8 @@ def _muscles(
             raise InputProblem(file, f"tension of {name}", found, expected)
     tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
     names = tuple(name for name, tension in tensions.items() if tension > 0)
-    ways = [Way(known[x], (FEMUR, known[x].insertion_bone), patella.wraps) for x in names]
+    ways = [Way(x, (FEMUR, x.insertion_bone), patella.wraps.get(x.wrap or ""))
+            for x in (known[name] for name in names)]
     muscles = mechanics.Muscles(
         [known[name].origin_mm for name in names], [known[name].insertion_mm for name in names],
         [tensions[name] for name in names], names, _courses(ways),

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator
 
 from kneejax import mechanics
 from kneejax.files import reading
@@ -147,19 +147,17 @@ class Sourced(Part):
                 (frame if inside else given)[own or place] = value
         return type(self).makes(**given | ({"frame": Frame(**frame)} if frame else {}))
 
-    @model_validator(mode="after")
-    def _check_source(self) -> Sourced:
+    @reading.checks
+    def _check_source(self, mistakes: Mistakes) -> None:
         if isinstance(self.source, dict):
             stated = self.model_fields_set - {"source"}
             given = [name for name in type(self).model_fields if name in stated]
-            spared, mistakes = {*marked(type(self), Source), *self.source}, Mistakes()
+            spared = {*marked(type(self), Source), *self.source}
             for name in (x for x in given if x not in spared):
                 mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
             for name in (x for x in self.source if x not in given):
                 expected = f"no such field, but one of {', '.join(given)}"
                 mistakes.append(wrong(self.source[name], expected, at=f"source.{name}"))
-            mistakes.check()
-        return self
 
 
 class Via(Part):
@@ -215,9 +213,8 @@ class Ligament(Course):
         """The field that gives its slack length."""
         return next(field for field in SLACK_FIELDS if getattr(self, field) is not None)
 
-    @model_validator(mode="after")
-    def _check_ligament(self) -> Ligament:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_ligament(self, mistakes: Mistakes) -> None:
         given = [name for name in SLACK_FIELDS if getattr(self, name) is not None]
         if len(given) != 1:
             expected = f"exactly one of {', '.join(SLACK_FIELDS)}"
@@ -229,8 +226,6 @@ class Ligament(Course):
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():
             self.check_bones(tuple(ENDS[end] for end in ends))
-        mistakes.check()
-        return self
 
 
 def _no_field(value: Any) -> None:
@@ -267,10 +262,9 @@ class Muscle(Course):
     insertion_mm: Annotated[Point, Gives("tibial_attachment")]
     wrap: Wrap = None
 
-    @model_validator(mode="after")
-    def _check_muscle(self) -> Muscle:
+    @reading.checks
+    def _check_muscle(self, mistakes: Mistakes) -> None:
         self.check_bones((FEMUR, self.insertion_bone))
-        return self
 
 
 class LoadOfFile(Sourced):
@@ -283,13 +277,10 @@ class LoadOfFile(Sourced):
     axes: Annotated[str, one_of(mechanics.AXES), WORD]
     point_in: Annotated[str, one_of(mechanics.BONES), WORD] = TIBIA
 
-    @model_validator(mode="after")
-    def _check_load(self) -> LoadOfFile:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_load(self, mistakes: Mistakes) -> None:
         if self.force_N is None and self.moment_Nmm is None:
             mistakes.append(wrong("neither", "force_N, moment_Nmm, or both"))
         for name in ("point_mm", "point_in") if self.force_N is not None else ():
             if name not in self.model_fields_set:
                 mistakes.append(wrong("missing", "this field", at=name))
-        mistakes.check()
-        return self

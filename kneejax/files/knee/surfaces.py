@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax import geometry
 from kneejax.files import reading
@@ -23,11 +22,7 @@ _MOST_CONTROL_VALUES = 200
 
 
 def build_surface(surface: dict[str, Any]) -> geometry.Surface:
-    """Make a surface of a part of a knee document.
-
-    Args:
-        surface: a mapping with `kind` and that kind's fields, of a right knee.
-    """
+    """The surface that a part of a knee document is, with `kind` and that kind's fields."""
     return SURFACES[surface["kind"]].model_construct(**surface).built()
 
 
@@ -90,10 +85,10 @@ class Surface(Sourced):
     # of a table over a region: what its values are, and what the least and the greatest may be
     bounds: ClassVar[tuple[str, Range, Range] | None] = None
 
-    @model_validator(mode="after")
-    def _check_table(self) -> Surface:
+    @reading.checks
+    def _check_table(self, mistakes: Mistakes) -> None:
         if self.bounds is not None:
-            (what, *allowed), mistakes = self.bounds, Mistakes()
+            what, *allowed = self.bounds
             table, spline = self.coefficients_mm, self.basis == CUBIC_SPLINE  # pyright: ignore
             with mistakes.gathered("coefficients_mm"):
                 values = (_spline if spline else _powers)(table)
@@ -101,8 +96,6 @@ class Surface(Sourced):
                     if not one.holds(value):
                         expected = f"{what} {one} all over the region{one.hint(value)}"
                         raise wrong([*map(list, table)], expected)
-            mistakes.check()
-        return self
 
 
 def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
@@ -294,9 +287,8 @@ class ContactPart(Sourced):
             more["ring"] = self.ring.built()
         return super().built(femoral=femoral, tibial=other, bodies=bodies, **more)
 
-    @model_validator(mode="after")
-    def _check_layer(self) -> ContactPart:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_layer(self, mistakes: Mistakes) -> None:
         for name in ("points", "layer_variation_mm", "ring"):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
@@ -307,8 +299,6 @@ class ContactPart(Sourced):
                 layer = self.layer_thickness_mm + _powers(table)
                 if not (allowed.holds(layer.min()) and allowed.holds(layer.max())):
                     raise wrong([*map(list, table)], f"a layer {allowed} all over the region")
-        mistakes.check()
-        return self
 
 
 class TibialContact(ContactPart):

@@ -6,8 +6,8 @@ knee's meshes are mirrored before.
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -34,8 +34,7 @@ _NARROWEST_NOTCH_MM = 3.0
 _LEAST_OF_TWO = 0.2
 
 
-@dataclasses.dataclass(frozen=True)
-class Cloud:
+class Cloud(NamedTuple):
     """Corners of an articular surface, mm, in its bone's frame."""
 
     points: np.ndarray  # shape `(n, 3)`
@@ -47,8 +46,7 @@ class Cloud:
         return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
 
 
-@dataclasses.dataclass(frozen=True)
-class Femur:
+class Femur(NamedTuple):
     """Articular surface of the femur."""
 
     cloud: Cloud  # of both condyles and the trochlea

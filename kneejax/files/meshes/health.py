@@ -5,9 +5,9 @@ Repairs are said in findings, one sentence each. What cannot be repaired is refu
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -25,8 +25,7 @@ _FRAGMENT = 0.05
 _MOST_BRANCHING = 0.01
 
 
-@dataclasses.dataclass(frozen=True)
-class Sheet:
+class Sheet(NamedTuple):
     """A connected, consistently wound part of a mesh."""
 
     points: np.ndarray  # corners of the whole mesh, shape `(n, 3)`, mm
@@ -62,11 +61,11 @@ class Sheet:
 
     def kept(self, faces: np.ndarray) -> Sheet:
         """The part with these faces only (a mask or row numbers)."""
-        return dataclasses.replace(self, faces=self.faces[faces], closed=False)
+        return self._replace(faces=self.faces[faces], closed=False)
 
     def turned(self) -> Sheet:
         """The same sheet with the other side out."""
-        return dataclasses.replace(self, faces=self.faces[:, ::-1])
+        return self._replace(faces=self.faces[:, ::-1])
 
     def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Used corners, the area that each stands for, and unit normals there."""
@@ -200,7 +199,7 @@ def _edges(faces: np.ndarray):
 
     edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
     ends, (first, second) = np.sort(edges, axis=1), edges.T
-    alone, two = (group_rows(ends, require_count=count) for count in (1, 2))
+    alone, two = (np.asarray(group_rows(ends, require_count=count)) for count in (1, 2))
     several = len(np.unique(ends, axis=0)) - len(alone) - len(two)
     one, other = (first < second)[two].T
     return two // 3, one == other, alone // 3, several

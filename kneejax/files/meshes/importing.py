@@ -192,14 +192,13 @@ def import_meshes(
         return right_sheets(path, options.unit, left, findings)
 
     femoral, tibial = read(femoral_cartilage), read(tibial_cartilage)
-    tibia = (options.reference_pose or Pose.from_table([0.0] * 6)).placement
-    femur, plateaus = find_bones(femoral, tibial, tibia, options, left, findings)
+    femur, plateaus = find_bones(femoral, tibial, options, left, findings)
     contacts, bones, given_mm = {}, None, options.layer_thickness_mm
     if given_mm is None and options.femur_bone is not None and options.tibia_bone is not None:
         bones = read(options.femur_bone), read(options.tibia_bone)
     for name, sheet in plateaus.items():
         condyle, plateau = fitted.fit_compartment(
-            name, sheet, femur, tibia, options.angle_deg, options.splines)
+            name, sheet, femur, _tibia(options), options.angle_deg, options.splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
@@ -240,14 +239,17 @@ def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> 
     sheets, said = read_sheets(path, unit)
     findings.extend(said)
     if left:
-        sheets = [dataclasses.replace(s, points=s.points * _MIRROR).turned() for s in sheets]
+        sheets = [s._replace(points=s.points * _MIRROR).turned() for s in sheets]
     return sheets
 
 
+def _tibia(options: MeshOptions) -> Placement:
+    return (options.reference_pose or Pose.from_table([0.0] * 6)).placement
+
+
 def find_bones(
-    femoral: list[Sheet], tibial: list[Sheet], tibia: Placement, options: MeshOptions, left: bool,
-    findings: list[str],
-) -> tuple[anatomy.Femur, dict[str, Sheet]]:  # fmt: skip
+    femoral: list[Sheet], tibial: list[Sheet], options: MeshOptions, left: bool, findings: list[str]
+) -> tuple[anatomy.Femur, dict[str, Sheet]]:
     """The femur and the tibia's compartments, by name, of a right knee or the mirror of a left."""
     for sheet in (*femoral, *tibial):
         check_holes(sheet, findings)
@@ -258,7 +260,7 @@ def find_bones(
         point, turn = point * [1.0, 1.0, sign], np.deg2rad(turn * [sign, sign, 1.0])
         axis = Frame(point.tolist(), turn if turn.any() else None)
     femur = anatomy.find_femur(femoral, findings, axis, notch)
-    plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
+    plateaus = anatomy.find_plateaus(tibial, femur, _tibia(options), findings, split)
     if split is not None and len(plateaus) < 2:
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", options.split_mm, expected)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -106,7 +105,7 @@ def meniscus_of_mesh(
         check_holes(sheets[0], doubts, bordered=False)
         a, b, c = sheets[0].points[sheets[0].faces].swapaxes(0, 1)
         inside_out = np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b - a, c - a)) < 0.0
-        whole = dataclasses.replace(sheets[0], closed=True)
+        whole = sheets[0]._replace(closed=True)
         sheets = [whole.turned() if inside_out else whole]
     (low, high), wide = _WIDTHS_MM, max(float(np.ptp(s.corners()[0], axis=0).max()) for s in sheets)
     if not low < wide < high:
@@ -114,12 +113,12 @@ def meniscus_of_mesh(
         raise InputProblem(path, "width", f"{wide:.3g} mm", expected)
     if pose is not None:
         there = pose.placement.inverse()
-        sheets = [dataclasses.replace(s, points=anatomy.moved(there, s.points)) for s in sheets]
+        sheets = [s._replace(points=anatomy.moved(there, s.points)) for s in sheets]
     right = mirror_document({**document}) if left else document
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
     plateau: Any = build_surface(cartilage["tibial_surface"])
-    local = [dataclasses.replace(s, points=anatomy.in_frame(plateau.frame, s.points))
+    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points))
              for s in sheets]  # fmt: skip
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])
     middle = _middle(corners)

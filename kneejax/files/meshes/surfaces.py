@@ -46,8 +46,7 @@ MOST_NEGATIVE, TOUCHING_MM = 0.2, 0.1
 _CELL_MM = 5.0
 
 
-@dataclasses.dataclass(frozen=True)
-class FitQuality:
+class FitQuality(NamedTuple):
     """What a fit leaves over in the contact region, mm."""
 
     rms: float  # root of the area-weighted mean square normal distance

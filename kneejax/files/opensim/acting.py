@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -41,8 +40,7 @@ _ACTIVATION = 1.5
 _RINGING = 0.05
 
 
-@dataclasses.dataclass(frozen=True)
-class ExternalForce:
+class ExternalForce(NamedTuple):
     """A force on a body over the times of a table."""
 
     name: str
@@ -55,8 +53,7 @@ class ExternalForce:
     point_columns: list[str]  # three, or none where the file names no point
 
 
-@dataclasses.dataclass(frozen=True)
-class ExternalLoads:
+class ExternalLoads(NamedTuple):
     """Forces from the ground over time."""
 
     table: Storage  # with the columns

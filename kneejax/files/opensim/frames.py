@@ -36,8 +36,7 @@ _ASKEW_DEG = 10.0
 FRAMES = "auto", "same", "landmarks"
 
 
-@dataclasses.dataclass(frozen=True)
-class _Superior:
+class _Superior(NamedTuple):
     """A direction that should be Y, what says so, and the doubt where it is not."""
 
     direction: np.ndarray

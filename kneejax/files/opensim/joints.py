@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,7 @@ _AXES = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class Coordinate:
+class Coordinate(NamedTuple):
     """A coordinate of a joint."""
 
     name: str
@@ -46,8 +45,7 @@ class Coordinate:
         return (180.0 / np.pi, "degrees") if self.turns else (1e3, "mm")
 
 
-@dataclasses.dataclass(frozen=True)
-class Axis:
+class Axis(NamedTuple):
     """A rotation or translation of a joint."""
 
     turns: bool  # whether it is a rotation
@@ -136,8 +134,7 @@ class Joint:
         return lines
 
 
-@dataclasses.dataclass(frozen=True)
-class Movement:
+class Movement(NamedTuple):
     """A model that moves."""
 
     model: Model
@@ -235,7 +232,7 @@ def read_joints(model: Model) -> list[Joint]:
         values = _followed(model, every, {c.name: c.default for c in every}, ())
         model.joints = [
             dataclasses.replace(joint, coordinates=tuple(
-                dataclasses.replace(c, default=float(values[c.name])) for c in joint.coordinates))
+                c._replace(default=float(values[c.name])) for c in joint.coordinates))
             for joint in joints
         ]
     return model.joints

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import codecs
-import dataclasses
 import itertools
 import os
 import re
 from collections.abc import Collection, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import NamedTuple
 
 import lxml.etree as etree
 import numpy as np
@@ -162,8 +162,7 @@ class Element(etree.ElementBase):
             parent.text = tail
 
 
-@dataclasses.dataclass(frozen=True)
-class XmlFile:
+class XmlFile(NamedTuple):
     """A parsed file: its path, its bytes, their text and encoding, and the outermost element."""
 
     path: Path

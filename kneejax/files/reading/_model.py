@@ -221,6 +221,17 @@ def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]
                 mistakes.append(wrong(one["input"], "a value of another kind", at=place))
 
 
+def checks(check: Callable[[Any, Mistakes], None]) -> Any:
+    """A validator of a part as a whole: it adds what is wrong to the mistakes, or raises it."""
+    def validated(part: Any) -> Any:
+        mistakes = Mistakes()
+        check(part, mistakes)
+        mistakes.check()
+        return part
+
+    return model_validator(mode="after")(validated)
+
+
 class Chosen:
     """A part whose model its content decides.
 

@@ -26,21 +26,13 @@ _RADIANS_BELOW = 3.2
 
 @dataclasses.dataclass(frozen=True)
 class Storage:
-    """A table over time.
+    """A table over time."""
 
-    Attributes:
-        file: from which it was read.
-        time: increasing, `(rows,)`, s.
-        columns: name -> values, `(rows,)`, as the file has them.
-        in_degrees: whether its angles are degrees.
-        unit_by: why they are, for errors.
-    """
-
-    file: str
-    time: np.ndarray
-    columns: dict[str, np.ndarray]
-    in_degrees: bool
-    unit_by: str = "as its header says"
+    file: str  # from which it was read
+    time: np.ndarray  # increasing, `(rows,)`, s
+    columns: dict[str, np.ndarray]  # name -> values, `(rows,)`, as the file has them
+    in_degrees: bool  # whether its angles are degrees
+    unit_by: str = "as its header says"  # why they are, for errors
 
     def named(self, name: str, what: str = "a column") -> np.ndarray:
         """A column, `what` it is for the error where there is none: with the nearest name."""

@@ -102,21 +102,14 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """A table as it was read, and what is wrong with its cells so far.
+    """A table as it was read, and what is wrong with its cells so far."""
 
-    Attributes:
-        file: from which it was read.
-        header: names of the columns.
-        rows: line number and cells of each row.
-        mistakes: the first of each column.
-        named: name of the package -> column that has it, and the factor that leads to its unit and
-            sense; any other name is that of a column itself.
-    """
-
-    file: str
-    header: list[str]
-    rows: list[tuple[int, list[str]]]
-    mistakes: Mistakes
+    file: str  # from which it was read
+    header: list[str]  # names of the columns
+    rows: list[tuple[int, list[str]]]  # line number and cells of each row
+    mistakes: Mistakes  # the first of each column
+    # name of the package -> column that has it, and the factor that leads to its unit and sense;
+    # any other name is that of a column itself
     named: dict[str, tuple[str, float]] = dataclasses.field(default_factory=dict)
 
     @classmethod
