@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files import reading
+from kneejax.files._landmarks import mirror
 from kneejax.files.opensim import simm_spline, transform_axes
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
@@ -106,7 +107,7 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
     whole = checked(JointFields, document, os.fspath(path))
     bends = jnp.deg2rad(jnp.asarray([knot.flexion_deg for knot in whole.knots]))
     points = np.array([[getattr(knot, name) for name in _POINTS] for knot in whole.knots])
-    points = jnp.asarray(points * _mirror(whole.side))
+    points = jnp.asarray(points * mirror(whole.side))
     joint = Joint(bends, points[:, :2], points[:, 2:], whole.interpolation)
     try:
         check_joint(joint)
@@ -132,7 +133,7 @@ def format_joint(file: JointFile) -> str:
         True
     """
     joint, degrees = file.joint, np.rad2deg(np.asarray(file.joint.flexion))
-    points = np.concatenate([joint.femoral, joint.tibial], axis=1) * _mirror(file.side)
+    points = np.concatenate([joint.femoral, joint.tibial], axis=1) * mirror(file.side)
     points = points + 0.0  # no minus before a zero
     knots = [{"flexion_deg": float(bend)} | dict(zip(_POINTS, own.tolist(), strict=True))
              for bend, own in zip(degrees, points, strict=True)]
@@ -154,9 +155,6 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     """
     reading.write_text(path, format_joint(file))
 
-
-def _mirror(side: str) -> np.ndarray:
-    return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
 
 
 #: Splines leave less than this of every pose, degrees and mm.

@@ -34,7 +34,7 @@ class Pair(Part):
 
     def points(self, side: str) -> np.ndarray:
         """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
-        return np.array([self.medial_mm, self.lateral_mm]) * _mirror(side)
+        return np.array([self.medial_mm, self.lateral_mm]) * mirror(side)
 
 
 class Axes(Part):
@@ -270,7 +270,7 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
         _check_one_of(whole, "hip_center_mm", "femoral_head")
     mistakes.check()
     head = whole.femoral_head
-    hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * _mirror(side)
+    hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * mirror(side)
     return FemurLandmarks(hip, whole.epicondyles.points(side), head and head.within_mm)
 
 
@@ -312,9 +312,10 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
         both = tibia.malleoli
         points, balls = [both.medial_mm, both.lateral_mm], [both.medial_ball, both.lateral_ball]
     ankle = [x if ball is None else ball.near_mm for x, ball in zip(points, balls, strict=True)]
-    return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * _mirror(side),
+    return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * mirror(side),
                           tuple(ball and ball.within_mm for ball in balls))
 
 
-def _mirror(side: str) -> np.ndarray:
+def mirror(side: str) -> np.ndarray:
+    """Signs of coordinates of a side's knee that make it a right one."""
     return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])

@@ -180,16 +180,8 @@ def _sources(part: Part, at: str) -> Iterator[tuple[str, str]]:
 
 
 def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument:
-    """Check every field of a knee document.
-
-    Args:
-        document: content of a knee file.
-        file: where it stands, for errors.
-
-    Raises:
-        InputProblem: a field is missing, unknown, or out of range; `InputProblems` where several
-            are.
-    """
+    """Check every field of a knee document, which stands in a file; raises where one is missing,
+    unknown, or out of range, with all mistakes."""
     file = os.fspath(file)
     if not isinstance(document, dict):
         raise InputProblem(file, "file", document, "a mapping with the fields of a knee")

@@ -116,18 +116,7 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
 
 
 def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFile:
-    """Check a knee document and build its knee.
-
-    Args:
-        document: content of a knee file.
-        path: where it stands, or what it was made of, for errors.
-
-    Returns:
-        As `read_knee`.
-
-    Raises:
-        InputProblem: likewise.
-    """
+    """As `read_knee`, of a document that stands in a file, or was made of it."""
     read = check_knee(document, path)
     if read.bands:
         document = drawn(document, read.bands, pose_of(read.reference_pose).placement)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
-from kneejax.files.opensim.joints import Joint, coordinates_of, moved, read_joints
+from kneejax.files.opensim.joints import coordinates_of, moved, read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.ligaments import OsimLigament
 from kneejax.files.opensim.model import GROUND, Model, read_model
@@ -116,26 +116,24 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
     for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
-        def places(*these: Joint, bone=bone) -> list[np.ndarray]:
-            """Where joints are, in the bone."""
-            return [knee.rigid[body][1].point(frame.shift).astype(float)
-                    for joint in these for body, frame in joint.ends if knee.bone_of(body) == bone]
-
-        middle = np.mean(places(knee.joints[0], knee.joints[-1]) or [np.zeros(3)], axis=0)
+        places = [(joint, knee.rigid[body][1].point(frame.shift).astype(float))
+                  for joint in joints for body, frame in joint.ends if knee.bone_of(body) == bone]
+        own = [at for joint, at in places if joint in (knee.joints[0], knee.joints[-1])]
+        middle = np.mean(own or [np.zeros(3)], axis=0)
         for joint in joints:
             if not joint.coordinates or joint.kind == "FreeJoint" or joint in knee.joints:
                 continue
-            near, far = places(joint), [x for x, _ in joint.ends if x not in knee.rigid]
+            near = [at for other, at in places if other is joint]
+            far = [body for body, _ in joint.ends if body not in knee.rigid]
             if len(near) != 1 or not far or GROUND in far:
                 continue
             # An ankle is one where something follows.
             if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
                 continue
-            (center,) = near
-            way = 1e3 * (center - middle)
+            way = 1e3 * (near[0] - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
-            x, y, z = 1e3 * center
+            x, y, z = 1e3 * near[0]
             yield _Superior(
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
                 f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "

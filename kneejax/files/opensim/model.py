@@ -32,18 +32,7 @@ _ACTS = re.compile("(Force|Constraint|Ligament|Spring|Muscle|Actuator)[0-9]*$")
 
 
 class Model:
-    """A model with the places of its bodies' frames.
-
-    Attributes:
-        file: the parsed file.
-        root: the element Model.
-        version: of the document, e.g. 40000.
-        elements: everything in the model but defaults, controllers and markers.
-        bodies: name -> element; ground among them.
-        frames: path of a component -> element, of bodies and offset frames.
-        notes: what was assumed on reading.
-        joints: what `read_joints` read, once it has.
-    """
+    """A model with the places of its bodies' frames."""
 
     def __init__(self, file: XmlFile):
         self.file = file
@@ -53,13 +42,13 @@ class Model:
         if not word.isdecimal() or not 20000 <= int(word) < 50000:
             expected = "schema 2, 3 or 4: a version from 20000 to 49999"
             raise file.root.problem("Version", word or "missing", expected)
-        self.version = int(word)
+        self.version = int(word)  # of the document, e.g. 40000
         found = file.root.child("Model")
         if found is None:
             kinds = ", ".join(child.tag for child in file.root.children) or "nothing"
             raise file.root.problem("content", kinds, f"{KIND}: an element Model")
         self.root = found
-        self.notes: list[str] = []
+        self.notes: list[str] = []  # what was assumed on reading
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
@@ -68,6 +57,8 @@ class Model:
                 )
             elif word.lower() not in known:
                 raise found.problem(tag, word, unit)
+        # Everything in the model but defaults, controllers and markers; of it bodies by name,
+        # ground among them, and these and offset frames by the path of a component.
         self.elements, waiting = list[Element](), [found]
         self.bodies, self.frames = dict[str, Element](), dict[str, Element]()
         while waiting:
@@ -81,7 +72,7 @@ class Model:
             ground = found.makeelement("Ground", name=GROUND)
             self.bodies[GROUND] = self.frames[f"/{GROUND}"] = ground
         self._offsets: dict[Element, tuple[str, Rigid]] = {}
-        self.joints: list | None = None
+        self.joints: list | None = None  # what `read_joints` read, once it has
 
     @property
     def name(self) -> str:
@@ -245,17 +236,9 @@ def describe(function: Element) -> str:
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     """Cubic splines of SIMM and OpenSim, with the same knots.
 
-    Twice continuously differentiable; its third derivative in the first and last interval is that
+    Twice continuously differentiable; the third derivative in the first and last interval is that
     of the cubic through the first and last four points; straight outside, and between knots that do
-    not increase, or are two.
-
-    Args:
-        knots: shape `(n,)`.
-        values: shape `(n, ...)`; `(n,)` where knots do not increase or are two.
-        x: where, a number or of any shape.
-
-    Returns:
-        The shape of `x`, and that of one of the values.
+    not increase, or are two. Knots `(n,)`, values `(n, ...)` (then `(n,)`), `x` of any shape.
 
     Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
     """

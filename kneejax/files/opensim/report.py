@@ -201,12 +201,7 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
 
 
 def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Sentences of an import report, by the titles of its sections.
-
-    Args:
-        read: what a model gave.
-        geometry: sentences of the fit of its meshes; without any, how to add contacts is said.
-    """
+    """Sentences of an import report, by the titles of its sections; see `format_import_report`."""
     model, knee = read.model, read.knee
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [f"{joint.name} ({joint.kind}): {text}"
