@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import os
 import re
@@ -71,7 +70,7 @@ def anatomical(
             "to the left: is the side right?"
             for why, vote in votes.items() if vote < 0
         ]
-        return dataclasses.replace(knee, doubts=(*knee.doubts, *doubts)), np.eye(3)
+        return knee._replace(doubts=(*knee.doubts, *doubts)), np.eye(3)
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
         # A knee that bends says little where its shank is upright already.
@@ -89,7 +88,7 @@ def anatomical(
               for one in superior if not one.holds]
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
-        return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
+        return knee._replace(doubts=(*knee.doubts, swapped)), np.eye(3)
     raise knee.joints[0].element.problem("axes", "; ".join(found), f"bodies with {_WANTED}")
 
 
@@ -103,13 +102,12 @@ def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKnee
         words = ", ".join(f"{_word(np.abs(row))} {both[int(row.sum() < 0)]}"
                           for row, both in zip(rotation, names, strict=True))
         why = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
-        knee = dataclasses.replace(knee, unusual=(*knee.unusual, why))
+        knee = knee._replace(unusual=(*knee.unusual, why))
     turn = Rigid(rotation)
     tibia, patella = (turn.after(there).after(turn.inverse())
                       for there in (knee.tibia_in_femur, knee.patella_in_femur))
     rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
-    return dataclasses.replace(
-        knee, turned=True, rigid=rigid, tibia_in_femur=tibia, patella_in_femur=patella)
+    return knee._replace(turned=True, rigid=rigid, tibia_in_femur=tibia, patella_in_femur=patella)
 
 
 def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:

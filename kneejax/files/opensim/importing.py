@@ -235,7 +235,7 @@ def _with_small_bones(
         for body, names in ends.items()
     )
     rigid = knee.rigid | {body: whole.rigid[body] for body in ends}
-    return dataclasses.replace(knee, rigid=rigid, doubts=(*knee.doubts, *doubts))
+    return knee._replace(rigid=rigid, doubts=(*knee.doubts, *doubts))
 
 
 def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:

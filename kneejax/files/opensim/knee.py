@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import NamedTuple
 
 from kneejax.files.opensim import joints as kinematics
 from kneejax.files.opensim.exact import Rigid, poses_of
@@ -30,8 +30,7 @@ _FOOT = re.compile(r"foot|calcn|calcan|talus|toes", re.IGNORECASE)
 _ABOVE = re.compile(r"pelvis|hips?(?:$|[^a-z])|sacrum|torso", re.IGNORECASE)
 
 
-@dataclasses.dataclass(frozen=True)
-class OsimKneeJoint:
+class OsimKneeJoint(NamedTuple):
     """The knee of a model."""
 
     side: str  # `r` or `l`
@@ -45,7 +44,7 @@ class OsimKneeJoint:
     findings: tuple[str, ...]  # what was taken as what
     doubts: tuple[str, ...]  # what a person should look at
     patella: str = ""  # its body; empty without one
-    patella_in_femur: Rigid = dataclasses.field(default_factory=Rigid)  # as `tibia_in_femur`
+    patella_in_femur: Rigid = Rigid()  # as `tibia_in_femur`
     turned: bool = False  # whether the bones' axes are others than those of their bodies
     unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
@@ -201,7 +200,7 @@ def with_pelvis_and_foot(
         for _, other in parts[bone]:
             if other not in rigid and other in model.bodies:
                 rigid[other] = bone, knee.rigid[body][1].after(movement.between(body, other))
-    return dataclasses.replace(knee, rigid=rigid)
+    return knee._replace(rigid=rigid)
 
 
 def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) -> list[Joint]:
