@@ -51,7 +51,7 @@ def _subject(asked: Explore) -> tuple[Knee, dict[str, Any], np.ndarray | None, s
         first = "stored fit" if named.endswith(".json") else "as read"
         return (read.with_patella() if asked.patella else read.knee), read.document, found, first
     study = read_study(named)
-    said = yaml.safe_load(files.study_path(named).read_text(encoding="utf-8"))["knee"]
+    said = yaml.safe_load(files.named_path("studies", named).read_text(encoding="utf-8"))["knee"]
     beside = path.parent / said
     read = files.load_knee_file(beside if beside.exists() else said)
     return study.knee, read.document, study.poses(), "as read"

@@ -37,7 +37,7 @@ def _template(value: Any, info: ValidationInfo) -> Any:
     if isinstance(value, dict):
         return value
     known, name = files.bundled_studies(), text(value)
-    if name in known and os.path.isfile(path := files.study_path(name)):
+    if name in known and os.path.isfile(path := files.named_path("studies", name)):
         return path
     kind = "a study file, its fields, or a bundled study"
     return Path(studies.file_named(value, info, kind, known))

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from kneejax.files._bundled import bundled_studies as bundled_studies
     from kneejax.files._bundled import named_document as named_document
     from kneejax.files._bundled import named_path as named_path
-    from kneejax.files._bundled import study_path as study_path
     from kneejax.files._joint import JointExport as JointExport
     from kneejax.files._joint import JointFile as JointFile
     from kneejax.files._joint import export_joint as export_joint

@@ -7,7 +7,7 @@ import math
 import os
 from collections.abc import Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
@@ -16,14 +16,8 @@ from kneejax.quantities import nearest_name
 if TYPE_CHECKING:
     import numpy as np
 
-_ENDINGS = {
-    "knees": ".yaml",
-    "laxity": ".yaml",
-    "measurements": ".csv",
-    "plans": ".yaml",
-    "studies": ".yaml",
-    "templates": ".yaml",
-}
+_ENDINGS = {"knees": ".yaml", "laxity": ".yaml", "measurements": ".csv", "plans": ".yaml",
+            "studies": ".yaml", "templates": ".yaml"}
 _COLUMNS = ["flexion_deg", "end", "mean", "sd", "cut"]
 #: What a published number is of: the first three as `kneejax.Laxity` has them, the last what the
 #: range grows by when the ligaments are cut, a difference of two knees.
@@ -100,8 +94,7 @@ def bundled_path(kind: str, name: str) -> Path:
     known = bundled_files(kind)
     stem = name.removesuffix(_ENDINGS[kind])
     if stem not in known:
-        expected = f"one of {', '.join(known) or 'none'}"
-        raise InputProblem("bundled data", kind, name, expected, known)
+        raise InputProblem("bundled data", kind, name, known)
     return known[stem]
 
 
@@ -121,8 +114,7 @@ def bundled_knee_descriptions() -> dict[str, str]:
     return {name: load_yaml(path, "a knee file")["description"].strip() for name, path in files}
 
 
-@dataclasses.dataclass(frozen=True)
-class Example:
+class Example(NamedTuple):
     """A bundled folder of made-up files to begin with."""
 
     path: Path  # the folder
@@ -137,9 +129,8 @@ def bundled_examples() -> dict[str, Example]:
         'specimen'
     """
     every = sorted((_data_folder() / "examples").glob("*/README.txt"))
-    titles = (about.read_text(encoding="utf-8").partition("\n")[0] for about in every)
-    return {about.parent.name: Example(about.parent, title)
-            for about, title in zip(every, titles, strict=True)}
+    return {about.parent.name: Example(about.parent, about.read_text("utf-8").split("\n")[0])
+            for about in every}
 
 
 def bundled_studies() -> dict[str, str]:
@@ -170,8 +161,7 @@ def absent_measurement(study: str) -> Path | None:
         True
     """
     path = bundled_path("studies", study)
-    document = load_yaml(path, "a study")
-    measured = document.get("measured") if isinstance(document, dict) else None
+    measured = load_yaml(path, "a study").get("measured")
     file = measured.get("file") if isinstance(measured, dict) else None
     if not isinstance(file, str) or file in bundled_files("measurements"):
         return None
@@ -213,24 +203,6 @@ def bundled_laxity_sources() -> dict[str, str]:
         answer[name] = about["source"].strip() + "; load not known" * ("size" not in about)
     return answer
 
-
-def study_path(name_or_path: str | os.PathLike[str]) -> Path:
-    """The file of a study.
-
-    Args:
-        name_or_path: name of a bundled study, or a study file.
-
-    Returns:
-        Its path.
-
-    Raises:
-        InputProblem: there is no such study or file.
-
-    Example:
-        >>> study_path("paper1").name
-        'paper1.yaml'
-    """
-    return named_path("studies", name_or_path)
 
 
 def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
@@ -379,11 +351,7 @@ def _read(path: Path) -> list[LaxityBand]:
     kinds: dict[tuple[str, str], list[Any]] = {}
     for (_, end), (_, cut), own in zip(ends, cuts, numbers, strict=True):
         kinds.setdefault((end, cut), []).append(own)
-    return [
-        LaxityBand(
-            path.stem, about.label, about.source, about.load, about.size, end,
-            tuple(cut.split()), *np.array(own).T,
-            counted_from=about.counted_from if cut else "unloaded",
-        )
-        for (end, cut), own in kinds.items()
-    ]  # fmt: skip
+    said = about.label, about.source, about.load, about.size
+    return [LaxityBand(path.stem, *said, end, tuple(cut.split()), *np.array(own).T,
+                       counted_from=about.counted_from if cut else "unloaded")
+            for (end, cut), own in kinds.items()]

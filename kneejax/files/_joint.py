@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files import reading
+from kneejax.files._landmarks import mirror
 from kneejax.files.opensim import simm_spline, transform_axes
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
@@ -104,10 +105,9 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
         expected = f"{_KIND}: this is no file that kneejax joint fit wrote"
         raise InputProblem(path, "kneejax", kind, expected)
     whole = checked(JointFields, document, os.fspath(path))
-    flexion = [knot.flexion_deg for knot in whole.knots]
+    bends = jnp.deg2rad(jnp.asarray([knot.flexion_deg for knot in whole.knots]))
     points = np.array([[getattr(knot, name) for name in _POINTS] for knot in whole.knots])
-    points = jnp.asarray(points * _mirror(whole.side))
-    bends = jnp.deg2rad(jnp.asarray(flexion))
+    points = jnp.asarray(points * mirror(whole.side))
     joint = Joint(bends, points[:, :2], points[:, 2:], whole.interpolation)
     try:
         check_joint(joint)
@@ -132,16 +132,15 @@ def format_joint(file: JointFile) -> str:
         >>> "right" in format_joint(JointFile(turning, "a hinge"))
         True
     """
-    joint = file.joint
-    points = np.concatenate([joint.femoral, joint.tibial], axis=1) * _mirror(file.side)
+    joint, degrees = file.joint, np.rad2deg(np.asarray(file.joint.flexion))
+    points = np.concatenate([joint.femoral, joint.tibial], axis=1) * mirror(file.side)
     points = points + 0.0  # no minus before a zero
-    degrees = np.rad2deg(np.asarray(joint.flexion))
     knots = [{"flexion_deg": float(bend)} | dict(zip(_POINTS, own.tolist(), strict=True))
              for bend, own in zip(degrees, points, strict=True)]
     document = {"kneejax": _KIND, "name": file.name, "side": file.side,
                 "interpolation": joint.interpolation, "knots": knots}
-    document |= {k: v for k, v in (("source", file.source), ("notes", file.notes)) if v}
-    return reading.format_yaml(document)
+    said = {"source": file.source, "notes": file.notes}
+    return reading.format_yaml(document | {name: text for name, text in said.items() if text})
 
 
 def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
@@ -156,9 +155,6 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     """
     reading.write_text(path, format_joint(file))
 
-
-def _mirror(side: str) -> np.ndarray:
-    return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
 
 
 #: Splines leave less than this of every pose, degrees and mm.

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Annotated
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
@@ -35,7 +34,7 @@ class Pair(Part):
 
     def points(self, side: str) -> np.ndarray:
         """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
-        return np.array([self.medial_mm, self.lateral_mm]) * _mirror(side)
+        return np.array([self.medial_mm, self.lateral_mm]) * mirror(side)
 
 
 class Axes(Part):
@@ -67,11 +66,10 @@ class Malleoli(Part):
     lateral_mm: Point | None = meaning("its point", None)
     lateral_ball: Ball | None = meaning("or where to fit a sphere", None)
 
-    @model_validator(mode="after")
-    def _check_each(self) -> Malleoli:
+    @reading.checks
+    def _check_each(self, mistakes: Mistakes) -> None:
         for side in SIDES:
             _check_one_of(self, f"{side}_mm", f"{side}_ball")
-        return self
 
 
 class TibiaFields(Part):
@@ -81,10 +79,9 @@ class TibiaFields(Part):
     ankle_center_mm: Point | None = meaning("the ankle's centre", None)
     malleoli: Malleoli | None = meaning("whose middle it is", None)
 
-    @model_validator(mode="after")
-    def _check_ankle(self) -> TibiaFields:
+    @reading.checks
+    def _check_ankle(self, mistakes: Mistakes) -> None:
         _check_one_of(self, "ankle_center_mm", "malleoli")
-        return self
 
 
 class Landmarks(Part):
@@ -273,7 +270,7 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
         _check_one_of(whole, "hip_center_mm", "femoral_head")
     mistakes.check()
     head = whole.femoral_head
-    hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * _mirror(side)
+    hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * mirror(side)
     return FemurLandmarks(hip, whole.epicondyles.points(side), head and head.within_mm)
 
 
@@ -315,9 +312,10 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
         both = tibia.malleoli
         points, balls = [both.medial_mm, both.lateral_mm], [both.medial_ball, both.lateral_ball]
     ankle = [x if ball is None else ball.near_mm for x, ball in zip(points, balls, strict=True)]
-    return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * _mirror(side),
+    return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * mirror(side),
                           tuple(ball and ball.within_mm for ball in balls))
 
 
-def _mirror(side: str) -> np.ndarray:
+def mirror(side: str) -> np.ndarray:
+    """Signs of coordinates of a side's knee that make it a right one."""
     return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-from pydantic import ConfigDict, PlainValidator, model_validator
+from pydantic import ConfigDict, PlainValidator
 
 from kneejax._whole_files import read_json, read_sealed, undamaged, write_checked, write_sealed
 from kneejax.files import reading
@@ -68,11 +68,8 @@ class Calibrated:
         return self.fixed | self.found
 
     def of_structures(self, knee: Knee) -> Calibrated:
-        """The same with a structure's stiffness as the sum over its fibres.
-
-        Args:
-            knee: that was calibrated; it says how many fibres a structure has.
-        """
+        """The same with a structure's stiffness as the sum over its fibres, of which the knee that
+        was calibrated says how many there are."""
         if not self.of_fibres:
             return self
         fixed, found, errors = (
@@ -142,14 +139,13 @@ class Correlation(Written):
     )
     matrix: Any = meaning("rows")
 
-    @model_validator(mode="after")
-    def _check_square(self) -> Correlation:
+    @reading.checks
+    def _check_square(self, mistakes: Mistakes) -> None:
         if self.matrix:
             count = len(reading.items([*self.parameters], "names"))
             every = [[0.0 if x is None else x for x in reading.items(row, "numbers", count)]
                      for row in reading.items(self.matrix, "rows", count)]  # fmt: skip
             object.__setattr__(self, "matrix", tuple(reading.rows(every, count)))
-        return self
 
 
 class ResultFile(Written):
@@ -172,11 +168,10 @@ class ResultFile(Written):
         "of what a structure's stiffness is", None
     )
 
-    @model_validator(mode="after")
-    def _check_knee(self) -> ResultFile:
+    @reading.checks
+    def _check_knee(self, mistakes: Mistakes) -> None:
         if not self.knee and not (self.settings and self.settings.knee):
             raise wrong("missing", "this field", at="knee")
-        return self
 
 
 def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
@@ -228,12 +223,9 @@ class Checkpoints:
     """
 
     def __init__(
-        self,
-        folder: str | os.PathLike[str],
-        about: Mapping[str, Any],
-        data: bytes,
+        self, folder: str | os.PathLike[str], about: Mapping[str, Any], data: bytes,
         begin: Callable[[], None] | None = None,
-    ):
+    ):  # fmt: skip
         """Check that the folder is free or of the same work; it is claimed by the first part.
 
         Args:
@@ -291,11 +283,7 @@ class Checkpoints:
 
 
 def parts_of(folder: Path) -> list[Path]:
-    """Files of the parts that a folder of results keeps.
-
-    Args:
-        folder: of the results.
-    """
+    """Files of the parts that a folder of results keeps."""
     return sorted((folder / PARTS).glob(f"*{_ENDING}"))
 
 

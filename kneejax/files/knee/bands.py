@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax import mechanics
 from kneejax.files import reading
@@ -37,8 +36,8 @@ class Area(Part):
     outline_mm: Annotated[Any, reads(reading.rows, 3, RANGES["point_mm"]), POINTS] = None
     half: Annotated[str, one_of(_HALVES)] | None = None
 
-    @model_validator(mode="after")
-    def _check_area(self) -> Area:
+    @reading.checks
+    def _check_area(self, mistakes: Mistakes) -> None:
         given = [x for x in (*_ELLIPSE, "outline_mm") if getattr(self, x) is not None]
         if given not in ([*_ELLIPSE], ["outline_mm"]):
             raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
@@ -46,30 +45,23 @@ class Area(Part):
             self.ellipse()
         except ValueError as problem:
             raise wrong(self.outline_mm, f"an outline around an area ({problem})") from None
-        return self
 
     def ellipse(self, side: str = "right") -> AttachmentArea:
-        """Its ellipse, or that of its half.
-
-        Args:
-            side: of the knee.
-        """
+        """Its ellipse, or that of its half, in a knee of a side."""
         if self.outline_mm is not None:
             whole = AttachmentArea.of_outline(self.outline_mm)
         else:
-            axes = np.array(self.half_axes_mm, float)
-            whole = AttachmentArea(np.array(self.centre_mm, float), axes)
+            ellipse = (np.array(getattr(self, field), float) for field in _ELLIPSE)
+            whole = AttachmentArea(*ellipse)
         if self.half is None:
             return whole
         to_the_right = 1.0 if side == "right" else -1.0
         return whole.half(np.array(_HALVES[self.half]) * [1.0, 1.0, to_the_right])
 
 
-def _prestretch(value: Any) -> float | tuple[float, float]:
-    allowed = RANGES["prestretch"]
-    if isinstance(value, list):
-        return tuple(reading.numbers(value, 2, allowed))  # pyright: ignore[reportReturnType]
-    return reading.number(value, allowed)
+def _prestretch(value: Any) -> float | tuple[float, ...]:
+    allowed, several = RANGES["prestretch"], isinstance(value, list)
+    return reading.numbers(value, 2, allowed) if several else reading.number(value, allowed)
 
 
 class Band(Sourced):
@@ -88,15 +80,12 @@ class Band(Sourced):
     wrap: Text | None = None
     fibres: Annotated[int, reads(reading.whole, 1, _MOST_FIBRES)] = 24
 
-    @model_validator(mode="after")
-    def _check_band(self) -> Band:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_band(self, mistakes: Mistakes) -> None:
         if (self.law == BLANKEVOORT) == (self.transition_strain is None):
             given = "missing" if self.transition_strain is None else self.transition_strain
             expected = f"a transition strain with the law {BLANKEVOORT}, and only with that"
             mistakes.append(wrong(given, expected, at="transition_strain"))
-        mistakes.check()
-        return self
 
 
 def fibre_names(name: str, band: Band) -> tuple[str, ...]:
@@ -112,10 +101,10 @@ def drawn(
     that the band is twisted least at the reference pose, where the tibia is at `tibia`."""
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
     # A left knee's points are its own, and its pose is that of a right one.
-    mirror = np.array([1.0, 1.0, -1.0 if document.get("side") == "left" else 1.0])
+    mirror = np.array([1.0, 1.0, -1.0 if document["side"] == "left" else 1.0])
     for name, band in bands.items():
         areas = band.femoral_area, band.tibial_area
-        femoral, tibial = (area.ellipse(document.get("side", "right")) for area in areas)
+        femoral, tibial = (area.ellipse(document["side"]) for area in areas)
         if any(area.outline_mm is not None for area in areas):
             own = tibial.half_axes * mirror
             axes = np.array([[*map(float, tibia.turn(Vector(*x)))] for x in own]) * mirror
@@ -125,21 +114,20 @@ def drawn(
         field = mechanics.fibre_field(
             femoral, tibial, band.youngs_modulus_MPa, band.area_mm2, band.prestretch, band.fibres
         )
-        same = {x: getattr(band, x) for x in ("law", "transition_width", "failure_strain", "wrap")}
-        same["transition_strain"] = band.transition_strain
-        names = fibre_names(name, band)
-        for row, fibre in enumerate(names):
-            numbers = {
+        same = {x: getattr(band, x) for x in (
+            "law", "transition_width", "failure_strain", "wrap", "transition_strain")}
+        said = band.source if isinstance(band.source, str) else "; ".join(band.source.values())
+        groups[name] = [*fibre_names(name, band)]
+        for row, fibre in enumerate(groups[name]):
+            fibres[fibre] = {
                 "femoral_attachment_mm": field.femoral[row].tolist(),
                 "tibial_attachment_mm": field.tibial[row].tolist(),
                 "stiffness_N": float(field.stiffness[row]),
                 "area_mm2": float(field.area[row]),
                 "reference_strain": float(field.prestretch[row]) - 1.0,
                 "damping_N_s": band.damping_N_s * float(field.area[row]) / band.area_mm2,
+                **{key: value for key, value in same.items() if value is not None},
+                "source": f"band {name}: {said}",
             }
-            given = {key: value for key, value in same.items() if value is not None}
-            said = band.source if isinstance(band.source, str) else "; ".join(band.source.values())
-            fibres[fibre] = numbers | given | {"source": f"band {name}: {said}"}
-        groups[name] = [*names]
     rest = {key: value for key, value in document.items() if key != "bands"}
     return rest | {"ligaments": fibres, "groups": groups}

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
-from pydantic import Field, create_model, model_validator
+from pydantic import Field, create_model
 
 from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
@@ -77,17 +77,13 @@ class Patella(Part):
     muscles: Annotated[dict[Name, parts.Muscle], reading.named("a muscle")]
     wraps: Obstacles = {}
 
-    @model_validator(mode="after")
-    def _check_patella(self) -> Patella:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_patella(self, mistakes: Mistakes) -> None:
         for section in ("ligaments", "muscles"):
             _check_wraps(getattr(self, section), self.wraps, section, mistakes)
-        heads = [one for one in self.muscles.values() if one.insertion_bone == PATELLA]
-        if not any(head.tension_N for head in heads):
+        if not any(x.tension_N for x in self.muscles.values() if x.insertion_bone == PATELLA):
             expected = "a quadriceps, inserted on the patella, whose tension at rest is above 0"
             mistakes.append(wrong("none", expected, at="muscles"))
-        mistakes.check()
-        return self
 
 
 class SameAs(Part):
@@ -129,10 +125,10 @@ class KneeDocument(Part):
     notes: Text = ""
     imported_from: Origin | None = None
 
-    @model_validator(mode="after")
-    def _check_names(self) -> KneeDocument:
+    @reading.checks
+    def _check_names(self, mistakes: Mistakes) -> None:
         fibres = [one for item in self.bands.items() for one in fibre_names(*item)]
-        mistakes, known = Mistakes(), (*self.ligaments, *fibres)
+        known = (*self.ligaments, *fibres)
         if not known and not self.contacts:
             expected = "a mapping from a name to a ligament, or contacts"
             mistakes.append(wrong({}, expected, at="ligaments"))
@@ -152,8 +148,6 @@ class KneeDocument(Part):
                 if not fnmatch.filter(known, pattern):
                     expected = "the name of a ligament, or a pattern that fits one"
                     mistakes.append(wrong(pattern, expected, known, f"groups.{name}[{place}]"))
-        mistakes.check()
-        return self
 
     def sources(self) -> dict[str, str]:
         """Place of a field (or of a part with all its fields) -> its source."""
@@ -186,16 +180,8 @@ def _sources(part: Part, at: str) -> Iterator[tuple[str, str]]:
 
 
 def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument:
-    """Check every field of a knee document.
-
-    Args:
-        document: content of a knee file.
-        file: where it stands, for errors.
-
-    Raises:
-        InputProblem: a field is missing, unknown, or out of range; `InputProblems` where several
-            are.
-    """
+    """Check every field of a knee document, which stands in a file; raises where one is missing,
+    unknown, or out of range, with all mistakes."""
     file = os.fspath(file)
     if not isinstance(document, dict):
         raise InputProblem(file, "file", document, "a mapping with the fields of a knee")
@@ -204,8 +190,8 @@ def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument
         raise InputProblem(file, "kneejax", kind, expected)
     mistakes, patella, others = Mistakes(file), document.get("patella"), document.get("ligaments")
     own = patella.get("ligaments") if isinstance(patella, dict) else None
-    for name in own if isinstance(own, dict) and isinstance(others, dict) else ():
-        if own and name in others:
+    if isinstance(own, dict) and isinstance(others, dict):
+        for name in (x for x in own if x in others):
             expected = "a name that no ligament between femur and tibia has"
             mistakes.keep(wrong(own[name], expected, at=f"patella.ligaments.{name}"))
     with mistakes.gathered():
@@ -257,9 +243,9 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
-    """The other side's twin of a contact or a surface of a knee document."""
-    model = faces.SURFACES[part["kind"]] if "kind" in part else faces.ContactPart
-    return _walked(model, part, _image)
+    """The other side's twin of a contact, an obstacle or a surface of a knee document."""
+    kinds: Mapping[str, type[Part]] = faces.OBSTACLES if "bone" in part else faces.SURFACES
+    return _walked(kinds[part["kind"]] if "kind" in part else faces.ContactPart, part, _image)
 
 
 def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:
@@ -288,13 +274,10 @@ def _walked(model: type[Part], part: Any, change: _Change) -> Any:
     """A part with its fields in the order of the model, each of them changed."""
     if not isinstance(part, dict):
         return part
-    fields = {field.alias or name: field for name, field in model.model_fields.items()}
-    found = {}
-    for name in [*(x for x in fields if x in part), *(x for x in part if x not in fields)]:
-        known = fields.get(name)
-        kind, marks = (known.annotation, tuple(known.metadata)) if known else (None, ())
-        found[name] = _inside(kind, marks, part[name], change, part)
-    return found
+    fields = {field.alias or name: (field.annotation, tuple(field.metadata))
+              for name, field in model.model_fields.items()}
+    names = [*(x for x in fields if x in part), *(x for x in part if x not in fields)]
+    return {x: _inside(*fields.get(x, (None, ())), part[x], change, part) for x in names}
 
 
 def _inside(
@@ -302,15 +285,13 @@ def _inside(
 ) -> Any:
     """What stands in a field of this type, changed."""
     origin, inner = get_origin(kind), get_args(kind)
-    for mark in marks:
-        if isinstance(mark, Chosen):
-            try:
-                return _walked(mark.model(value), value, change)
-            except InputProblem:
-                return value
-    if origin is Annotated:
-        return _inside(inner[0], (*marks, *inner[1:]), value, change, part)
-    if origin in (Union, UnionType):
+    for mark in (x for x in marks if isinstance(x, Chosen)):
+        try:
+            return _walked(mark.model(value), value, change)
+        except InputProblem:
+            return value
+    if origin in (Annotated, Union, UnionType):
+        marks = (*marks, *inner[1:]) if origin is Annotated else marks
         return _inside(inner[0], marks, value, change, part)
     if isinstance(kind, type) and issubclass(kind, Part):
         return _walked(kind, value, change)

@@ -5,24 +5,17 @@ from __future__ import annotations
 import dataclasses
 import fnmatch
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from kneejax import geometry, mechanics
+from kneejax.files.knee import document as documents
 from kneejax.files.knee import parts, surfaces
 from kneejax.files.knee.bands import drawn
-from kneejax.files.knee.document import (
-    KneeDocument,
-    Patella,
-    check_knee,
-    mirror_document,
-    mirror_part,
-    plain_document,
-    with_own_patella,
-)
+from kneejax.files.knee.document import KneeDocument, Patella, check_knee, mirror_document
 from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Surface
@@ -51,8 +44,8 @@ class KneeFile:
     def surfaces(self) -> dict[str, Surface]:
         """Articular surfaces that no contact uses yet, by bone, mirrored if the knee is left."""
         left = self.document["side"] == "left"
-        parts = self.document.get("surfaces", {}).items()
-        return {bone: build_surface(mirror_part(x) if left else x) for bone, x in parts}
+        stated = self.document.get("surfaces", {}).items()
+        return {bone: build_surface(documents.mirror_part(x) if left else x) for bone, x in stated}
 
     @property
     def has_patella(self) -> bool:
@@ -81,7 +74,7 @@ class KneeFile:
         """
         if not self.has_patella:
             raise InputProblem(self.path, "patella", "missing", "this section, in a knee file")
-        document, side = with_own_patella(self.document), self.document["side"]
+        document, side = documents.with_own_patella(self.document), self.document["side"]
         right = check_knee(mirror_document(document) if side == "left" else document, self.path)
         return _built(right, side, str(self.path), tension_N or {})
 
@@ -123,25 +116,12 @@ def read_knee(path: str | os.PathLike[str]) -> KneeFile:
 
 
 def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFile:
-    """Check a knee document and build its knee.
-
-    Args:
-        document: content of a knee file.
-        path: where it stands, or what it was made of, for errors.
-
-    Returns:
-        As `read_knee`.
-
-    Raises:
-        InputProblem: likewise.
-    """
+    """As `read_knee`, of a document that stands in a file, or was made of it."""
     read = check_knee(document, path)
     if read.bands:
         document = drawn(document, read.bands, pose_of(read.reference_pose).placement)
         read = check_knee(document, path)
-    right = read
-    if read.side == "left":
-        right = check_knee(mirror_document(document), path)
+    right = check_knee(mirror_document(document), path) if read.side == "left" else read
     knee = _built(right, read.side, os.fspath(path))
     return KneeFile(knee, read.sources(), read.description, Path(path), document)
 
@@ -166,18 +146,18 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: 
         >>> load_knee_file(path).document == document
         True
     """
-    plain = plain_document(document)
+    plain = documents.plain_document(document)
     build_knee(plain, path)
     head = "".join(f"# {line}\n" for line in comment.splitlines())
     write_text(path, head + format_yaml(plain))
 
 
 class Way(NamedTuple):
-    """A part that may have via points and a wrap, the bones that it joins, and known wraps."""
+    """A part that may have via points, the bones that it joins, and what it goes around."""
 
     part: parts.Ligament | parts.Muscle
     bones: geometry.Pair
-    wraps: Mapping[str, surfaces.Obstacle]
+    obstacle: surfaces.Obstacle | None
 
 
 def _built(
@@ -185,21 +165,19 @@ def _built(
 ) -> Knee:
     """The knee of a document of a right one, as which a knee of that side is read; of three bones
     where muscles' tensions are given, then without the lines that stand for a patella."""
-    ways, contacts = _ways(document.ligaments, document.wraps), dict[str, surfaces.ContactPart]()
-    contacts |= document.contacts
-    poses, patella = {TIBIA: document.reference_pose}, document.patella
+    ways = _ways(document.ligaments, document.wraps)
+    contacts: dict[str, surfaces.ContactPart] = {**document.contacts}
+    poses, patella, muscles = {TIBIA: pose_of(document.reference_pose)}, document.patella, None
     if tension_N is not None:
         assert isinstance(patella, Patella)
-        poses[PATELLA] = patella.reference_pose
+        poses[PATELLA] = pose_of(patella.reference_pose)
         ways |= _ways(patella.ligaments, patella.wraps)
         contacts |= patella.contacts
-    state = geometry.State({bone: pose_of(pose) for bone, pose in poses.items()})
-    muscles = None if tension_N is None else _muscles(patella, state, file, tension_N)
-    lines = document.lines.items() if tension_N is None else ()
-    names = tuple(ways)
+        muscles = _muscles(patella, geometry.State(poses), file, tension_N)
+    state, lines = geometry.State(poses), document.lines.items() if tension_N is None else ()
 
     def members(patterns: Iterable[str]) -> tuple[str, ...]:
-        return tuple(n for n in names if any(fnmatch.fnmatchcase(n, p) for p in patterns))
+        return tuple(n for n in ways if any(fnmatch.fnmatchcase(n, p) for p in patterns))
 
     return Knee(
         ligaments=_ligaments(ways, state, file),
@@ -211,13 +189,9 @@ def _built(
         groups=tuple((name, members(rows)) for name, rows in document.groups.items()),
         name=document.name,
         side=side,
-        other_bones={bone: pose for bone, pose in state.poses.items() if bone != TIBIA},
+        other_bones={bone: pose for bone, pose in poses.items() if bone != TIBIA},
         muscles=muscles,
     )
-
-
-def _floats(numbers: Any) -> np.ndarray:
-    return np.array(numbers, float)
 
 
 def pose_of(stated: Any) -> geometry.Pose:
@@ -226,35 +200,31 @@ def pose_of(stated: Any) -> geometry.Pose:
 
 
 def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> dict[str, Way]:
-    return {
-        name: Way(part, (parts.ENDS[part.ends[0]], parts.ENDS[part.ends[1]]), wraps)
-        for name, part in ligaments.items()
-    }
+    return {name: Way(x, (parts.ENDS[x.ends[0]], parts.ENDS[x.ends[1]]), wraps.get(x.wrap or ""))
+            for name, x in ligaments.items()}
 
 
 def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechanics.Ligaments:
     """All fibres; those of the patella must not be torn at the reference poses."""
     ligaments: list[Any] = [way.part for way in ways.values()]
     usual = mechanics.usual_failure_strain(tuple(ways))
-    tears = [usual[row] if one.failure_strain is None else one.failure_strain
-             for row, one in enumerate(ligaments)]  # fmt: skip
 
-    def column(name: str) -> np.ndarray:
-        return _floats([getattr(part, name) for part in ligaments])
+    def column(of: str | Callable[[Any], Any], otherwise: Any = ()) -> np.ndarray:
+        every = [of(part) if callable(of) else getattr(part, of) for part in ligaments]
+        return np.array([otherwise[k] if x is None else x for k, x in enumerate(every)], float)
 
     def fibres(slack: np.ndarray) -> mechanics.Ligaments:
         return mechanics.Ligaments(
-            _floats([getattr(part, part.ends[0]) for part in ligaments]),
-            _floats([getattr(part, part.ends[1]) for part in ligaments]),
+            column(lambda part: getattr(part, part.ends[0])),
+            column(lambda part: getattr(part, part.ends[1])),
             column("stiffness_N"),
             slack,
             # Of the law of Blankevoort; the other has none, and any number will do.
-            _floats([0.06 if x.transition_strain is None else x.transition_strain
-                     for x in ligaments]),
+            column("transition_strain", [0.06] * len(ways)),
             column("transition_width"),
             tuple(ways),
             _courses([*ways.values()]),
-            _floats(tears),
+            column("failure_strain", usual),
             damping=column("damping_N_s"),
             area=column("area_mm2"),
             laws=tuple(part.law for part in ligaments),
@@ -279,17 +249,15 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
             place, value = f"{place}.{part.slack_field}", getattr(part, part.slack_field)
             expected = f"a value that gives a slack length {expected}"
         raise InputProblem(file, place, value, expected) from None
-    if PATELLA in state.poses:
-        strains = lengths / np.asarray(found.slack_length) - 1.0
-        for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
-            if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
-                given = part.slack_field
-                expected = (
-                    f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference "
-                    f"poses: strained by {100.0 * strains[row]:.0f} % it would be torn"
-                )
-                place = f"patella.ligaments.{name}.{given}"
-                raise InputProblem(file, place, getattr(part, given), expected)
+    strains = lengths / np.asarray(found.slack_length) - 1.0
+    for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
+        if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
+            place = f"patella.ligaments.{name}.{part.slack_field}"
+            raise InputProblem(
+                file, place, getattr(part, part.slack_field),
+                f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference poses: "
+                f"strained by {100.0 * strains[row]:.0f} % it would be torn",
+            )
     return found
 
 
@@ -298,16 +266,13 @@ def _courses(ways: list[Way]) -> list[mechanics.Course]:
     kinds: dict[tuple, list[int]] = {}
     for row, way in enumerate(ways):
         bones = tuple(via.bone for via in way.part.via_points)
-        if bones or way.part.wrap is not None:
-            section = id(way.wraps) if way.part.wrap is not None else 0
-            kinds.setdefault((way.bones, bones, way.part.wrap, section), []).append(row)
+        if bones or way.obstacle is not None:
+            kinds.setdefault((way.bones, bones, id(way.obstacle)), []).append(row)
     courses = []
-    for (pair, bones, name, _), rows in kinds.items():
+    for (pair, bones, _), rows in kinds.items():
         via = [[ways[row].part.via_points[k].point_mm for row in rows] for k in range(len(bones))]
-        points = np.array(via, float) if bones else None
-        wrap = ways[rows[0]].wraps[name] if name else None
-        bone = wrap.bone if wrap else pair[1]
-        obstacle = wrap.built() if wrap else None
+        points, wrap = np.array(via, float) if bones else None, ways[rows[0]].obstacle
+        obstacle, bone = (None, pair[1]) if wrap is None else (wrap.built(), wrap.bone)
         courses.append(mechanics.Course(rows, points, bones, obstacle, bone, pair))
     return courses
 
@@ -316,24 +281,22 @@ def _muscles(
     patella: Patella, state: geometry.State, file: str, tension_N: Mapping[str, float]
 ) -> mechanics.Muscles:
     """Muscles that pull."""
-    known = patella.muscles
+    known, allowed = patella.muscles, RANGES["tension_N"]
     for name, tension in tension_N.items():
         if name not in known:
             raise InputProblem(file, "patella.muscles", name, known)
-        if not RANGES["tension_N"].holds(tension):
-            expected = RANGES["tension_N"].expected(tension)
-            raise InputProblem(file, f"tension of {name}", f"{tension:g} N", expected)
+        if not allowed.holds(tension):
+            found, expected = f"{tension:g} N", allowed.expected(tension)
+            raise InputProblem(file, f"tension of {name}", found, expected)
     tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
     names = tuple(name for name, tension in tensions.items() if tension > 0)
-    ways = [Way(known[x], (FEMUR, known[x].insertion_bone), patella.wraps) for x in names]
+    ways = [Way(x, (FEMUR, x.insertion_bone), patella.wraps.get(x.wrap or ""))
+            for x in (known[name] for name in names)]
     muscles = mechanics.Muscles(
-        [known[name].origin_mm for name in names],
-        [known[name].insertion_mm for name in names],
-        [tensions[name] for name in names],
-        names,
-        _courses(ways),
+        [known[name].origin_mm for name in names], [known[name].insertion_mm for name in names],
+        [tensions[name] for name in names], names, _courses(ways),
         tuple(way.bones for way in ways),
-    )
+    )  # fmt: skip
     for row in np.flatnonzero(np.asarray(muscles.ends_inside(state))):
         expected = f"an origin, via points and an insertion outside {ways[row].part.wrap}"
         place = f"patella.muscles.{names[row]}.wrap"

@@ -9,13 +9,12 @@ lateral are positive on either side).
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
 
 import numpy as np
-from pydantic import BeforeValidator, model_validator
+from pydantic import BeforeValidator
 
 from kneejax import mechanics
 from kneejax.files import reading
@@ -34,22 +33,19 @@ ALL_BONES = (FEMUR, TIBIA, PATELLA)
 _LAST = ("source", "fit_rms_mm", "fit_max_mm")
 
 
-@dataclasses.dataclass(frozen=True)
-class Gives:
+class Gives(NamedTuple):
     """The attribute of what is built that has the number, where it is not the field's own name."""
 
     attribute: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Mirrored:
+class Mirrored(NamedTuple):
     """How a value of the other side follows from a field's, and from the part it stands in."""
 
     image: Callable[[Any, Mapping[str, Any]], Any]
 
 
-@dataclasses.dataclass(frozen=True)
-class Source:
+class Source(NamedTuple):
     """Of a field that needs no source of its own: whether it has a number, and is built with."""
 
     number: bool
@@ -70,9 +66,9 @@ def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
                 yield one
             yield from marks(*getattr(one, "__metadata__", ()), *get_args(one))
 
-    fields = model.model_fields.items()
-    every = {name: [*marks(*one.metadata, one.annotation)] for name, one in fields}
-    return {name: found[0] for name, found in every.items() if found}
+    every = {name: next(marks(*field.metadata, field.annotation), None)
+             for name, field in model.model_fields.items()}
+    return {name: found for name, found in every.items() if found is not None}
 
 
 _UNITS = ("_N_per_mm", "_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
@@ -84,11 +80,9 @@ _ELSEWHERE = (*_LAST, "via_points")
 def attributes(model: type[Part]) -> dict[str, str]:
     """Field -> attribute of what is built that has its number."""
     gives, apart = marked(model, Gives), marked(model, Source)
-    return {
-        name: gives[name].attribute if name in gives else quantity(name)
-        for name in model.model_fields
-        if name not in _ELSEWHERE and apart.get(name, SPARED).number
-    }
+    return {name: gives[name].attribute if name in gives else quantity(name)
+            for name in model.model_fields
+            if name not in _ELSEWHERE and apart.get(name, SPARED).number}
 
 
 def quantity(field: str) -> str:
@@ -153,20 +147,17 @@ class Sourced(Part):
                 (frame if inside else given)[own or place] = value
         return type(self).makes(**given | ({"frame": Frame(**frame)} if frame else {}))
 
-    @model_validator(mode="after")
-    def _check_source(self) -> Sourced:
+    @reading.checks
+    def _check_source(self, mistakes: Mistakes) -> None:
         if isinstance(self.source, dict):
-            fields, stated = type(self).model_fields, self.model_fields_set - {"source"}
-            given = [name for name in fields if name in stated]
-            spared, mistakes = marked(type(self), Source), Mistakes()
-            for name in given:
-                if name not in spared and name not in self.source:
-                    mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
-            for name in [name for name in self.source if name not in given]:
+            stated = self.model_fields_set - {"source"}
+            given = [name for name in type(self).model_fields if name in stated]
+            spared = {*marked(type(self), Source), *self.source}
+            for name in (x for x in given if x not in spared):
+                mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
+            for name in (x for x in self.source if x not in given):
                 expected = f"no such field, but one of {', '.join(given)}"
                 mistakes.append(wrong(self.source[name], expected, at=f"source.{name}"))
-            mistakes.check()
-        return self
 
 
 class Via(Part):
@@ -222,9 +213,8 @@ class Ligament(Course):
         """The field that gives its slack length."""
         return next(field for field in SLACK_FIELDS if getattr(self, field) is not None)
 
-    @model_validator(mode="after")
-    def _check_ligament(self) -> Ligament:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_ligament(self, mistakes: Mistakes) -> None:
         given = [name for name in SLACK_FIELDS if getattr(self, name) is not None]
         if len(given) != 1:
             expected = f"exactly one of {', '.join(SLACK_FIELDS)}"
@@ -236,8 +226,6 @@ class Ligament(Course):
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
         with mistakes.gathered():
             self.check_bones(tuple(ENDS[end] for end in ends))
-        mistakes.check()
-        return self
 
 
 def _no_field(value: Any) -> None:
@@ -274,10 +262,9 @@ class Muscle(Course):
     insertion_mm: Annotated[Point, Gives("tibial_attachment")]
     wrap: Wrap = None
 
-    @model_validator(mode="after")
-    def _check_muscle(self) -> Muscle:
+    @reading.checks
+    def _check_muscle(self, mistakes: Mistakes) -> None:
         self.check_bones((FEMUR, self.insertion_bone))
-        return self
 
 
 class LoadOfFile(Sourced):
@@ -290,13 +277,10 @@ class LoadOfFile(Sourced):
     axes: Annotated[str, one_of(mechanics.AXES), WORD]
     point_in: Annotated[str, one_of(mechanics.BONES), WORD] = TIBIA
 
-    @model_validator(mode="after")
-    def _check_load(self) -> LoadOfFile:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_load(self, mistakes: Mistakes) -> None:
         if self.force_N is None and self.moment_Nmm is None:
             mistakes.append(wrong("neither", "force_N, moment_Nmm, or both"))
         for name in ("point_mm", "point_in") if self.force_N is not None else ():
             if name not in self.model_fields_set:
                 mistakes.append(wrong("missing", "this field", at=name))
-        mistakes.check()
-        return self

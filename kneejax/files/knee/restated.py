@@ -118,20 +118,14 @@ def reconstructed(
         del (right if name in right["ligaments"] else right["patella"])["ligaments"][name]
     fibres = knee.ligaments
     for name in grafts:
-        row = fibres.names.index(name)
-        numbers = {"slack_length_mm": fibres.slack_length[row]}
-        numbers |= {field: getattr(fibres, parts.quantity(field))[row] for field in _STRAIGHT}
-        entry = {field: np.asarray(value, float).tolist() for field, value in numbers.items()}
+        row, fields = fibres.names.index(name), ("slack_length_mm", *_STRAIGHT)
+        entry = {x: np.asarray(getattr(fibres, parts.quantity(x))[row], float).tolist()
+                 for x in fields}
         right["ligaments"][name] = entry | {"source": source}
-    known = tuple(right["ligaments"])
-    kept = {
-        group: [pattern for pattern in patterns if fnmatch.filter(known, pattern)]
-        for group, patterns in right.pop("groups", {}).items()
-    }
-    groups = {group: patterns for group, patterns in kept.items() if patterns}
-    if len(grafts) > 1:
-        groups["graft"] = [*grafts]
-    if groups:
+    groups = {group: [x for x in patterns if fnmatch.filter(right["ligaments"], x)]
+              for group, patterns in right.pop("groups", {}).items()}
+    groups |= {"graft": [*grafts]} if len(grafts) > 1 else {}
+    if groups := {group: patterns for group, patterns in groups.items() if patterns}:
         right["groups"] = groups
     return mirror_document(right) if left else right
 
@@ -156,12 +150,10 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: mechanics.Knee, source: 
         if not _same(slack[row], slack_length(model, lengths[row])):
             given = model.slack_field
             del part[given]
-            strain = float(lengths[row] / slack[row] - 1.0)
-            if given == "reference_strain" and mechanics.RANGES[given].holds(strain):
-                part[given] = strain
-            else:
-                given = "slack_length_mm"
-                part[given] = float(slack[row])
+            number = float(lengths[row] / slack[row] - 1.0)
+            if given != "reference_strain" or not mechanics.RANGES[given].holds(number):
+                given, number = "slack_length_mm", float(slack[row])
+            part[given] = number
             changed.append(given)
         _say(part, parts.Ligament, changed, source)
 
@@ -204,12 +196,9 @@ def _state(
 
 def _numbers_of(of: Any, model: type[Part]) -> dict[str, Any]:
     """Field -> number of an object, in the units of its part of a document."""
-    found = {}
-    for field, name in parts.attributes(model).items():
-        value = operator.attrgetter(name)(of)
-        if value is not None:
-            found[field] = np.rad2deg(value) if field.endswith("_deg") else value
-    return found
+    found = {x: operator.attrgetter(name)(of) for x, name in parts.attributes(model).items()}
+    return {field: np.rad2deg(value) if field.endswith("_deg") else value
+            for field, value in found.items() if value is not None}
 
 
 def _put(

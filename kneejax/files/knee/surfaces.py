@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import model_validator
 
 from kneejax import geometry
 from kneejax.files import reading
@@ -23,11 +22,7 @@ _MOST_CONTROL_VALUES = 200
 
 
 def build_surface(surface: dict[str, Any]) -> geometry.Surface:
-    """Make a surface of a part of a knee document.
-
-    Args:
-        surface: a mapping with `kind` and that kind's fields, of a right knee.
-    """
+    """The surface that a part of a knee document is, with `kind` and that kind's fields."""
     return SURFACES[surface["kind"]].model_construct(**surface).built()
 
 
@@ -90,10 +85,10 @@ class Surface(Sourced):
     # of a table over a region: what its values are, and what the least and the greatest may be
     bounds: ClassVar[tuple[str, Range, Range] | None] = None
 
-    @model_validator(mode="after")
-    def _check_table(self) -> Surface:
+    @reading.checks
+    def _check_table(self, mistakes: Mistakes) -> None:
         if self.bounds is not None:
-            (what, *allowed), mistakes = self.bounds, Mistakes()
+            what, *allowed = self.bounds
             table, spline = self.coefficients_mm, self.basis == CUBIC_SPLINE  # pyright: ignore
             with mistakes.gathered("coefficients_mm"):
                 values = (_spline if spline else _powers)(table)
@@ -101,8 +96,6 @@ class Surface(Sourced):
                     if not one.holds(value):
                         expected = f"{what} {one} all over the region{one.hint(value)}"
                         raise wrong([*map(list, table)], expected)
-            mistakes.check()
-        return self
 
 
 def _powers(table: list[tuple[float, ...]]) -> np.ndarray:
@@ -223,10 +216,9 @@ def _by_kind(models: Mapping[str, type[Part]]) -> Chosen:
     def model(value: Any) -> type[Part]:
         if not isinstance(value, dict) or "kind" not in value:
             raise wrong(value, f"a mapping with the field kind, one of {', '.join(models)}")
-        try:
-            return models[reading.choice(value["kind"], models)]
-        except reading.InputProblem as problem:
-            raise wrong(value["kind"], problem.expected, problem.nearest, at="kind") from None
+        if not isinstance(kind := value["kind"], str) or kind not in models:
+            raise wrong(kind, models, at="kind")
+        return models[kind]
 
     return Chosen(model)
 
@@ -289,29 +281,24 @@ class ContactPart(Sourced):
 
     def built(self, **more: Any) -> Contact:
         """The contact in a right knee."""
-        first, second = self.faces
-        bodies = FEMUR, PATELLA if second == "patellar_surface" else TIBIA
-        faces = {"femoral": getattr(self, first).built(), "tibial": getattr(self, second).built()}
+        femoral, other = (getattr(self, face).built() for face in self.faces)
+        bodies = FEMUR, PATELLA if self.patellar_surface is not None else TIBIA
         if self.ring is not None:
             more["ring"] = self.ring.built()
-        return super().built(**faces, bodies=bodies, **more)
+        return super().built(femoral=femoral, tibial=other, bodies=bodies, **more)
 
-    @model_validator(mode="after")
-    def _check_layer(self) -> ContactPart:
-        mistakes = Mistakes()
+    @reading.checks
+    def _check_layer(self, mistakes: Mistakes) -> None:
         for name in ("points", "layer_variation_mm", "ring"):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))
-        if self.layer_variation_mm is not None:
+        if (table := self.layer_variation_mm) is not None:
             with mistakes.gathered("layer_variation_mm"):
-                layer = self.layer_thickness_mm + _powers(self.layer_variation_mm)
                 allowed = RANGES["layer_thickness_mm"]
-                if not all(allowed.holds(x) for x in (layer.min(), layer.max())):
-                    expected = f"a layer {allowed} all over the region"
-                    raise wrong([*map(list, self.layer_variation_mm)], expected)
-        mistakes.check()
-        return self
+                layer = self.layer_thickness_mm + _powers(table)
+                if not (allowed.holds(layer.min()) and allowed.holds(layer.max())):
+                    raise wrong([*map(list, table)], f"a layer {allowed} all over the region")
 
 
 class TibialContact(ContactPart):

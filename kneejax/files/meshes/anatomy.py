@@ -6,8 +6,8 @@ knee's meshes are mirrored before.
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -34,8 +34,7 @@ _NARROWEST_NOTCH_MM = 3.0
 _LEAST_OF_TWO = 0.2
 
 
-@dataclasses.dataclass(frozen=True)
-class Cloud:
+class Cloud(NamedTuple):
     """Corners of an articular surface, mm, in its bone's frame."""
 
     points: np.ndarray  # shape `(n, 3)`
@@ -47,8 +46,7 @@ class Cloud:
         return Cloud(self.points[rows], self.areas[rows], self.normals[rows])
 
 
-@dataclasses.dataclass(frozen=True)
-class Femur:
+class Femur(NamedTuple):
     """Articular surface of the femur."""
 
     cloud: Cloud  # of both condyles and the trochlea
@@ -107,12 +105,9 @@ def find_femur(
 
 
 def find_plateaus(
-    sheets: list[Sheet],
-    femur: Femur,
-    tibia: Placement,
-    findings: list[str],
+    sheets: list[Sheet], femur: Femur, tibia: Placement, findings: list[str],
     split_mm: float | None = None,
-) -> dict[str, Sheet]:
+) -> dict[str, Sheet]:  # fmt: skip
     """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
     upwards, at the lateral place `split_mm` if it is given. Raises where they do not meet the femur
     at the pose `tibia`, or both parts lie on one side of the notch."""
@@ -120,9 +115,8 @@ def find_plateaus(
     facing = articular(sheets, lambda _: np.array([0.0, 1.0, 0.0]),
                        lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
     _check_meeting(femur, joined(facing), tibia, name)
-    parts = _parted(facing, split_mm, femur, tibia, findings)
     found: dict[str, Sheet] = {}
-    for part in parts:
+    for part in _parted(facing, split_mm, femur, tibia, findings):
         middle = np.average(part.centers, axis=0, weights=part.face_areas)
         along = in_frame(femur.axis, moved(tibia, middle[None]))[0, 2]
         side = "lateral" if along > femur.notch_mm else "medial"
@@ -152,9 +146,9 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 def condyle_region(
     femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Angles, degrees, and widths, mm, over which a condyle, with the trochlea of its side, can
-    meet its plateau: from a margin before the foremost of the plateau's points, `tibial`, at the
-    reference pose, since a knee may extend further, to the end of the cartilage."""
+    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: to the end of the
+    cartilage from a margin before the foremost of the plateau's points, `tibial`, at the reference
+    pose, since a knee may extend further."""
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()
@@ -186,10 +180,9 @@ def _rows(vector, count: int) -> np.ndarray:
 def articular(
     sheets: list[Sheet], direction, place, word: str, findings: list[str]
 ) -> list[Sheet]:
-    """Articular sides of one bone's sheets, of a volume that side alone, turned outwards, without
-    sheets behind another one. `direction` gives unit vectors of a sheet towards the joint, one or
-    one a triangle; `place` two parameters of points, in units of a cell, and the height over them;
-    `word` says in the sentence which sheet is kept."""
+    """Articular sides of one bone's sheets, turned outwards, without sheets behind another one.
+    `direction` gives unit vectors of a sheet towards the joint; `place` two parameters of points,
+    in units of a cell, and the height over them; `word` says which sheet is kept."""
     facing: list[Sheet] = []
     for sheet in sheets:
         named = Path(sheet.name).name
@@ -264,7 +257,8 @@ def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Fra
         line = line + step[:4]
         if np.abs(step[:2]).max() < 1e-9 and np.abs(step[2:4]).max() < 1e-11:
             break
-    x, y, z = np.r_[line[2:], 1.0] / np.linalg.norm(np.r_[line[2:], 1.0])
+    along = np.r_[line[2:], 1.0]
+    x, y, z = along / np.linalg.norm(along)
     return Frame([line[0], line[1], 0.0], [-np.arctan2(y, z), np.arcsin(x), 0.0])
 
 
@@ -284,9 +278,9 @@ def _found_notch(where, name: str) -> float:
 
 def _check_meeting(femur: Femur, cloud: Cloud, tibia: Placement, name: str) -> None:
     tibial = moved(tibia, cloud.points)
-    sample = tibial[:: max(1, len(tibial) // 500)], femur.cloud.points
-    few = sample[1][:: max(1, len(sample[1]) // 2000)]
-    distance = np.sqrt(((sample[0][:, None] - few[None]) ** 2).sum(axis=2).min())
+    few, others = (points[:: max(1, len(points) // most)]
+                   for points, most in ((tibial, 500), (femur.cloud.points, 2000)))
+    distance = np.sqrt(((few[:, None] - others) ** 2).sum(axis=2).min())
     if distance > FARTHEST_MM:
         expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
         raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
@@ -315,14 +309,12 @@ def _parted(
             return sheets
         findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, {where}.")
     parts = []
+    offset = np.cumsum([0, *(len(s.points) for s in sheets[:-1])])
+    points = np.concatenate([s.points for s in sheets])
     for lower in (True, False):
-        own = [s.kept((s.centers[:, 2] < split_mm) == lower) for s in sheets]
-        own = [s for s in own if len(s.faces)]
-        if own:
-            offset = np.cumsum([0, *(len(s.points) for s in own[:-1])])
-            faces = np.concatenate([s.faces + o for s, o in zip(own, offset, strict=True)])
-            points = np.concatenate([s.points for s in own])
-            parts.append(Sheet(points, faces, False, sheets[0].name))
+        own = [s.faces[(s.centers[:, 2] < split_mm) == lower] for s in sheets]
+        faces = np.concatenate([face + o for face, o in zip(own, offset, strict=True)])
+        parts += [Sheet(points, faces, False, sheets[0].name)] * bool(len(faces))
     return parts
 
 

@@ -49,13 +49,9 @@ class MeshBand(NamedTuple):
 
 
 def band_of_meshes(
-    ligament: str | os.PathLike[str],
-    first_bone: str | os.PathLike[str],
-    second_bone: str | os.PathLike[str],
-    pose: Pose,
-    within_mm: float = 1.0,
-    side: str = "right",
-) -> MeshBand:
+    ligament: str | os.PathLike[str], first_bone: str | os.PathLike[str],
+    second_bone: str | os.PathLike[str], pose: Pose, within_mm: float = 1.0, side: str = "right",
+) -> MeshBand:  # fmt: skip
     """The band that a ligament's mesh is.
 
     Args:

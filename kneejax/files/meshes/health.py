@@ -5,9 +5,9 @@ Repairs are said in findings, one sentence each. What cannot be repaired is refu
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -25,8 +25,7 @@ _FRAGMENT = 0.05
 _MOST_BRANCHING = 0.01
 
 
-@dataclasses.dataclass(frozen=True)
-class Sheet:
+class Sheet(NamedTuple):
     """A connected, consistently wound part of a mesh."""
 
     points: np.ndarray  # corners of the whole mesh, shape `(n, 3)`, mm
@@ -62,11 +61,11 @@ class Sheet:
 
     def kept(self, faces: np.ndarray) -> Sheet:
         """The part with these faces only (a mask or row numbers)."""
-        return dataclasses.replace(self, faces=self.faces[faces], closed=False)
+        return self._replace(faces=self.faces[faces], closed=False)
 
     def turned(self) -> Sheet:
         """The same sheet with the other side out."""
-        return dataclasses.replace(self, faces=self.faces[:, ::-1])
+        return self._replace(faces=self.faces[:, ::-1])
 
     def corners(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Used corners, the area that each stands for, and unit normals there."""
@@ -196,17 +195,14 @@ def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarr
 def _edges(faces: np.ndarray):
     """Pairs of faces that share an edge, whether both run along it the same way, rows with open
     edges, and the number of edges with more than two faces."""
-    a, b = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    row = np.repeat(np.arange(len(faces)), 3)
-    low, high = np.minimum(a, b), np.maximum(a, b)
-    order = np.lexsort((row, high, low))
-    low, high, row, way = low[order], high[order], row[order], (a < b)[order]
-    new = np.r_[True, (low[1:] != low[:-1]) | (high[1:] != high[:-1])]
-    start = np.flatnonzero(new)
-    count = np.diff(np.r_[start, len(low)])
-    two = start[count == 2]
-    pairs = np.stack([row[two], row[two + 1]], axis=1)
-    return pairs, way[two] == way[two + 1], row[start[count == 1]], int((count > 2).sum())
+    from trimesh.grouping import group_rows
+
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends, (first, second) = np.sort(edges, axis=1), edges.T
+    alone, two = (np.asarray(group_rows(ends, require_count=count)) for count in (1, 2))
+    several = len(np.unique(ends, axis=0)) - len(alone) - len(two)
+    one, other = (first < second)[two].T
+    return two // 3, one == other, alone // 3, several
 
 
 def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):

@@ -15,7 +15,7 @@ from kneejax.files.meshes import surfaces as fitted
 from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Condyle, Frame, Pose, Surface
+from kneejax.geometry import Condyle, Frame, Placement, Pose, Surface
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
@@ -153,12 +153,9 @@ class MeshImport:
 
 
 def import_meshes(
-    femoral_cartilage: MeshPath,
-    tibial_cartilage: MeshPath,
-    *,
-    side: str,
+    femoral_cartilage: MeshPath, tibial_cartilage: MeshPath, *, side: str,
     options: MeshOptions | None = None,
-) -> MeshImport:
+) -> MeshImport:  # fmt: skip
     """Fit contacts to meshes of cartilage, in the frames of their bones.
 
     Frames are X anterior, Y superior, Z to the person's right.
@@ -196,13 +193,12 @@ def import_meshes(
 
     femoral, tibial = read(femoral_cartilage), read(tibial_cartilage)
     femur, plateaus = find_bones(femoral, tibial, options, left, findings)
-    bones, given_mm = None, options.layer_thickness_mm
+    contacts, bones, given_mm = {}, None, options.layer_thickness_mm
     if given_mm is None and options.femur_bone is not None and options.tibia_bone is not None:
         bones = read(options.femur_bone), read(options.tibia_bone)
-    contacts, tibia = {}, _reference(options).placement
     for name, sheet in plateaus.items():
         condyle, plateau = fitted.fit_compartment(
-            name, sheet, femur, tibia, options.angle_deg, options.splines)
+            name, sheet, femur, _tibia(options), options.angle_deg, options.splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
@@ -230,9 +226,8 @@ def import_meshes(
         said = "given at import" if given_mm else "assumed"
         patellofemoral = _contact(options, patella, layer, surfaces, said, left)
     if given_mm is None and bones is None:
-        findings.append(
-            f"No bone meshes, no thickness: the layer is taken as {fitted.ASSUMED_MM:g} mm thick."
-        )
+        assumed = f"the layer is taken as {fitted.ASSUMED_MM:g} mm thick"
+        findings.append(f"No bone meshes, no thickness: {assumed}.")
     if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
@@ -244,8 +239,12 @@ def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> 
     sheets, said = read_sheets(path, unit)
     findings.extend(said)
     if left:
-        sheets = [dataclasses.replace(s, points=s.points * _MIRROR).turned() for s in sheets]
+        sheets = [s._replace(points=s.points * _MIRROR).turned() for s in sheets]
     return sheets
+
+
+def _tibia(options: MeshOptions) -> Placement:
+    return (options.reference_pose or Pose.from_table([0.0] * 6)).placement
 
 
 def find_bones(
@@ -261,16 +260,12 @@ def find_bones(
         point, turn = point * [1.0, 1.0, sign], np.deg2rad(turn * [sign, sign, 1.0])
         axis = Frame(point.tolist(), turn if turn.any() else None)
     femur = anatomy.find_femur(femoral, findings, axis, notch)
-    tibia = _reference(options).placement
-    plateaus = anatomy.find_plateaus(tibial, femur, tibia, findings, split)
+    plateaus = anatomy.find_plateaus(tibial, femur, _tibia(options), findings, split)
     if split is not None and len(plateaus) < 2:
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", options.split_mm, expected)
     return femur, plateaus
 
-
-def _reference(options: MeshOptions) -> Pose:
-    return Pose.from_table([0.0] * 6) if options.reference_pose is None else options.reference_pose
 
 
 def judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,19 +13,11 @@ import numpy as np
 from kneejax import geometry
 from kneejax.files.knee import build_surface, mirror_part
 from kneejax.files.knee.document import mirror_document
-from kneejax.files.meshes import anatomy
+from kneejax.files.meshes import anatomy, importing
 from kneejax.files.meshes.health import Sheet, check_holes
-from kneejax.files.meshes.importing import (
-    TARGET_RMS_MM,
-    MeshPath,
-    judge,
-    listed,
-    right_sheets,
-    spread_points,
-    surface_entry,
-)
+from kneejax.files.meshes.importing import TARGET_RMS_MM, MeshPath, judge, right_sheets
 from kneejax.files.meshes.points import cut_by_plane
-from kneejax.files.meshes.surfaces import SheetFit, quality
+from kneejax.files.meshes.surfaces import SheetFit, sheet_fit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Plateau, Pose
 from kneejax.mechanics import QUADRATURE
@@ -79,15 +70,10 @@ class MeshMeniscus(NamedTuple):
 
 
 def meniscus_of_mesh(
-    meshes: MeshPath | Sequence[MeshPath],
-    document: Mapping[str, Any],
-    compartment: str | None = None,
-    *,
-    pose: Pose | None = None,
-    unit: str = "auto",
-    material: Mapping[str, Any] = {},
-    ring: Mapping[str, float] = {},
-) -> MeshMeniscus:
+    meshes: MeshPath | Sequence[MeshPath], document: Mapping[str, Any],
+    compartment: str | None = None, *, pose: Pose | None = None, unit: str = "auto",
+    material: Mapping[str, Any] = {}, ring: Mapping[str, float] = {},
+) -> MeshMeniscus:  # fmt: skip
     """The contact with a ring that a meniscus's mesh is.
 
     Args:
@@ -119,7 +105,7 @@ def meniscus_of_mesh(
         check_holes(sheets[0], doubts, bordered=False)
         a, b, c = sheets[0].points[sheets[0].faces].swapaxes(0, 1)
         inside_out = np.einsum("ij,ij->", a - a.mean(axis=0), np.cross(b - a, c - a)) < 0.0
-        whole = dataclasses.replace(sheets[0], closed=True)
+        whole = sheets[0]._replace(closed=True)
         sheets = [whole.turned() if inside_out else whole]
     (low, high), wide = _WIDTHS_MM, max(float(np.ptp(s.corners()[0], axis=0).max()) for s in sheets)
     if not low < wide < high:
@@ -127,12 +113,12 @@ def meniscus_of_mesh(
         raise InputProblem(path, "width", f"{wide:.3g} mm", expected)
     if pose is not None:
         there = pose.placement.inverse()
-        sheets = [dataclasses.replace(s, points=anatomy.moved(there, s.points)) for s in sheets]
+        sheets = [s._replace(points=anatomy.moved(there, s.points)) for s in sheets]
     right = mirror_document({**document}) if left else document
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
     plateau: Any = build_surface(cartilage["tibial_surface"])
-    local = [dataclasses.replace(s, points=anatomy.in_frame(plateau.frame, s.points))
+    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points))
              for s in sheets]  # fmt: skip
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])
     middle = _middle(corners)
@@ -159,9 +145,7 @@ def meniscus_of_mesh(
                                              outline=np.round(outline, 3))  # fmt: skip
     except ValueError as error:
         raise InputProblem(path, "upper side", str(error), "a finer mesh") from None
-    every = np.ones(len(spline.points), bool)
-    across = anatomy.in_frame(plateau.frame, spline.points)[:, [0, 2]]
-    fit = SheetFit(spline, every, quality(spline, every, across))
+    fit = sheet_fit(spline, None)
     judge(f"{name} meniscus", fit, "everywhere", stated, findings)
     if fit.quality.rms > TARGET_RMS_MM:
         doubts.append(findings.pop())
@@ -193,13 +177,14 @@ def meniscus_of_mesh(
     whence = {**_OF_RING, **dict.fromkeys(ring, "given at import")}
     source["ring"] = "; ".join([f"{stated}", *(f"{x}: {y}" for x, y in whence.items())])
     contact = {
-        "form": QUADRATURE, "points": spread_points(spline.surface), "law": "linear", **MATERIAL,
+        "form": QUADRATURE, "points": importing.spread_points(spline.surface), "law": "linear",
+        **MATERIAL,
         "layer_thickness_mm": round(thick + cartilage_mm, 3), **material,
         "ring": {**RING, "cross_section_mm2": round(float(area.mean()), 2),
-                 "middle_mm": listed(middle), "horns_deg": listed(np.rad2deg([begin, end])),
-                 **ring},
+                 "middle_mm": importing.listed(middle),
+                 "horns_deg": importing.listed(np.rad2deg([begin, end])), **ring},
         "femoral_surface": cartilage["femoral_surface"],
-        "tibial_surface": surface_entry(fit, stated),
+        "tibial_surface": importing.surface_entry(fit, stated),
         "source": source | dict.fromkeys(source.keys() & material.keys(), "given at import"),
     }  # fmt: skip
     sign = -1.0 if left else 1.0

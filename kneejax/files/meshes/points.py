@@ -142,16 +142,8 @@ def bone_surface(
 def cut_by_plane(
     corners: np.ndarray, origin: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where a plane cuts triangles.
-
-    Args:
-        corners: of the triangles, shape `(m, 3, 3)`, mm.
-        origin: a point of the plane, shape `(3,)`, mm.
-        normal: across the plane, shape `(3,)`.
-
-    Returns:
-        Ends of the pieces `(k, 2, 3)`, mm, and the triangles that they are of `(k,)`.
-    """
+    """Where a plane through a point cuts triangles `(m, 3, 3)`, mm: ends of the pieces `(k, 2, 3)`,
+    mm, and the triangles that they are of `(k,)`."""
     height = (corners - origin) @ normal
     rows = np.flatnonzero((height.min(axis=1) < 0.0) & (height.max(axis=1) >= 0.0))
     height, above = height[rows], height[rows] < 0.0

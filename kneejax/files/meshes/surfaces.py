@@ -46,8 +46,7 @@ MOST_NEGATIVE, TOUCHING_MM = 0.2, 0.1
 _CELL_MM = 5.0
 
 
-@dataclasses.dataclass(frozen=True)
-class FitQuality:
+class FitQuality(NamedTuple):
     """What a fit leaves over in the contact region, mm."""
 
     rms: float  # root of the area-weighted mean square normal distance
@@ -75,13 +74,9 @@ class SheetFit:
 
 
 def fit_compartment(
-    name: str,
-    sheet: Sheet,
-    femur: Femur,
-    tibia: Placement,
-    angle_deg: tuple[float, float] | None,
-    splines: dict[str, float],
-) -> tuple[SheetFit, SheetFit]:
+    name: str, sheet: Sheet, femur: Femur, tibia: Placement,
+    angle_deg: tuple[float, float] | None, splines: dict[str, float],
+) -> tuple[SheetFit, SheetFit]:  # fmt: skip
     """Fits of a condyle and its plateau, and where they can touch; the region of the condyle is
     found unless it is given, `splines` are options of the fits."""
     lateral = femur.cylindrical(femur.cloud.points)[2] > femur.notch_mm
@@ -97,31 +92,21 @@ def fit_compartment(
     except ValueError as error:
         raise InputProblem(sheet.name, name, str(error), "enough of both cartilages") from None
     on_condyle, on_plateau = contact_regions(femur, condyle, at_reference)
-    across = anatomy.in_frame(plateau.surface.frame, plateau.points)[:, [0, 2]]
-    return (
-        SheetFit(condyle, on_condyle, quality(condyle, on_condyle, _along(femur, condyle))),
-        SheetFit(plateau, on_plateau, quality(plateau, on_plateau, across)),
-    )
+    return sheet_fit(condyle, femur, on_condyle), sheet_fit(plateau, femur, on_plateau)
 
 
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets, everywhere. The groove is one surface of
-    the femur's cartilage from its upper border down and around both condyles. It overlaps with the
-    condyles that meet the tibia, which are fitted to the same cartilage: no load is handed over
-    from one surface to another. Across the notch it falls off."""
+    """Fits of the patella and of the groove that it meets: one surface of the femur's cartilage
+    from its upper border down and around both condyles, which overlaps with those that meet the
+    tibia: no load is handed over from one to another. Across the notch it falls off."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
     angle, _, along = femur.cylindrical(cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
     width = float(along.min()), float(along.max())
     trochlea = fit_condyle_spline(cloud.points, region, width, femur.axis, cloud.areas, **splines)
-    across = anatomy.in_frame(patella.surface.frame, patella.points)[:, [0, 2]]
-    pairs = ((patella, across), (trochlea, _along(femur, trochlea)))
-    every = [np.ones(len(fit.points), bool) for fit, _ in pairs]
-    first, second = (SheetFit(fit, all_, quality(fit, all_, at))
-                     for (fit, at), all_ in zip(pairs, every, strict=True))
-    return first, second
+    return sheet_fit(patella, femur), sheet_fit(trochlea, femur)
 
 
 def fit_patella(
@@ -193,15 +178,18 @@ def _fit_plateau(sheet: Sheet, frame: Frame, splines: dict[str, float]) -> Splin
     return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, **given)
 
 
-def _along(femur: Femur, fit: SplineFit[Condyle]) -> np.ndarray:
-    """Lengths around and along the femoral axis, mm, `(n, 2)`."""
-    angle, radius, along = femur.cylindrical(fit.points)
-    return np.c_[float(np.average(radius, weights=fit.weights)) * angle, along]
-
-
-def quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQuality:
-    """What a fit leaves over in a region; `across` are two lengths along the surface, mm."""
-    rows = region if region.any() else np.ones(len(fit.points), bool)
+def sheet_fit(fit: SplineFit, femur: Femur | None, region: np.ndarray | None = None) -> SheetFit:
+    """A fit, with what it leaves over in a region, by default everywhere; a condyle's is on a
+    femur."""
+    every = np.ones(len(fit.points), bool)
+    region = every if region is None else region
+    if isinstance(fit.surface, Condyle):  # two lengths along the surface, mm
+        assert femur is not None
+        angle, radius, along = femur.cylindrical(fit.points)
+        across = np.c_[float(np.average(radius, weights=fit.weights)) * angle, along]
+    else:
+        across = anatomy.in_frame(fit.surface.frame, fit.points)[:, [0, 2]]
+    rows = region if region.any() else every
     residual, weight = fit.residual[rows], fit.weights[rows]
     patch = np.floor(across[rows] / PATCH_MM).astype(int)
     _, place = np.unique(patch, axis=0, return_inverse=True)
@@ -209,7 +197,7 @@ def quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQualit
     total, count = np.bincount(place, weight), np.bincount(place)
     means = (np.bincount(place, weight * residual) / total)[count >= _FEWEST_IN_PATCH]
     means = means if len(means) else np.array([np.average(residual, weights=weight)])
-    return FitQuality(
+    return SheetFit(fit, region, FitQuality(
         rms=float(np.sqrt(np.average(residual**2, weights=weight))),
         maximum=float(np.abs(residual).max()),
         mean=float(np.average(residual, weights=weight)),
@@ -217,7 +205,7 @@ def quality(fit: SplineFit, region: np.ndarray, across: np.ndarray) -> FitQualit
         patch_maximum=float(np.abs(means).max()),
         everywhere_rms=fit.rms,
         held_out_rms=fit.held_out_rms,
-    )
+    ))
 
 
 # One program for all places: operation by operation they take 5.8 s for a knee instead of 0.3.
@@ -240,15 +228,9 @@ class Layer(NamedTuple):
 
 
 def find_layer(
-    name: str,
-    condyle: SheetFit,
-    plateau: SheetFit,
-    femur: Femur,
-    sheet: Sheet,
-    bones: tuple[list[Sheet], list[Sheet]] | None,
-    kind: str,
-    findings: list[str],
-) -> Layer:
+    name: str, condyle: SheetFit, plateau: SheetFit, femur: Femur, sheet: Sheet,
+    bones: tuple[list[Sheet], list[Sheet]] | None, kind: str, findings: list[str],
+) -> Layer:  # fmt: skip
     """Measure the layer of a compartment between the surfaces of the bones, where they are known:
     `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
     bone."""
@@ -259,11 +241,11 @@ def find_layer(
     tibial = anatomy.joined([sheet])
     above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
     above_tibia = thickness(tibial, bones[1], f"{name} tibial")
-    known = np.isfinite(above_femur)
-    femoral = float(np.average(above_femur[known], weights=on_condyle.areas[known]))
     known = np.isfinite(above_tibia)
-    here = known & plateau.region
-    own = float(np.average(above_tibia[here], weights=tibial.areas[here]))
+    femoral, own = (
+        float(np.average(above[rows], weights=cloud.areas[rows])) for above, rows, cloud in (
+            (above_femur, np.isfinite(above_femur), on_condyle),
+            (above_tibia, known & plateau.region, tibial)))
     findings.append(
         f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on the tibia, on "
         "average over the contact region."
@@ -277,12 +259,9 @@ def find_layer(
     if kind == "constant":
         return Layer(mean, source)
     surface = plateau.fit.surface
-    s, t = (
-        2.0 * (c - lower) / (upper - lower) - 1.0
-        for c, (lower, upper) in zip(
-            anatomy.in_frame(surface.frame, tibial.points[known]).T[[0, 2]],
-            (np.asarray(x) for x in (surface.x, surface.z)), strict=True)
-    )
+    x, _, z = anatomy.in_frame(surface.frame, tibial.points[known]).T
+    s, t = (2.0 * (c - lower) / (upper - lower) - 1.0
+            for c, (lower, upper) in ((x, np.asarray(surface.x)), (z, np.asarray(surface.z))))
     # The femoral share is its mean, since that part moves. What lies outside the contact region
     # steers a field little, and keeps it in bounds.
     weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
@@ -330,9 +309,9 @@ def distances_along(
     points: np.ndarray, directions: np.ndarray, sheets: list[Sheet]
 ) -> np.ndarray:
     """Signed distance from points `(n, 3)` along unit vectors into a bone to the nearest surface of
-    it that is met from outside, mm, `(n,)`; open sheets of the bone may face either way. Negative
-    where the surface lies above the point, NaN where there is none from `HIGHEST_MM` above to
-    `DEEPEST_MM` below. Source: Moeller and Trumbore, Journal of Graphics Tools 2 (1997)."""
+    it that is met from outside, mm, `(n,)`; open sheets may face either way. NaN where there is
+    none from `HIGHEST_MM` above (negative) to `DEEPEST_MM` below. Source: Moeller and Trumbore,
+    Journal of Graphics Tools 2 (1997)."""
     corner = [np.concatenate([s.points[s.faces[:, k]] for s in sheets]) for k in range(3)]
     sided = np.concatenate([np.full(len(s.faces), s.closed) for s in sheets])
     center = sum(corner) / 3.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,9 +10,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.files.knee import build_obstacle
+from kneejax.files.knee import build_obstacle, mirror_part
 from kneejax.files.opensim import ligaments as fibres
-from kneejax.files.opensim.exact import MIRROR, Rigid, angles_xyz, turn_xyz
+from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.frames import Registration
 from kneejax.files.opensim.joints import Movement
 from kneejax.files.opensim.knee import OsimKneeJoint
@@ -21,8 +20,7 @@ from kneejax.files.opensim.model import GROUND, Model, evaluate, function_of
 from kneejax.files.opensim.paths import OsimPoint, path_points, read_wraps
 from kneejax.files.opensim.xml import Element, parse_xml
 from kneejax.files.reading import InputProblem, counted
-from kneejax.files.tables import Storage, last_word
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables.storage import Storage, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import RANGES, Course, Muscles, add_lane_axis, ligament_law
 
@@ -42,8 +40,7 @@ _ACTIVATION = 1.5
 _RINGING = 0.05
 
 
-@dataclasses.dataclass(frozen=True)
-class ExternalForce:
+class ExternalForce(NamedTuple):
     """A force on a body over the times of a table."""
 
     name: str
@@ -53,11 +50,10 @@ class ExternalForce:
     force: np.ndarray  # N, `(rows, 3)`
     point: np.ndarray  # m; zeros where the file names none, likewise the torque
     torque: np.ndarray  # N m
-    point_columns: tuple[str, ...]  # three, or none where the file names no point
+    point_columns: list[str]  # three, or none where the file names no point
 
 
-@dataclasses.dataclass(frozen=True)
-class ExternalLoads:
+class ExternalLoads(NamedTuple):
     """Forces from the ground over time."""
 
     table: Storage  # with the columns
@@ -83,7 +79,7 @@ def read_external_loads(
     for element in top.inside("objects"):
         if element.tag != "ExternalForce" or not element.applied:
             continue
-        bodies, columns = [], []
+        bodies, columns, rows = [], [], []
         for tag, usual in (("applied_to_body", ""), ("force_expressed_in_body", GROUND),
                            ("point_expressed_in_body", GROUND)):
             body = element.last_word(tag) or usual
@@ -91,20 +87,18 @@ def read_external_loads(
             if not bodies[-1]:
                 word, expected = element.word(tag) or "missing", "a body of the model"
                 raise element.problem(tag, word, expected, model.bodies)
-        for tag in ("force_identifier", "point_identifier", "torque_identifier"):
+        for kind in ("force", "point", "torque"):
+            tag = f"{kind}_identifier"
             stem = element.word(tag)
-            needed = "xyz" if stem or tag == "force_identifier" else ""
-            columns.append(tuple(f"{stem}{axis}" for axis in needed))
-            for name in columns[-1]:
-                table.named(name, f"a column of {tag} of {element.name}")
-        rows = (np.stack([table.columns[x] for x in names], axis=1) if names else none
-                for names in columns)
+            columns.append([f"{stem}{axis}" for axis in "xyz"] if stem or kind == "force" else [])
+            values = [table.named(x, f"a column of {tag} of {element.name}") for x in columns[-1]]
+            rows.append(np.stack(values, axis=1) if values else none)
         found.append(ExternalForce(element.name, *bodies, *rows, point_columns=columns[1]))
         # A torque is another force's where that one's name begins more like the name of this force,
         # but for the word that says which it is.
+        first = columns[0][0].lower()
         likeness = {
-            name: len(os.path.commonprefix(
-                [name.lower().replace("torque", "force"), columns[0][0].lower()]))
+            name: len(os.path.commonprefix([name.lower().replace("torque", "force"), first]))
             for name in (*columns[2][:1], *spins)
         }
         nearest = max(likeness, key=lambda name: likeness[name], default="")
@@ -120,26 +114,24 @@ def read_external_loads(
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s. In
-    the ground's axes and about its origin, `(n, 3)` each, N and N m. Between rows both are
-    straight: forces jump where a foot meets the ground. Also a sentence on each force that cannot
-    be that of its body: its size or torque is no person's, or its point lies farther from the body
-    than a foot is long. Raises where that is so far away that it must be in another unit."""
+    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s, in
+    the ground's axes and about its origin, `(n, 3)` each, N and N m; between rows both are
+    straight. Also a sentence on each force that can hardly be that of its body; raises where its
+    point is so far away that it must be in another unit."""
     def between(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time, loads.table.time, x) for x in values.T], axis=1)
 
     force, moment, doubts = np.zeros((len(time), 3)), np.zeros((len(time), 3)), [*loads.doubts]
     for one in (x for x in loads.forces if x.body in bodies):
         pull, point, torque = map(between, (one.force, one.point, one.torque))
-        carrier, frame = movement.placed[one.force_in], movement.placed[one.point_in]
-        place = frame.point(point)
+        place, carrier = movement.placed[one.point_in].point(point), movement.placed[one.force_in]
         if one.force_in == one.point_in == GROUND:
             # Forces and moments are taken between rows, not points: one without force jumps.
-            force = force + pull
-            moment = moment + between(one.torque + np.cross(one.point, one.force))
+            here, spin = pull, between(one.torque + np.cross(one.point, one.force))
         else:
             here, spin = (np.einsum("nij,nj->ni", carrier.turn, x) for x in (pull, torque))
-            force, moment = force + here, moment + (spin + np.cross(place, here))
+            spin = spin + np.cross(place, here)
+        force, moment = force + here, moment + spin
         largest = np.linalg.norm(one.force, axis=1).max()
         size, spin = np.linalg.norm(pull, axis=1), np.linalg.norm(torque, axis=1).max()
         name = f"{Path(loads.table.file).name}: force {one.name} on {one.body}"
@@ -154,24 +146,23 @@ def on_bodies(
             continue
         # From what a model has on a body: its origin, its center of mass and its joints.
         marks = [np.zeros(3), movement.model.bodies[one.body].point("mass_center")]
-        marks += [joint_frame.shift for joint in movement.joints
-                  if GROUND not in (joint.parent, joint.child)
-                  for end, joint_frame in joint.ends if end == one.body]
+        marks += [frame.shift for joint in movement.joints if not joint.on_ground
+                  for end, frame in joint.ends if end == one.body]
         marks = [movement.placed[one.body].point(np.broadcast_to(np.array(x, float), place.shape))
                  for x in marks]
-        reach = np.min(np.linalg.norm(place - np.array(marks), axis=2), axis=0)
-        reach = np.where(size > _SOME_FORCE * size.max(), reach, 0.0)
-        row = int(np.argmax(reach))
-        if reach[row] > _NOWHERE_M:
+        away = np.min(np.linalg.norm(place - np.array(marks), axis=2), axis=0)
+        away = np.where(size > _SOME_FORCE * size.max(), away, 0.0)
+        row = int(np.argmax(away))
+        if away[row] > _NOWHERE_M:
             shown = ", ".join(f"{x:g}" for x in point[row])
             suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
             raise InputProblem(
                 loads.table.file, ", ".join(one.point_columns), f"({shown}) at {time[row]:g} s",
-                f"a point of {one.body} in m, which is {reach[row]:,.1f} m away{suspected}",
+                f"a point of {one.body} in m, which is {away[row]:,.1f} m away{suspected}",
             )
-        if reach[row] > _FAR_M:
+        if away[row] > _FAR_M:
             doubts.append(
-                f"{name} acts {reach[row]:.2f} m away from it at {time[row]:g} s, farther than a "
+                f"{name} acts {away[row]:.2f} m away from it at {time[row]:g} s, farther than a "
                 "foot is long: another foot's plate, or an origin that is not the model's?"
             )
     return force, moment, doubts
@@ -180,9 +171,8 @@ def on_bodies(
 def of_contacts(
     model: Model, table: Storage, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Force and moment of the ground on some bodies, by the contacts of the model itself. As
-    `on_bodies`, from a table of forces in which OpenSim records each contact with the bodies that
-    it acts on: the opposite of what the ground bears."""
+    """As `on_bodies`, by the contacts of the model itself, from a table of forces in which OpenSim
+    records them: the opposite of what the ground bears."""
     carriers = {e.name: e.last_word("socket_frame") for e in model.elements
                 if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
     both = np.zeros((len(time), 6))
@@ -209,9 +199,8 @@ class Way(NamedTuple):
 def crossing(
     movement: Movement, knee: OsimKneeJoint, below: set[str]
 ) -> tuple[list[Way], list[Way], list[str]]:
-    """What pulls over a knee, to the bodies below it: muscles whose path goes from the thigh to the
-    leg below; likewise ligaments, of those that do not begin on the femur or the patella; names of
-    muscles that end on the patella."""
+    """What pulls over a knee, to the bodies below it: muscles from the thigh on; ligaments but
+    those from the femur or the patella; names of muscles that end on the patella."""
     muscles, ligaments, on_patella = [], [], []
     for element in movement.model.elements:
         muscle = element.tag.endswith("Muscle")
@@ -254,28 +243,25 @@ def _in_ground(movement: Movement, point: OsimPoint) -> tuple[np.ndarray, np.nda
             raise element.problem(tag, name or "missing", expected, movement.values)
         return movement.values[name]
 
-    local, active = point.location.astype(float), np.ones(shape, bool)
-    if element.tag == "MovingPathPoint":
-        local = np.zeros((*shape, 3))
-        for k, axis in enumerate("xyz"):
-            held = element.child(f"{axis}_location")
-            function = None if held is None else function_of(held)
-            if function is not None:
-                local[..., k] = evaluate(function, [value(f"{axis}_coordinate")])
+    local, active = np.zeros((*shape, 3)) + point.location.astype(float), np.ones(shape, bool)
+    for k, axis in enumerate("xyz" if element.tag == "MovingPathPoint" else ""):
+        held = element.child(f"{axis}_location")
+        function = None if held is None else function_of(held)
+        if function is not None:
+            local[..., k] = evaluate(function, [value(f"{axis}_coordinate")])
     if element.tag == "ConditionalPathPoint":
         low, high = (float(x) for x in element.numbers("range", 2))
         at = value("coordinate")
         active = (at >= low - 1e-5) & (at <= high + 1e-5)
-    return carrier.point(np.broadcast_to(local, (*shape, 3))), active
+    return carrier.point(local), active
 
 
 def recorded_muscles(
     table: Storage | None, movement: Movement, knee: OsimKneeJoint, below: set[str],
     frames: dict[str, Rigid], shifts: Registration, time: np.ndarray, notes: list[str],
 ) -> tuple[Muscles, np.ndarray]:  # fmt: skip
-    """Muscles with their tensions, and the pull of the quadriceps on the patella. `frames` lead
-    from the ground to those of the knee's bones, mm; arrays end in instants. `notes` get a sentence
-    for what was left out."""
+    """Muscles with their tensions, and the pull of the quadriceps on the patella; arrays end in
+    instants. `frames` lead from the ground to those of the knee's bones, mm."""
     none = np.zeros(len(time))
     if table is None:
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")
@@ -312,23 +298,16 @@ def recorded_muscles(
         tension.append(np.asarray(ligament_law.exact_tension(strain, stiffness, transition)))
     ends = {bone: np.reshape([frames[bone].point(1e3 * way.ends[bone]).T for way in ways],
                              (len(ways), 3, -1 if ways else len(time))) for bone in (FEMUR, TIBIA)}
-    wraps, by_wrap = read_wraps(movement.model), {}
+    wraps, by_wrap, courses = read_wraps(movement.model), {}, []
     for row, way in enumerate(ways):
         wrap = fibres.wrap_of(way.element, wraps, knee, (FEMUR, TIBIA), straight)
         if wrap is not None:
             by_wrap.setdefault(wrap.element, (wrap, []))[1].append(row)
-    courses, mirror = [], MIRROR[knee.side]
     for wrap, rows in by_wrap.values():
         entry = wrap.document(knee, "")
-        bone = entry["bone"]
-        # In the knee's frames. Mirrored axes of a symmetric obstacle are axes again where the last
-        # is turned back.
-        turn = turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
-        center = mirror @ np.array(entry["center_mm"]) + getattr(shifts, bone)
-        obstacle = build_obstacle(entry | {
-            "center_mm": center.tolist(),
-            "rotation_deg": np.rad2deg(angles_xyz(mirror @ turn @ mirror)).tolist(),
-        })
+        entry, bone = mirror_part(entry) if knee.side == "l" else entry, entry["bone"]
+        center = np.add(entry["center_mm"], getattr(shifts, bone)).tolist()
+        obstacle = build_obstacle(entry | {"center_mm": center})
         # As OpenSim has it: what ends inside an obstacle at any instant does not lie around it.
         there = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends[bone][rows], 1, 0)))
         parts = zip(there, obstacle.semi_axes_along_frame, strict=True)
@@ -340,14 +319,12 @@ def recorded_muscles(
         if not buried.all():
             kept = [row for row, inside in zip(rows, buried, strict=True) if not inside]
             courses.append(Course(kept, obstacle=obstacle, obstacle_bone=bone))
-    by_length = ", ".join(way.name for way in ligaments)
-    notes += straight
-    notes.append(
-        f"Over the knee: {counted(len(over), 'muscle')}"
-        + (f", {by_length} by its length" if by_length else "")
-        + (f"; on the patella: {', '.join(on_patella)}" if on_patella else "")
-        + "."
-    )
+    said = f"Over the knee: {counted(len(over), 'muscle')}"
+    if ligaments:
+        said += f", {', '.join(way.name for way in ligaments)} by its length"
+    if on_patella:
+        said += f"; on the patella: {', '.join(on_patella)}"
+    notes += [*straight, f"{said}."]
     names = tuple(way.name for way in ways)
     every = np.reshape(tension, (len(ways), len(time)))
     muscles = Muscles(ends[FEMUR], ends[TIBIA], every, names, add_lane_axis(courses))

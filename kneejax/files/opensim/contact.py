@@ -8,7 +8,7 @@ import os
 import tempfile
 from decimal import Decimal
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,8 +29,7 @@ _LAWS = {"linear": "linear", "nonlinear": "log"}
 _FORMULATION = "elastic_foundation_formulation"
 
 
-@dataclasses.dataclass(frozen=True)
-class OsimMesh:
+class OsimMesh(NamedTuple):
     """A contact mesh."""
 
     name: str
@@ -45,8 +44,7 @@ class OsimMesh:
     varies: bool  # whether the layer reaches from the surface to its back
 
 
-@dataclasses.dataclass(frozen=True)
-class OsimContact:
+class OsimContact(NamedTuple):
     """A contact of the femur with the tibia or the patella."""
 
     name: str
@@ -61,8 +59,7 @@ class OsimContact:
     element: Element  # the force in the file
 
 
-@dataclasses.dataclass(frozen=True)
-class OsimMeniscus:
+class OsimMeniscus(NamedTuple):
     """A meniscus: a body that moves on the tibia, for which a ring stands."""
 
     body: str

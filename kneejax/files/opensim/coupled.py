@@ -114,12 +114,9 @@ def coupled_motion(
 
 
 def couple_model(
-    model_path: str | os.PathLike[str],
-    side: str,
-    motion: CoupledMotion,
-    shifts: Registration,
+    model_path: str | os.PathLike[str], side: str, motion: CoupledMotion, shifts: Registration,
     bones: tuple[str, str] | None = None,
-) -> bytes:
+) -> bytes:  # fmt: skip
     """A model whose knee follows flexion as a motion does.
 
     Args:
@@ -144,10 +141,9 @@ def couple_model(
 def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
-    """Let a model's knee follow flexion as a motion does, in the frames to which `shifts` lead. Its
-    joint keeps its frames and the coordinate that bends it; its other coordinates go, with the
-    constraints and forces that act on them. Returns a sentence for each change; raises what
-    `couple_model` does."""
+    """As `couple_model`, in a model that was read. The knee's joint keeps its frames and the
+    coordinate that bends it; its other coordinates go, with the constraints and forces that act on
+    them. Returns a sentence for each change."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
@@ -161,9 +157,9 @@ def couple_knee(
     angle = np.linspace(-_SPAN, _SPAN, 5)
     flexion = np.deg2rad(flexions(model, bones, name, angle))
     slope = float(np.sign(flexion[-1] - flexion[0]))
-    constant = round(float(np.mean(flexion - slope * angle)), 12) + 0.0
-    off = np.rad2deg(np.abs(flexion - slope * angle - np.mean(flexion - slope * angle)).max())
-    if off > 1.0:
+    rest = flexion - slope * angle
+    constant = round(float(np.mean(rest)), 12) + 0.0
+    if (off := np.rad2deg(np.abs(rest - np.mean(rest)).max())) > 1.0:
         expected = "flexion that is the coordinate but for its sign and a constant"
         raise joint.element.problem(name, f"up to {off:.2g} degrees otherwise", expected)
     gone, found = {c.name for c in joint.coordinates if c.name != name}, []
@@ -198,8 +194,8 @@ def couple_knee(
     there = joint.parent_frame.inverse().after(there).after(joint.child_frame)
     table = poses_of(there, bones.side)[order]
     values = np.column_stack([np.deg2rad(table[:, :3]), 1e-3 * table[:, 3:]])
-    columns = dict(zip(("flexion", *FREE_COORDINATES), values.T, strict=True))
-    own = columns.pop("flexion") - (slope * knots[order] + constant)
+    columns = dict(zip(FREE_COORDINATES, values.T[1:], strict=True))
+    own = values[:, 0] - (slope * knots[order] + constant)
     shift = float(np.mean(own))
     if np.rad2deg(np.abs(own - shift)).max() > _STRAIGHT_DEG:
         expected = "frames of the joint whose Z axis is that of the femur, for flexion about it"
@@ -219,18 +215,13 @@ def couple_knee(
 
 
 def transform_axes(
-    side: str,
-    coordinate: str,
-    knots: np.ndarray,
-    columns: Mapping[str, np.ndarray],
-    flexion: tuple[float, float] = (1.0, 0.0),
-    wrapped: bool = False,
-) -> str:
-    """The axes of a SpatialTransform of a side, `right` or `left`, as text in OpenSim's order. They
-    depend on a coordinate of the model, in whose unit `knots` are, `(n,)`; `columns` has values at
-    the knots, rad or m, by coordinates of clinical meaning. Flexion, rad, follows from the
-    coordinate by a slope and a constant. In schema 3 functions are `wrapped` in an element
-    `function`."""
+    side: str, coordinate: str, knots: np.ndarray, columns: Mapping[str, np.ndarray],
+    flexion: tuple[float, float] = (1.0, 0.0), wrapped: bool = False,
+) -> str:  # fmt: skip
+    """The axes of a SpatialTransform of a side, `right` or `left`, as text in OpenSim's order: by
+    values at `knots` of a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning. Flexion,
+    rad, follows from the coordinate by a slope and a constant. In schema 3 functions are `wrapped`
+    in an element `function`."""
     axes, named = [], "" if wrapped else ' name="function"'
     for name, (axis, right, left) in _AXES.items():
         if name == "flexion":

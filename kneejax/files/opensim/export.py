@@ -48,12 +48,9 @@ class OsimExport:
 
 
 def export_osim(
-    knee: KneeFile | str | os.PathLike[str],
-    model: str | os.PathLike[str],
-    *,
-    replace: bool = False,
-    coupled: CoupledMotion | None = None,
-) -> OsimExport:
+    knee: KneeFile | str | os.PathLike[str], model: str | os.PathLike[str], *,
+    replace: bool = False, coupled: CoupledMotion | None = None,
+) -> OsimExport:  # fmt: skip
     """Write a knee's ligaments and obstacles into the model that it came from.
 
     Numbers that are the same keep the model's own text; others become the shortest text that gives
@@ -176,8 +173,7 @@ class _Export:
         if carrier.turns:
             changed = range(3)
         elif kind in ("point", "turn"):
-            stated = parent.point(tag)
-            every = np.array([every[k] if k in changed else stated[k] for k in range(3)])
+            every = np.where(np.isin(range(3), changed), every, parent.point(tag))
         leaf, words = parent.child(tag), [exact.write_decimal(value) for value in every]
         if leaf is None:
             parent.add(tag, " ".join(words))
@@ -203,11 +199,9 @@ class _Export:
                 if field not in entry and not length:
                     continue
                 new = self.slack_length_mm(name) if length else float(entry[field])
-                computed = field not in entry and abs(new - old[field]) <= _ROUNDING * old[field]
-                if new == old[field] or computed:
-                    continue
-                self.write(f"{name}.{field}", ligament.element, tag, old[field], new,
-                           kind="length" if length else "number")
+                if field in entry or abs(new - old[field]) > _ROUNDING * old[field]:
+                    self.write(f"{name}.{field}", ligament.element, tag, old[field], new,
+                               kind="length" if length else "number")
             points, was = ([x["femoral_attachment_mm"], *x.get("via_points", ()),
                             x["tibial_attachment_mm"]] for x in (entry, old))
             bones = [[via["bone"] for via in x[1:-1]] or "none" for x in (points, was)]
@@ -302,14 +296,12 @@ class _Export:
     def notes(self) -> list[str]:
         """What a person should know of how the knee fits the model."""
         notes = []
-        if not self.origin and self.replace:
-            notes.append(
-                "The knee does not say which model it came from: its frames are assumed to be "
-                f"those of {self.base.knee.femur} and {self.base.knee.tibia}."
-            )
-        elif not self.origin:
-            notes.append(
-                "The knee does not say which model it came from: parts were matched by name.")
+        if not self.origin:
+            assumed = "parts were matched by name"
+            if self.replace:
+                bodies = f"{self.base.knee.femur} and {self.base.knee.tibia}"
+                assumed = f"its frames are assumed to be those of {bodies}"
+            notes.append(f"The knee does not say which model it came from: {assumed}.")
         elif self.origin["sha256"] != self.base.document["imported_from"]["sha256"]:
             file = self.origin["file"]
             notes.append(f"The model differs from the one that was imported ({file}).")

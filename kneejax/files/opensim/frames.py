@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import os
 import re
@@ -36,8 +35,7 @@ _ASKEW_DEG = 10.0
 FRAMES = "auto", "same", "landmarks"
 
 
-@dataclasses.dataclass(frozen=True)
-class _Superior:
+class _Superior(NamedTuple):
     """A direction that should be Y, what says so, and the doubt where it is not."""
 
     direction: np.ndarray
@@ -53,9 +51,9 @@ class _Superior:
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[OsimKneeJoint, np.ndarray]:
-    """The knee with its bones' axes as they should be, and the rotation from the model's axes.
-    `ligaments` are those between femur and tibia. The knee gets a finding where it was turned, and
-    doubts where that is unsure; raises where the axes are others and it is unclear which."""
+    """The knee with its bones' axes as they should be, and the rotation from the model's axes, by
+    `ligaments` between femur and tibia. Raises where the axes are others and it is unclear which.
+    """
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
     upright = [one for one in superior if one.holds]
@@ -72,15 +70,16 @@ def anatomical(
             "to the left: is the side right?"
             for why, vote in votes.items() if vote < 0
         ]
-        return dataclasses.replace(knee, doubts=(*knee.doubts, *doubts)), np.eye(3)
+        return knee._replace(doubts=(*knee.doubts, *doubts)), np.eye(3)
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
         # A knee that bends says little where its shank is upright already.
         y, line = _nearest(up), _nearest(flexion)
         votes = _votes(knee, ligaments, line, sense, flexion)
-        sure = len(votes) > 1 and len({*votes.values()}) == 1
+        signs = {*votes.values()}
+        sure = len(votes) > 1 and len(signs) == 1
         if sure and y @ line == 0 and flexion @ line > 0.8:
-            z = line * next(iter(votes.values()))
+            z = line * signs.pop()
             why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
             rotation = np.stack([np.cross(y, z), y, z])
             return turned(knee, rotation, why), rotation
@@ -89,7 +88,7 @@ def anatomical(
               for one in superior if not one.holds]
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
-        return dataclasses.replace(knee, doubts=(*knee.doubts, swapped)), np.eye(3)
+        return knee._replace(doubts=(*knee.doubts, swapped)), np.eye(3)
     raise knee.joints[0].element.problem("axes", "; ".join(found), f"bodies with {_WANTED}")
 
 
@@ -100,48 +99,39 @@ def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKnee
     if why:
         names = (("anterior", "posterior"), ("superior", "inferior"),
                  ("to the right", "to the left"))
-        words = ", ".join(
-            f"{'XYZ'[int(np.argmax(np.abs(row)))]} {both[int(row.sum() < 0)]}"
-            for row, both in zip(rotation, names, strict=True)
-        )
+        words = ", ".join(f"{_word(np.abs(row))} {both[int(row.sum() < 0)]}"
+                          for row, both in zip(rotation, names, strict=True))
         why = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
-        knee = dataclasses.replace(knee, unusual=(*knee.unusual, why))
+        knee = knee._replace(unusual=(*knee.unusual, why))
     turn = Rigid(rotation)
-    back = turn.inverse()
-    return dataclasses.replace(
-        knee, turned=True,
-        rigid={body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()},
-        tibia_in_femur=turn.after(knee.tibia_in_femur).after(back),
-        patella_in_femur=turn.after(knee.patella_in_femur).after(back),
-    )
+    tibia, patella = (turn.after(there).after(turn.inverse())
+                      for there in (knee.tibia_in_femur, knee.patella_in_femur))
+    rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
+    return knee._replace(turned=True, rigid=rigid, tibia_in_femur=tibia, patella_in_femur=patella)
 
 
 def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
     """Where hip and ankle lie, seen from the knee."""
     joints = read_joints(model)
     for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
-        places = [
-            knee.rigid[body][1].point(frame.shift)
-            for joint in (knee.joints[0], knee.joints[-1]) for body, frame in joint.ends
-            if knee.bone_of(body) == bone
-        ]
-        middle = np.array(places or [(0, 0, 0)], float).mean(axis=0)
+        places = [(joint, knee.rigid[body][1].point(frame.shift).astype(float))
+                  for joint in joints for body, frame in joint.ends if knee.bone_of(body) == bone]
+        own = [at for joint, at in places if joint in (knee.joints[0], knee.joints[-1])]
+        middle = np.mean(own or [np.zeros(3)], axis=0)
         for joint in joints:
             if not joint.coordinates or joint.kind == "FreeJoint" or joint in knee.joints:
                 continue
-            near = [end for end in joint.ends if knee.bone_of(end[0]) == bone]
+            near = [at for other, at in places if other is joint]
             far = [body for body, _ in joint.ends if body not in knee.rigid]
             if len(near) != 1 or not far or GROUND in far:
                 continue
             # An ankle is one where something follows.
             if bone == TIBIA and not any(x.other(far[0]) for x in joints if x is not joint):
                 continue
-            (body, frame), = near
-            center = np.array(knee.rigid[body][1].point(frame.shift), float)
-            way = 1e3 * (center - middle)
+            way = 1e3 * (near[0] - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
-            x, y, z = 1e3 * center
+            x, y, z = 1e3 * near[0]
             yield _Superior(
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
                 f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
@@ -174,8 +164,7 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     more of it bends the knee (1), extends it (-1), or that is not known (0)."""
     every = [c for c in coordinates_of(knee.joints) if c.turns]
     named = [c for c in every if _BENDS.search(c.name)]
-    found = named if len(named) == 1 else every
-    if len(found) != 1:
+    if len(found := named if len(named) == 1 else every) != 1:
         return None, 0.0
     (bend,) = found
     # By this coordinate alone: nothing that is coupled to it follows.
@@ -228,8 +217,7 @@ def _nearest(direction: np.ndarray) -> np.ndarray:
 
 
 def _word(direction: np.ndarray) -> str:
-    k = int(np.argmax(np.abs(direction)))
-    return f"{'-' if direction[k] < 0 else ''}{'XYZ'[k]}"
+    return "-" * bool(_nearest(direction).sum() < 0) + "XYZ"[int(np.argmax(np.abs(direction)))]
 
 
 class Registration(NamedTuple):
@@ -264,11 +252,10 @@ SAME = Registration(np.zeros(3), np.zeros(3), True, ())
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
-    """Register a model's bones to those of a knee, by one of `FRAMES`; raises where it is none of
-    them, or the model's axes are others. Where the knee was made of this model, as its document
-    says, the frames are the same. Otherwise axes are taken by their names, anterior, superior,
-    lateral, and the middle of the model's flexion axis (from 20 to 60 degrees) comes to lie on the
-    middle of the knee's flexion facets. Sizes are not changed."""
+    """Register a model's bones to those of a knee, by one of `FRAMES`. Where the knee was made of
+    this model, as its document says, the frames are the same. Otherwise axes are taken by their
+    names, and the middle of the model's flexion axis comes to lie on the middle of the knee's
+    flexion facets. Sizes are not changed."""
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
@@ -276,12 +263,11 @@ def registration(
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, FRAMES)
     # A knee says that it was imported from this model, or its patella that it was.
-    origin, muscles = document.get("imported_from", {}), document.get("patella", {}).get("muscles")
+    origin = document.get("imported_from", {})
+    muscles = document.get("patella", {}).get("muscles", {}).values()
+    made = any(str(x.get("source", "")).startswith(f"{model.name},") for x in muscles)
     if origin:
         made = origin.get("sha256") == hashlib.sha256(model.file.original).hexdigest()
-    else:
-        sources = [str(one.get("source", "")) for one in (muscles or {}).values()]
-        made = any(source.startswith(f"{model.name},") for source in sources)
     if frames == "same" or (frames == "auto" and made):
         why = "as asked for" if frames == "same" else f"as the knee was made of {model.name}"
         return SAME._replace(notes=(f"Frames: those of the model, {why}.",))
@@ -301,10 +287,8 @@ def registration(
     femur = own - 1e3 * center @ MIRROR[bones.side]
     tibia = on_tibia - 1e3 * there.at(2).inverse().point(center) @ MIRROR[bones.side]
     off = np.rad2deg(np.arccos(min(1.0, abs(axis[2]))))
-    words = " and ".join(
-        f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
-        for bone, shift in (("femur", femur), ("tibia", tibia))
-    )
+    words = " and ".join(f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
+                         for bone, shift in (("femur", femur), ("tibia", tibia)))
     notes = (
         "Frames: by landmarks: axes by their names; the middle of the model's flexion axis lies on "
         f"the middle of the knee's flexion facets, which shifts the {words}. Sizes stay.",
@@ -316,13 +300,9 @@ def registration(
 
 
 def registered(
-    model_path: str | os.PathLike[str],
-    side: str,
-    knee: Knee,
-    document: dict[str, Any],
-    frames: str,
-    bones: tuple[str, str] | None = None,
-) -> Registration:
+    model_path: str | os.PathLike[str], side: str, knee: Knee, document: dict[str, Any],
+    frames: str, bones: tuple[str, str] | None = None,
+) -> Registration:  # fmt: skip
     """Register a model to a knee once, for models that differ from it in how the knee moves.
 
     Args:

@@ -61,22 +61,22 @@ class OsimImport:
     @property
     def doubts(self) -> tuple[str, ...]:
         """What a person should look at; empty if everything of the knee was read."""
-        acting = report.listed(one for one in self.untaken if one.how == report.ACTS)
         doubts = [f"{name} was left out: not supported: {why}."
                   for name, why in self.found.unsupported.items()]
-        doubts += [f"{line}: left out, though it {report.ACTS}." for line in acting]
+        doubts += [f"{line}: left out, though it {report.ACTS}."
+                   for line in report.listed(self.untaken, report.ACTS)]
         doubts += [*self.patella.doubts, *self.knee.doubts]
         doubts += [f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts]
         parts = (self.document, self.document.get("patella", {}))
-        every = {name: x for part in parts for name, x in part.get("ligaments", {}).items()}
-        soft = [name for name, x in every.items() if x["stiffness_N"] < SOFT_N]
+        soft = {name: x for part in parts for name, x in part.get("ligaments", {}).items()
+                if x["stiffness_N"] < SOFT_N}
         if soft:
-            softest = min(every[name]["stiffness_N"] for name in soft)
-            first = every[soft[0]]["stiffness_N"] * every[soft[0]]["slack_length_mm"]
+            softest = min(x["stiffness_N"] for x in soft.values())
+            name, first = next(iter(soft.items()))
             doubts.append(
                 f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
-                f"{', '.join(soft)}. N/mm are suspected: of {soft[0]} that would be "
-                f"{first:.4g} N per unit strain."
+                f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
+                f"{first['stiffness_N'] * first['slack_length_mm']:.4g} N per unit strain."
             )
         return tuple(doubts)
 
@@ -85,38 +85,26 @@ class OsimImport:
         """What the model has for this knee besides, and why no doubt follows from it."""
         ways = dict.fromkeys(one.how for one in self.untaken)
         return tuple(f"{line}: {how}" for how in ways if how not in (report.ACTS, report.ELSEWHERE)
-                     for line in report.listed(one for one in self.untaken if one.how == how))
+                     for line in report.listed(self.untaken, how))
 
     @property
     def numbers_left_out(self) -> str:
         """How many of which kind the knee has not: of what acts on it, was not wanted, is switched
         off, or is elsewhere in the model."""
-        titles = {
-            report.ACTS: "left out", report.ASKED: report.ASKED,
-            report.WITHOUT_PATELLA: report.WITHOUT_PATELLA,
-            report.OFF: "switched off in the model",
-            report.IN_RING: "for which rings stand", report.ELSEWHERE: "not at this knee",
-        }  # fmt: skip
-        tags = {how: [] for how in titles} | {report.ACTS: [e.tag for e in self.found.answered]}
+        tags = {"left out": [element.tag for element in self.found.answered]}
+        tags |= {title: [] for title in report.TITLES.values()}
         for one in self.untaken:
-            tags[one.how if one.how in tags else report.ACTS].append(one.element.tag)
-        numbers = {how: report.numbers_of_kinds(many, self.bodies if how == report.ACTS else ())
-                   for how, many in tags.items()}
-        return "; ".join(f"{titles[how]}: {number}" for how, number in numbers.items() if number)
+            tags[report.TITLES.get(one.how, "left out")].append(one.element.tag)
+        numbers = {title: report.numbers_of_kinds(many, self.bodies * (title == "left out"))
+                   for title, many in tags.items()}
+        return "; ".join(f"{title}: {number}" for title, number in numbers.items() if number)
 
 
 def import_osim(
-    path: str | os.PathLike[str],
-    *,
-    side: str,
-    femur: str | None = None,
-    tibia: str | None = None,
-    without: tuple[str, ...] | list[str] = (),
-    inside: str = "refuse",
-    patella: bool = True,
-    at: Mapping[str, float] | None = None,
-    data: bytes | None = None,
-) -> OsimImport:
+    path: str | os.PathLike[str], *, side: str, femur: str | None = None, tibia: str | None = None,
+    without: tuple[str, ...] | list[str] = (), inside: str = "refuse", patella: bool = True,
+    at: Mapping[str, float] | None = None, data: bytes | None = None,
+) -> OsimImport:  # fmt: skip
     """Read a knee from an OpenSim model of schema 3 or 4.
 
     Lengths become mm by moving the decimal point, so that every digit of the file is kept.
@@ -160,11 +148,9 @@ def import_osim(
     own = [x for x in found.ligaments if not _beside(x, knee)]
     if not own:
         why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
-        shown = "; ".join(why[:4]) + ("; ..." if len(why) > 4 else "")
-        raise InputProblem(
-            path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
-            f"a ligament that spans the {SIDES[knee.side]} knee ({shown or 'all were left out'})",
-        )
+        shown = "; ".join([*why[:4], *["..."] * (len(why) > 4)]) or "all were left out"
+        raise InputProblem(path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
+                           f"a ligament that spans the {SIDES[knee.side]} knee ({shown})")
     knee, turn = anatomical(model, knee, own)
     whole = turned(whole, turn)
     every = fibres.outside_obstacles(whole, found, inside)
@@ -191,17 +177,17 @@ def import_osim(
     bodies += [knee.patella] if patella and knee.patella and not section.document else []
     if not section.document and any(x.muscle_or_patella and x.how == report.ACTS for x in others):
         say = f"{section.notes[0]} --without-patella does without it and its muscles."
-        section = dataclasses.replace(section, doubts=(*section.doubts, say))
+        section = section._replace(doubts=(*section.doubts, say))
     fibres.check_lengths(whole, [*found.ligaments, *beside])
 
     file, word = model.name, SIDES[knee.side]
     keys = {wrap.element: name for name, wrap in wraps.items()}
-    lines = [f"{joint.name} ({joint.kind}): {'; '.join(joint.describe())}."
-             for joint in knee.joints]
-    for contact in of_tibia:
-        lines += [f"Contact {contact.name} of the model:", *contact.findings]
-    for meniscus in menisci:
-        lines += [f"Meniscus {meniscus.body} of the model:", *meniscus.findings]
+    notes = [*knee.unusual, "Knee joint of the model."]
+    notes += [f"{x.name} ({x.kind}): {'; '.join(x.describe())}." for x in knee.joints]
+    for said in ([f"Contact {x.name} of the model:", *x.findings] for x in of_tibia):
+        notes += said
+    for said in ([f"Meniscus {x.body} of the model:", *x.findings] for x in menisci):
+        notes += said
     origin = {
         "file": file,
         "sha256": hashlib.sha256(model.file.original).hexdigest(),
@@ -223,7 +209,7 @@ def import_osim(
         "contacts": {},
         "wraps": {name: wrap.document(knee, file) for name, wrap in wraps.items()},
         "groups": _groups(list(ligaments)),
-        "notes": " ".join((*knee.unusual, "Knee joint of the model.", *lines)),
+        "notes": " ".join(notes),
         "imported_from": {name: value for name, value in origin.items() if value != {}},
         "patella": section.document,
     }
@@ -241,16 +227,15 @@ def _with_small_bones(
     ends: dict[str, list[str]] = collections.defaultdict(list)
     for ligament in ligaments:
         bodies = {point.body for point in ligament.points} - {*knee.rigid}
-        if all(whole.bone_of(body) == TIBIA for body in bodies):
-            for body in bodies:
-                ends[body].append(ligament.key)
+        for body in bodies if {whole.bone_of(body) for body in bodies} == {TIBIA} else ():
+            ends[body].append(ligament.key)
     doubts = tuple(
         f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here it "
         "does not: it is held at the model's default coordinates."
         for body, names in ends.items()
     )
     rigid = knee.rigid | {body: whole.rigid[body] for body in ends}
-    return dataclasses.replace(knee, rigid=rigid, doubts=(*knee.doubts, *doubts))
+    return knee._replace(rigid=rigid, doubts=(*knee.doubts, *doubts))
 
 
 def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:
@@ -261,10 +246,10 @@ def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:
 
 def _leave_out(model: Model, found: fibres.Found, without) -> list[str]:
     """Names that a person wants left out; fibres of these go."""
+    known = [*(x.key for x in found.ligaments), *found.unsupported, *found.outside]
+    known = [*dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)])]
     names: list[str] = []
     for pattern in without:
-        known = [x.key for x in found.ligaments] + list(found.unsupported) + list(found.outside)
-        known = list(dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)]))
         hits = fnmatch.filter(known, pattern)
         if not hits:
             expected = "the name of a fibre or force, or a pattern that fits one"
@@ -288,11 +273,8 @@ def _groups(names: list[str]) -> dict[str, list[str]]:
         if capitals:
             ligaments[capitals.group()].append(name)
     # Fibres by number first: a ligament of one bundle is that bundle.
-    every = stems | {name: many for name, many in ligaments.items() if name not in stems}
-    seen: list[list[str]] = []
-    answer = {}
-    for name, many in every.items():
-        if len(many) > 1 and name and name not in names and many not in seen:
-            seen.append(many)
+    answer: dict[str, list[str]] = {}
+    for name, many in (stems | ligaments | stems).items():
+        if len(many) > 1 and name and name not in names and many not in answer.values():
             answer[name] = many
     return answer

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,8 +27,7 @@ _AXES = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
-class Coordinate:
+class Coordinate(NamedTuple):
     """A coordinate of a joint."""
 
     name: str
@@ -46,8 +45,7 @@ class Coordinate:
         return (180.0 / np.pi, "degrees") if self.turns else (1e3, "mm")
 
 
-@dataclasses.dataclass(frozen=True)
-class Axis:
+class Axis(NamedTuple):
     """A rotation or translation of a joint."""
 
     turns: bool  # whether it is a rotation
@@ -89,15 +87,18 @@ class Joint:
         """Both bodies, and the joint's frame on each."""
         return (self.parent, self.parent_frame), (self.child, self.child_frame)
 
+    @property
+    def on_ground(self) -> bool:
+        """Whether one of its bodies is the ground."""
+        return GROUND in (self.parent, self.child)
+
     def other(self, body: str) -> str:
         """The body that it joins to this one; empty where it does not."""
         return {self.parent: self.child, self.child: self.parent}.get(body, "")
 
     def placement(self, values: Mapping[str, Any], shape: tuple[int, ...] | None) -> Rigid:
-        """The motion from the child's to the parent's coordinates.
-
-        It is that at coordinates, rad or m, arrays of a shape, or numbers where it is None.
-        """
+        """The motion from the child's to the parent's coordinates, at coordinates, rad or m, that
+        are arrays of a shape, or numbers where it is None."""
         every = shape or ()
         turn, shift = np.broadcast_to(np.eye(3), (*every, 3, 3)), np.zeros((*every, 3))
         for axis in self.axes:
@@ -121,10 +122,8 @@ class Joint:
             scale, unit = coordinate.unit
             text = f"coordinate {coordinate.name}: default {coordinate.default * scale:.6g} {unit}"
             if coordinate.range is not None:
-                lower, upper = (x * scale for x in coordinate.range)
-                text += f", range {lower:.6g} to {upper:.6g}"
-            for word in ("locked", "clamped"):
-                text += f", {word}" if getattr(coordinate, word) else ""
+                text += ", range " + " to ".join(f"{x * scale:.6g}" for x in coordinate.range)
+            text += ", locked" * coordinate.locked + ", clamped" * coordinate.clamped
             lines.append(text)
         for axis in self.axes:
             direction = " ".join(f"{x:.6g}" for x in axis.direction)
@@ -135,8 +134,7 @@ class Joint:
         return lines
 
 
-@dataclasses.dataclass(frozen=True)
-class Movement:
+class Movement(NamedTuple):
     """A model that moves."""
 
     model: Model
@@ -178,10 +176,9 @@ def placed(
     """Where bodies are in one of them to which joints connect them: forward kinematics.
     Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
     exact as long as nothing turns."""
-    still = Rigid()
-    if shape is not None:
-        still = Rigid(np.broadcast_to(np.eye(3), (*shape, 3, 3)), np.zeros((*shape, 3)))
-    found = {body: still}
+    still = () if shape is None else (np.broadcast_to(np.eye(3), (*shape, 3, 3)),
+                                      np.zeros((*shape, 3)))
+    found = {body: Rigid(*still)}
     for joint, here, other in reached(joints, body, through):
         step = joint.placement(values, shape)
         found[other] = found[here].after(step if other == joint.child else step.inverse())
@@ -235,7 +232,7 @@ def read_joints(model: Model) -> list[Joint]:
         values = _followed(model, every, {c.name: c.default for c in every}, ())
         model.joints = [
             dataclasses.replace(joint, coordinates=tuple(
-                dataclasses.replace(c, default=float(values[c.name])) for c in joint.coordinates))
+                c._replace(default=float(values[c.name])) for c in joint.coordinates))
             for joint in joints
         ]
     return model.joints
@@ -288,14 +285,14 @@ def _joint(model: Model, element: Element) -> Joint:
     angles = {name for axis in axes if axis.turns for name in axis.coordinates}
     coordinates = []
     for c in listed:
-        lower, upper = c.numbers("range", 2) if c.word("range") else (0, 0)
+        lower, upper = map(float, c.numbers("range", 2, "0 0"))
         default, locked = c.number("default_value", "0"), c.truth("locked", False)
         prescribed = not locked and c.truth("prescribed", False)
         function = function_of(c) if prescribed else None
         if function is not None:
             default = float(evaluate(function, [0.0]))
         coordinates.append(Coordinate(
-            c.name, default, (float(lower), float(upper)) if c.word("range") else None, locked,
+            c.name, default, (lower, upper) if c.word("range") else None, locked,
             c.truth("clamped", False), c.name in angles, function))
     return Joint(element, parent, child, parent_frame, child_frame, tuple(coordinates),
                  tuple(axes), element.truth("reverse", False))

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
+import math
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import NamedTuple
 
+from kneejax.files.opensim import joints as kinematics
 from kneejax.files.opensim.exact import Rigid, poses_of
-from kneejax.files.opensim.joints import (
-    Joint,
-    Movement,
-    coordinates_of,
-    moved,
-    placed,
-    reached,
-    read_joints,
-)
+from kneejax.files.opensim.joints import Joint, Movement, coordinates_of, read_joints
 from kneejax.files.opensim.model import GROUND, Model
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
@@ -36,8 +30,7 @@ _FOOT = re.compile(r"foot|calcn|calcan|talus|toes", re.IGNORECASE)
 _ABOVE = re.compile(r"pelvis|hips?(?:$|[^a-z])|sacrum|torso", re.IGNORECASE)
 
 
-@dataclasses.dataclass(frozen=True)
-class OsimKneeJoint:
+class OsimKneeJoint(NamedTuple):
     """The knee of a model."""
 
     side: str  # `r` or `l`
@@ -51,7 +44,7 @@ class OsimKneeJoint:
     findings: tuple[str, ...]  # what was taken as what
     doubts: tuple[str, ...]  # what a person should look at
     patella: str = ""  # its body; empty without one
-    patella_in_femur: Rigid = dataclasses.field(default_factory=Rigid)  # as `tibia_in_femur`
+    patella_in_femur: Rigid = Rigid()  # as `tibia_in_femur`
     turned: bool = False  # whether the bones' axes are others than those of their bodies
     unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
@@ -82,13 +75,13 @@ def find_knee(
     """Find the knee of a side: its bones, what is rigidly joined to each, and the reference pose.
     It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
     the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed."""
-    if side not in SIDES:
-        raise InputProblem(model.file.path, "--side", side, "r or l")
-    joints, findings, doubts = read_joints(model), list[str](), list[str]()
+    file, joints, findings, doubts = model.file.path, read_joints(model), list[str](), list[str]()
     unusual: tuple[str, ...] = ()
+    if side not in SIDES:
+        raise InputProblem(file, "--side", side, "r or l")
     if (femur is None) != (tibia is None):
         given = "--femur" if femur is not None else "--tibia"
-        raise InputProblem(model.file.path, given, femur or tibia, "--femur and --tibia together")
+        raise InputProblem(file, given, femur or tibia, "--femur and --tibia together")
     if femur is not None and tibia is not None:
         femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
         found = _between(joints, femur, tibia)
@@ -110,14 +103,13 @@ def find_knee(
     names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
     findings.append(f"Joint between them: {names}.")
     rigid: dict[str, tuple[str, Rigid]] = {}
-    movement = moved(model, {})
+    movement = kinematics.moved(model, {})
     for bone, body in ((FEMUR, femur), (TIBIA, tibia)):
-        held = _held(movement, body, found)
-        for other, (at, through) in held.items():
+        for other, (at, through) in _held(movement, body, found).items():
             if other in rigid:
-                where = f"{rigid[other][0]} and {bone}"
+                both = f"{rigid[other][0]} and {bone}"
                 expected = "bones that are not one rigid body"
-                raise InputProblem(model.file.path, f"body {other}", where, expected)
+                raise InputProblem(file, f"body {other}", both, expected)
             rigid[other] = bone, at
             if other != body:
                 findings.append(f"{other} does not move against the {bone} ({through}).")
@@ -151,17 +143,16 @@ def chain(joints: Iterable[Joint], body: str) -> list[Joint]:
 
 
 def connected(
-    joints: Iterable[Joint], bodies: Iterable[str], through: Callable[[Joint], bool]
+    joints: Iterable[Joint], bodies: Collection[str], through: Callable[[Joint], bool]
 ) -> set[str]:
     """Bodies, and all that hang together with them by joints that pass a condition."""
-    bodies = {*bodies}
-    return bodies | {other for body in bodies for *_, other in reached(joints, body, through)}
+    found = [step for body in bodies for step in kinematics.reached(joints, body, through)]
+    return {*bodies, *(other for *_, other in found)}
 
 
 def beyond(joints: list[Joint], cut: list[Joint], body: str) -> set[str]:
     """A body and all that hangs together with it without some joints and without the ground."""
-    return connected(joints, [body], lambda joint: GROUND not in (joint.parent, joint.child)
-                     and joint not in cut)
+    return connected(joints, [body], lambda joint: not joint.on_ground and joint not in cut)
 
 
 def is_between(joint: Joint) -> bool:
@@ -172,9 +163,8 @@ def is_between(joint: Joint) -> bool:
 def with_pelvis_and_foot(
     model: Model, knee: OsimKneeJoint, at: Mapping[str, float] | None = None
 ) -> OsimKneeJoint:
-    """The knee with the bodies above the femur and below the tibia as parts of these bones. What
-    comes from the pelvis begins at a point of the femur then, which is that of one pose of the hip:
-    `at` has coordinates of hip or foot, degrees or mm; others are at their defaults."""
+    """The knee with the bodies above the femur and below the tibia as parts of these bones, at
+    coordinates of hip and foot, degrees or mm, or at their defaults."""
     joints = read_joints(model)
     # The femur carries the pelvis where the tibia carries the femur.
     standing = any(knee.bone_of(joint.child) == FEMUR for joint in knee.joints)
@@ -200,18 +190,17 @@ def with_pelvis_and_foot(
             raise InputProblem(model.file.path, "--at", name, expected, known)
         coordinate = known[name]
         scale, unit = coordinate.unit
-        if coordinate.range is not None:
-            lower, upper = (x * scale for x in coordinate.range)
-            if not lower <= value <= upper:
-                expected = f"{lower:.6g} to {upper:.6g} {unit}, its range in the model"
-                raise InputProblem(model.file.path, f"--at {name}", f"{value:g}", expected)
+        lower, upper = (x * scale for x in coordinate.range or (-math.inf, math.inf))
+        if not lower <= value <= upper:
+            expected = f"{lower:.6g} to {upper:.6g} {unit}, its range in the model"
+            raise InputProblem(model.file.path, f"--at {name}", f"{value:g}", expected)
         values[name] = value / scale
-    movement, rigid = moved(model, values), dict(knee.rigid)
+    movement, rigid = kinematics.moved(model, values), dict(knee.rigid)
     for bone, body in ((FEMUR, knee.femur), (TIBIA, knee.tibia)):
         for _, other in parts[bone]:
             if other not in rigid and other in model.bodies:
                 rigid[other] = bone, knee.rigid[body][1].after(movement.between(body, other))
-    return dataclasses.replace(knee, rigid=rigid)
+    return knee._replace(rigid=rigid)
 
 
 def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) -> list[Joint]:
@@ -229,10 +218,10 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
     marked = {s: [j for j in candidates if _side(j) == s] for s in SIDES}
     if marked["r"] or marked["l"]:
         if not marked[side]:
-            other = "l" if side == "r" else "r"
+            (other,) = {*SIDES} - {side}
             names = ", ".join(joint.name for joint in marked[other])
-            expected = (f"a side the model has a knee of: {other} ({names}); or give --femur and "
-                        "--tibia")
+            expected = f"a side the model has a knee of: {other} ({names})"
+            expected += "; or give --femur and --tibia"
             raise InputProblem(model.file.path, "--side", side, expected)
         candidates = marked[side]
     elif candidates:
@@ -247,10 +236,9 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
         for k in range(len(row)):
             if all(c in row[: k + 1] for c in candidates):
                 return row[k::-1]
-    shown = candidates or moving
-    names = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in shown[:12]) or "no joint"
+    shown = "; ".join(f"{j.name}: {j.parent} to {j.child}" for j in (candidates or moving)[:12])
     many = f"{len(candidates)} joints that may be the knee" if candidates else "no joint of a knee"
-    expected = f"one; say which bodies with --femur BODY --tibia BODY ({names})"
+    expected = f"one; say which bodies with --femur BODY --tibia BODY ({shown or 'no joint'})"
     raise InputProblem(model.file.path, "knee joint", many, expected)
 
 
@@ -270,8 +258,7 @@ def _between(joints: list[Joint], femur: str, tibia: str) -> list[Joint]:
 
 
 def _carries_upwards(joints: list[Joint], knee: list[Joint], upper: str, lower: str) -> bool:
-    """Whether the body above a knee's joints is the tibia, as in a model that stands on its foot.
-    The names of the two bodies decide, or what hangs on each."""
+    """Whether the body above a knee's joints is the tibia, by the names of what hangs on both."""
     votes = 0
     for body, sign in ((upper, 1), (lower, -1)):
         for names, weight, parts in (
@@ -291,14 +278,13 @@ def _welded(joints: list[Joint], body: str, knee: Joint) -> set[str]:
 def _held(movement: Movement, bone: str, knee: list[Joint]) -> dict[str, tuple[Rigid, str]]:
     """Bodies that do not move against a bone -> the motion to the bone's coordinates, and why."""
     def fixed(joint: Joint) -> bool:
-        return joint.fixed and joint not in knee and GROUND not in (joint.parent, joint.child)
+        return joint.fixed and joint not in knee and not joint.on_ground
 
-    at = placed(movement.joints, bone, movement.values, through=fixed)
-    why = {bone: ""} | {
-        other: f"{joint.kind} {joint.name}" + (", locked" if joint.coordinates else "")
-        for joint, _, other in reached(movement.joints, bone, fixed)
+    at = kinematics.placed(movement.joints, bone, movement.values, through=fixed)
+    return {bone: (at[bone], "")} | {
+        other: (at[other], f"{joint.kind} {joint.name}" + ", locked" * bool(joint.coordinates))
+        for joint, _, other in kinematics.reached(movement.joints, bone, fixed)
     }
-    return {body: (at[body], why[body]) for body in at}
 
 
 def _body(model: Model, option: str, name: str) -> str:

@@ -7,7 +7,7 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,9 +52,9 @@ class OsimLigament(paths.OsimPath):
     ) -> dict[str, Any]:
         """The entry of a knee file, whose source is a model by this name and whose wrap objects
         have these names."""
-        first, last, via = self.ends(knee)
+        (first, begin), (last, end), via = self.ends(knee)
         fields = {bone: field for field, bone in ENDS.items()}
-        entry: dict[str, Any] = {fields[first[0]]: first[1], **via, fields[last[0]]: last[1]}
+        entry: dict[str, Any] = {fields[first]: begin, **via, fields[last]: end}
         if self.wrap is not None:
             entry["wrap"] = wraps[self.wrap.element]
         for field, value in self.numbers.items():
@@ -67,20 +67,14 @@ class OsimLigament(paths.OsimPath):
         return entry | {"source": source}
 
 
-@dataclasses.dataclass
-class Found:
+class Found(NamedTuple):
     """What was found on looking for fibres."""
 
-    # those that span the knee and are supported
-    ligaments: list[OsimLigament] = dataclasses.field(default_factory=list)
-    # name -> why it does not belong to this knee
-    outside: dict[str, str] = dataclasses.field(default_factory=dict)
-    # name -> why it cannot be read though it belongs to the knee
-    unsupported: dict[str, str] = dataclasses.field(default_factory=dict)
-    # what else should be said, a sentence each
-    notes: list[str] = dataclasses.field(default_factory=list)
-    # elements of those that are not supported
-    answered: list[Element] = dataclasses.field(default_factory=list)
+    ligaments: list[OsimLigament]  # those that span the knee and are supported
+    outside: dict[str, str]  # name -> why it does not belong to this knee
+    unsupported: dict[str, str]  # name -> why it cannot be read though it belongs to the knee
+    notes: list[str]  # what else should be said, a sentence each
+    answered: list[Element]  # elements of those that are not supported
 
 
 class _Outside(Exception):
@@ -94,7 +88,7 @@ class _Unsupported(Exception):
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
     """Sort a model's fibres: those of the knee, and the others with the reason; raises without any.
     """
-    found, keys, wraps = Found(), paths.Counted(), paths.read_wraps(model)
+    found, keys, wraps = Found([], {}, {}, [], []), paths.Counted(), paths.read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
         others = collections.Counter(
@@ -112,13 +106,14 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
                     "of class Ligament (resting_length, pcsa_force and a force-length curve)"
                 )
             wrap = _wrap(element, len(points), wraps, knee, found.notes, key)
-            numbers, assumed = _numbers(element)
+            numbers = {field: _number(element, field) for field in NUMBERS}
         except _Outside as reason:
             found.outside[key] = str(reason)
         except _Unsupported as reason:
             found.unsupported[key] = str(reason)
             found.answered.append(element)
         else:
+            assumed = tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
             found.ligaments.append(OsimLigament(element, key, points, wrap, numbers, assumed))
     return found
 
@@ -172,13 +167,14 @@ def _wrap(
             raise _Unsupported(f"its wrap object {wrap.key} is on {wrap.body}")
         if wrap.unsupported:
             raise _Unsupported(wrap.unsupported)
-        words = path_wrap.word("range").split()
+        span = path_wrap.word("range", default="-1 -1")
         try:
-            first, last = (int(float(word)) for word in words) if words else (-1, -1)
+            first, last = (int(float(word)) for word in span.split())
         except (ValueError, OverflowError):
             first, last = 0, 0
         if first not in (-1, 1) or last not in (-1, points):
-            raise _Unsupported(f"goes around {wrap.key} with only some points ({' '.join(words)})")
+            raise _Unsupported(
+                f"goes around {wrap.key} with only some points ({' '.join(span.split())})")
         if wrap not in found:
             found.append(wrap)
     if len(found) > 1:
@@ -192,15 +188,15 @@ def _wrap(
     return found[0] if found else None
 
 
-def _numbers(element: Element) -> tuple[dict[str, Decimal], tuple[str, ...]]:
-    values = {}
-    for field, (tag, own, unit) in NUMBERS.items():
-        values[field] = element.numbers(tag, 1, own)[0]
-        limit = ">= 0" if field == "damping_N_s" else "> 0"
-        if values[field] < 0 or (values[field] == 0 and limit == "> 0"):
-            word = element.word(tag) or f"{own} (OpenSim's default)"
-            raise element.problem(tag, word, f"a number {limit}{unit}")
-    return values, tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
+def _number(element: Element, field: str) -> Decimal:
+    """One of `NUMBERS`, in SI."""
+    tag, own, unit = NUMBERS[field]
+    (value,) = element.numbers(tag, 1, own)
+    limit = ">= 0" if field == "damping_N_s" else "> 0"
+    if value < 0 or (value == 0 and limit == "> 0"):
+        word = element.word(tag) or f"{own} (OpenSim's default)"
+        raise element.problem(tag, word, f"a number {limit}{unit}")
+    return value
 
 
 def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:
@@ -209,10 +205,10 @@ def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[Os
     answer = []
     for ligament in found.ligaments:
         wrap = ligament.wrap
-        depth, point = (0.0, None) if wrap is None else wrap.deepest(knee, ligament.points)
-        if wrap is None or point is None:
+        if wrap is None or (deepest := wrap.deepest(knee, ligament.points)) is None:
             answer.append(ligament)
             continue
+        depth, point = deepest
         there = knee.bone_of(point.body) == knee.bone_of(wrap.body)
         where, kind = point.element.name or "a path point", wrap.element.tag
         shape = f"the {kind.removeprefix('Wrap').lower()} {wrap.key}"
@@ -244,8 +240,7 @@ def check_lengths(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
             )
 
 
-@dataclasses.dataclass(frozen=True)
-class PatellaSection:
+class PatellaSection(NamedTuple):
     """What a model says of the patella, but for its surfaces."""
 
     # the section, without contacts; empty where the model has no patella with ligaments and a
@@ -270,8 +265,7 @@ def read_patella(
     `whole` is the knee with pelvis and foot, at coordinates `at`."""
     where = ", ".join(f"{name}={value:g}" for name, value in at.items())
     file = model.name + (f" at {where}" if at else "")
-    notes: list[str] = []
-    doubts: list[str] = []
+    notes, doubts = list[str](), list[str]()
     muscles = _muscles(model, whole, notes, doubts)
     every = (*beside, *muscles)
     if any(point.body not in knee.rigid for one in every for point in one.points):
@@ -297,13 +291,13 @@ def read_patella(
         if muscle.element in strongest:
             share = strongest[muscle.element] / sum(strongest.values())
             entry["tension_N"] = round(AT_REST_N * share, 4)
+        wrap = muscle.wrap
         # OpenSim leaves out an obstacle that a point is inside.
-        inside = muscle.wrap and muscle.wrap.deepest(whole, muscle.points)[1]
-        if muscle.wrap is not None and inside is not None:
-            place = f"its point {inside.element.name} lies inside"
-            notes.append(f"Muscle {muscle.key} runs without {muscle.wrap.key}: {place}.")
-        elif muscle.wrap is not None:
-            entry["wrap"] = names[muscle.wrap.element]
+        if wrap is not None and (inside := wrap.deepest(whole, muscle.points)) is not None:
+            place = f"its point {inside[1].element.name} lies inside"
+            notes.append(f"Muscle {muscle.key} runs without {wrap.key}: {place}.")
+        elif wrap is not None:
+            entry["wrap"] = names[wrap.element]
     pose = zip(BODIES[PATELLA].values(), whole.patella_pose, strict=True)
     source = f"{file}: {whole.patella} in {whole.femur} at the coordinates' default values"
     document: dict[str, Any] = {
@@ -313,9 +307,8 @@ def read_patella(
         "muscles": entries,
     }
     used = {part.get("wrap") for part in (*ligaments.values(), *entries.values())}
-    if used & {*wraps}:
-        document["wraps"] = {name: wrap.document(whole, file) for name, wrap in wraps.items()
-                             if name in used}
+    own = {name: wrap.document(whole, file) for name, wrap in wraps.items() if name in used}
+    document |= {"wraps": own} if own else {}
     return PatellaSection(document, tuple(notes), tuple(muscles), tuple(doubts))
 
 
@@ -323,8 +316,7 @@ def _muscles(
     model: Model, knee: OsimKneeJoint, notes: list[str], doubts: list[str]
 ) -> list[paths.OsimPath]:
     """Muscles from the femur, or the pelvis above it, to the patella, the tibia or the foot.
-    `notes` gets a sentence for what was left out or assumed, `doubts` for a path that is not the
-    model's."""
+    `notes` gets a sentence for what was left out, `doubts` for a path that is not the model's."""
     wraps, found = paths.read_wraps(model), []
     for element in model.muscles():
         points = paths.path_points(model, element) if element.applied else []
@@ -355,17 +347,15 @@ def wrap_of(
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active
         and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS
     ]
-    if not found:
-        return None
-    if found[0].unsupported:
+    if found and found[0].unsupported:
         quadrant = found[0].element.word("quadrant")
         notes.append(
             f"Muscle {element.name} takes the shorter way around {found[0].key}, which the model "
             f"confines to the quadrant {quadrant}."
         )
-    for other in found[1:]:
-        notes.append(f"Muscle {element.name} goes around one obstacle: {other.key} was left out.")
-    return found[0]
+    notes += [f"Muscle {element.name} goes around one obstacle: {other.key} was left out."
+              for other in found[1:]]
+    return found[0] if found else None
 
 
 def _entry(muscle: paths.OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
@@ -374,8 +364,7 @@ def _entry(muscle: paths.OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, 
     begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
     end = -next(k for k, bone in enumerate(bones[::-1]) if bone != bones[-1])
     (_, origin), (bone, insertion), via = muscle.ends(knee, begin, end)
-    source = f"{file}, {muscle.element.tag} {muscle.key}"
-    if bone == PATELLA:
-        source += f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
+    said = f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
+    source = f"{file}, {muscle.element.tag} {muscle.key}" + said * (bone == PATELLA)
     return {"tension_N": 0.0, "origin_mm": origin, **via, "insertion_bone": bone,
             "insertion_mm": insertion, "source": source}

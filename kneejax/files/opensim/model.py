@@ -32,18 +32,7 @@ _ACTS = re.compile("(Force|Constraint|Ligament|Spring|Muscle|Actuator)[0-9]*$")
 
 
 class Model:
-    """A model with the places of its bodies' frames.
-
-    Attributes:
-        file: the parsed file.
-        root: the element Model.
-        version: of the document, e.g. 40000.
-        elements: everything in the model but defaults, controllers and markers.
-        bodies: name -> element; ground among them.
-        frames: path of a component -> element, of bodies and offset frames.
-        notes: what was assumed on reading.
-        joints: what `read_joints` read, once it has.
-    """
+    """A model with the places of its bodies' frames."""
 
     def __init__(self, file: XmlFile):
         self.file = file
@@ -53,13 +42,13 @@ class Model:
         if not word.isdecimal() or not 20000 <= int(word) < 50000:
             expected = "schema 2, 3 or 4: a version from 20000 to 49999"
             raise file.root.problem("Version", word or "missing", expected)
-        self.version = int(word)
+        self.version = int(word)  # of the document, e.g. 40000
         found = file.root.child("Model")
         if found is None:
             kinds = ", ".join(child.tag for child in file.root.children) or "nothing"
             raise file.root.problem("content", kinds, f"{KIND}: an element Model")
         self.root = found
-        self.notes: list[str] = []
+        self.notes: list[str] = []  # what was assumed on reading
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
@@ -68,14 +57,13 @@ class Model:
                 )
             elif word.lower() not in known:
                 raise found.problem(tag, word, unit)
-        self.elements: list[Element] = []
-        waiting = [found]
+        # Everything in the model but defaults, controllers and markers; of it bodies by name,
+        # ground among them, and these and offset frames by the path of a component.
+        self.elements, waiting = list[Element](), [found]
+        self.bodies, self.frames = dict[str, Element](), dict[str, Element]()
         while waiting:
             self.elements.append(element := waiting.pop())
             waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
-        self.bodies: dict[str, Element] = {}
-        self.frames: dict[str, Element] = {}
-        for element in self.elements:
             if element.tag in ("Body", "Ground"):
                 self.bodies.setdefault(element.name or GROUND, element)
             if element.tag in ("Body", "Ground", "PhysicalOffsetFrame"):
@@ -84,7 +72,7 @@ class Model:
             ground = found.makeelement("Ground", name=GROUND)
             self.bodies[GROUND] = self.frames[f"/{GROUND}"] = ground
         self._offsets: dict[Element, tuple[str, Rigid]] = {}
-        self.joints: list | None = None
+        self.joints: list | None = None  # what `read_joints` read, once it has
 
     @property
     def name(self) -> str:
@@ -113,14 +101,13 @@ class Model:
     def socket(self, owner: Element, name: str) -> tuple[str, Rigid]:
         """The body of a frame that an element's socket names, and the motion from the frame's
         coordinates to the body's; InputProblem if there is no such frame."""
-        tag = f"socket_{name}"
-        tags = tag, f"{tag}_connectee_name"
-        frame = self.frame(owner.word(*tags), owner)
+        tags = f"socket_{name}", f"socket_{name}_connectee_name"
+        word = owner.word(*tags)
+        frame = self.frame(word, owner)
         if frame is None:
             expected = f"a frame of the model ({len(self.bodies)} bodies)"
             nearest = tuple(self.bodies) if owner.last_word(*tags) else ()
-            word = owner.word(*tags) or "missing"
-            raise owner.problem(tag, word, expected, nearest)
+            raise owner.problem(tags[0], word or "missing", expected, nearest)
         return self.place(frame)
 
     def frame(self, word: str, owner: Element) -> Element | None:
@@ -128,25 +115,21 @@ class Model:
         if not word:
             return None
         path = word if word.startswith("/") else posixpath.join(_path(owner), word)
-        exact = self.frames.get(posixpath.normpath(path))
-        if exact is not None:
-            return exact
         last = word.rstrip("/").rsplit("/", 1)[-1]
-        if last in self.bodies:
-            return self.bodies[last]
+        exact = self.frames.get(posixpath.normpath(path), self.bodies.get(last))
         same = [frame for frame in self.frames.values() if frame.name == last]
-        return same[0] if len(same) == 1 else None
+        return exact if exact is not None or len(same) != 1 else same[0]
 
     def place(self, frame: Element) -> tuple[str, Rigid]:
         """The body that carries a body, the ground or an offset frame, and the motion to it."""
         if frame not in self._offsets:
-            self._offsets[frame] = GROUND, Rigid()  # a frame that hangs on itself ends here
-            if frame.tag == "PhysicalOffsetFrame":
+            offset = frame.tag == "PhysicalOffsetFrame"
+            # An offset frame that hangs on itself ends at the ground.
+            self._offsets[frame] = GROUND if offset else frame.name or GROUND, Rigid()
+            if offset:
                 body, outer = self.socket(frame, "parent")
                 own = Rigid.of(frame.point("translation"), frame.point("orientation"))
                 self._offsets[frame] = body, outer.after(own)
-            else:
-                self._offsets[frame] = frame.name or GROUND, Rigid()
         return self._offsets[frame]
 
     def body_of(self, owner: Element, tag: str) -> str:
@@ -198,11 +181,8 @@ def function_of(owner: Element) -> Element | None:
 
 
 def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
-    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`.
-
-    Raises:
-        InputProblem: its kind is not one of `FUNCTIONS`, or its numbers are not what that needs.
-    """
+    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`; raises
+    where its kind is not one of `FUNCTIONS`, or its numbers are not what that needs."""
     x, kind = arguments[0] if arguments else 0.0, function.tag
     if kind not in FUNCTIONS:
         inner = (*FUNCTIONS, "TransformAxis")
@@ -213,7 +193,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     factor = evaluate(inner, arguments) if inner is not None else 1.0
     try:
         if kind == "Constant":
-            return _number(function.word("value", default="0"))
+            return _number(function, "value", "0")
         if kind == "LinearFunction":
             # OpenSim 2 and 3 call them coefficients too; the constant comes last.
             *slopes, constant = _numbers(function, "coefficients", 2)
@@ -223,21 +203,17 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if kind == "MultiplierFunction":
             if inner is None:
                 raise ValueError("no function to multiply")
-            return _number(function.word("scale", default="1")) * factor
+            return _number(function, "scale", "1") * factor
         if kind == "Sine":
-            size, rate, phase, middle = (
-                _number(function.word(tag, default=usual)) for tag, usual in
-                (("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0"))
-            )
+            size, rate, phase, middle = (_number(function, *one) for one in (
+                ("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0")))
             return size * np.sin(rate * np.asarray(x) + phase) + middle
         knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
         if len(knots) != len(values):
             raise ValueError(f"{len(knots)} values of x and {len(values)} of y")
         if kind == "GCVSpline":
             return _natural(function, knots, values, x)
-        if kind == "PiecewiseLinearFunction":
-            return _between(knots, values, x)
-        return simm_spline(knots, values, x)
+        return (_between if kind == "PiecewiseLinearFunction" else simm_spline)(knots, values, x)
     except ValueError as error:
         expected = "the numbers of this kind of function"
         raise function.problem("numbers", str(error), expected) from None
@@ -246,13 +222,13 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
 def describe(function: Element) -> str:
     """A function of any kind in a few words, for a report."""
     if function.tag == "Constant":
-        return f"constant {_number(function.word('value', default='0')):g}"
+        return f"constant {_number(function, 'value', '0'):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
         return f"{function.tag} {function.word('coefficients')}"
     if function.tag == "MultiplierFunction":
         inner = function_of(function)
-        scale = _number(function.word("scale", default="1"))
-        return f"{scale:g} times {describe(inner) if inner is not None else 'nothing'}"
+        what = describe(inner) if inner is not None else "nothing"
+        return f"{_number(function, 'scale', '1'):g} times {what}"
     count = len(function.word("x").split())
     return f"{function.tag} through {count} points" if count else function.tag
 
@@ -260,17 +236,9 @@ def describe(function: Element) -> str:
 def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     """Cubic splines of SIMM and OpenSim, with the same knots.
 
-    Twice continuously differentiable; its third derivative in the first and last interval is that
+    Twice continuously differentiable; the third derivative in the first and last interval is that
     of the cubic through the first and last four points; straight outside, and between knots that do
-    not increase, or are two.
-
-    Args:
-        knots: shape `(n,)`.
-        values: shape `(n, ...)`; `(n,)` where knots do not increase or are two.
-        x: where, a number or of any shape.
-
-    Returns:
-        The shape of `x`, and that of one of the values.
+    not increase, or are two. Knots `(n,)`, values `(n, ...)` (then `(n,)`), `x` of any shape.
 
     Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
     """
@@ -312,15 +280,18 @@ def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     return values[i] + (x - knots[i]) * slope
 
 
-def _numbers(function: Element, name: str, at_least: int) -> np.ndarray:
-    numbers = np.array([_number(word) for word in function.word(name).split()])
+def _number(function: Element, tag: str, usual: str) -> float:
+    return _read(function.word(tag, default=usual))
+
+
+def _numbers(function: Element, tag: str, at_least: int) -> np.ndarray:
+    numbers = np.array([_read(word) for word in function.word(tag).split()])
     if len(numbers) < at_least or not np.isfinite(numbers).all():
-        raise ValueError(f"{name}: {function.word(name) or 'missing'}")
+        raise ValueError(f"{tag}: {function.word(tag) or 'missing'}")
     return numbers
 
 
-def _number(word: str) -> float:
-    found = plain_number(word)
-    if found is None:
+def _read(word: str) -> float:
+    if (found := plain_number(word)) is None:
         raise ValueError(f"{word} is no number")
     return found

@@ -80,11 +80,8 @@ class OsimWrap(_Carried):
         return ""
 
     def document(self, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
-        """The entry of a knee file, whose source is a model by this name.
-
-        Raises:
-            InputProblem: a size that is not positive, or numbers that are none.
-        """
+        """The entry of a knee file, whose source is a model by this name; raises where a size is
+        not positive."""
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
         if carrier.turns:
@@ -107,11 +104,11 @@ class OsimWrap(_Carried):
 
     def deepest(
         self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
-    ) -> tuple[float, OsimPoint | None]:
-        """How deep inside it points lie at the reference pose, mm, and which is the deepest; zero
-        and none where all lie outside. Depth is along the ray from its centre, or in a cylinder
-        across it or to its end."""
-        entry, found = self.document(knee, ""), (0.0, None)
+    ) -> tuple[float, OsimPoint] | None:
+        """How deep inside it a point lies at the reference pose, mm, and which is the deepest; None
+        where all lie outside. Depth is along the ray from its centre, or in a cylinder across it or
+        to its end."""
+        entry, found = self.document(knee, ""), None
         back = knee.in_femur[entry["bone"]].inverse()
         turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
         for point in points:
@@ -121,11 +118,10 @@ class OsimWrap(_Carried):
                 across = entry["radius_mm"] - float(np.hypot(x[0], x[1]))
                 depth = min(across, entry["length_mm"] / 2.0 - abs(float(x[2])))
             else:
-                sizes = entry["semi_axes_mm"] if "semi_axes_mm" in entry else entry["radius_mm"]
-                sizes = np.broadcast_to(np.asarray(sizes, float), 3)
+                sizes = np.broadcast_to(entry.get("semi_axes_mm") or entry["radius_mm"], 3)
                 part, size = float(np.linalg.norm(x / sizes)), float(np.linalg.norm(x))
                 depth = float(sizes.min()) if part == 0 else size / part - size
-            if depth > max(found[0], 1e-9):
+            if depth > (found[0] if found else 1e-9):
                 found = depth, point
         return found
 
@@ -143,17 +139,15 @@ class OsimPath:
         """Bone and place, mm, of a point near its femur's end, and of one near the other; what a
         knee file says of those between them."""
         places = [(knee.bone_of(one.body), exact.millimetres(one.in_bone(knee)))
-                  for one in self.points]
-        places = places[begin : len(places) + end + 1]
+                  for one in self.points[begin : len(self.points) + end + 1]]
         via = [{"bone": bone, "point_mm": place} for bone, place in places[1:-1]]
         return places[0], places[-1], {"via_points": via} if via else {}
 
 
 def path_objects(element: Element, name: str) -> list[Element]:
     """What a set of the path of a force holds."""
-    held = element.inside("GeometryPath", name)
-    inside = next((one for one in held if one.tag == "objects"), None)
-    return held if inside is None else inside.children
+    inside = element.find(f"GeometryPath/{name}/objects")
+    return element.inside("GeometryPath", name) if inside is None else inside.children
 
 
 def path_points(model: Model, element: Element) -> list[OsimPoint]:

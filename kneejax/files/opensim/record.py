@@ -10,22 +10,14 @@ from typing import Any
 import numpy as np
 
 from kneejax.files.opensim import acting as forces
+from kneejax.files.opensim import joints as kinematics
 from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim.frames import Registration, flexion_coordinate, registration
-from kneejax.files.opensim.joints import (
-    Joint,
-    Movement,
-    coordinate_columns,
-    coordinates_of,
-    couplers,
-    moved,
-    read_joints,
-)
+from kneejax.files.opensim.joints import Joint, Movement, coordinate_columns, coordinates_of
 from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, angles_rad, common_times, last_word
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables import Storage, storage
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name
@@ -53,18 +45,11 @@ _KINDS = "coordinates", "muscle forces", "joint reactions", "external loads"
 
 
 def read_activity(
-    model_path: str | os.PathLike[str],
-    files: Sequence[str | os.PathLike[str]],
-    *,
-    side: str,
-    knee: Knee,
-    document: dict[str, Any] | None = None,
-    frames: str | Registration = "auto",
-    instants: int | None = None,
-    femur: str | None = None,
-    tibia: str | None = None,
+    model_path: str | os.PathLike[str], files: Sequence[str | os.PathLike[str]], *, side: str,
+    knee: Knee, document: dict[str, Any] | None = None, frames: str | Registration = "auto",
+    instants: int | None = None, femur: str | None = None, tibia: str | None = None,
     called: Mapping[str, str] | None = None,
-) -> LegRecord:
+) -> LegRecord:  # fmt: skip
     """Read a recorded movement, without OpenSim.
 
     Args:
@@ -94,10 +79,9 @@ def read_activity(
     bones = find_knee(model, side, femur, tibia)
     given = sorted_files(model, bones, files, called)
     motion, pulls, reaction, external = map(given.get, _KINDS)
-    time = common_times([x.table if x is external else x for x in given.values()], instants)
-    shifts = frames
-    if not isinstance(shifts, Registration):
-        shifts = registration(model, bones, knee, document or {}, shifts)
+    time = storage.common_times([x.table if x is external else x for x in given.values()], instants)
+    shifts = frames if isinstance(frames, Registration) else registration(
+        model, bones, knee, document or {}, frames)
     around = moved_around(model, bones, motion, time)
     movement = around.at(2)
     below = bodies_below(movement.joints, bones)
@@ -141,7 +125,8 @@ def sorted_files(
     """Tables of a movement by what they have, one of `_KINDS`; external loads with their table."""
     kinds: dict[str, Any] = {}
     called, muscles = called or {}, {e.name for e in model.muscles()}
-    known = {*(c.name for c in coordinates_of(read_joints(model))), *model.bodies, *muscles}
+    coordinates = coordinates_of(kinematics.read_joints(model))
+    known = {*(c.name for c in coordinates), *model.bodies, *muscles}
     for name in called:
         if name not in known:
             expected = f"a coordinate, a muscle or a body of {model.name}"
@@ -151,14 +136,15 @@ def sorted_files(
         if Path(path).suffix.lower() == ".xml":
             kind, value = "external loads", forces.read_external_loads(path, model, called)
         else:
-            value = read_storage(path).renamed(called)
-            words = {last_word(name) for name in value.columns}
-            kind = "muscle forces" if len(words & muscles) > 1 else ""
+            value = storage.read_storage(path).renamed(called)
+            words = {storage.last_word(name) for name in value.columns}
             if flexion in words:
                 kind = "coordinates"
-            elif not kind and any(on_tibia in name.lower() for name in value.columns):
+            elif len(words & muscles) > 1:
+                kind = "muscle forces"
+            elif any(on_tibia in name.lower() for name in value.columns):
                 kind = "joint reactions"
-            if not kind:
+            else:
                 near = nearest_name(flexion, words)
                 so = f" (--called {flexion}={near})" if near else ""
                 expected = (
@@ -171,18 +157,15 @@ def sorted_files(
         if kind in kinds:
             raise InputProblem(path, "file", f"a second table of {kind}", "one of each kind")
         kinds[kind] = value
-    if "coordinates" not in kinds:
-        expected = f"a table with the coordinate {flexion} among the files"
-        raise InputProblem("FILES", "coordinates", "missing", expected)
-    if "joint reactions" not in kinds and "muscle forces" not in kinds:
-        expected = "a table of muscle forces, or one of joint reactions, among the files"
-        raise InputProblem("FILES", "muscle forces", "missing", expected)
+    for some, needed in ((("coordinates",), f"a table with the coordinate {flexion}"),
+                         (_KINDS[1:3], "a table of muscle forces, or one of joint reactions,")):
+        if not {*some} & {*kinds}:
+            raise InputProblem("FILES", some[0], "missing", f"{needed} among the files")
     return {kind: kinds[kind] for kind in _KINDS if kind in kinds}
 
 
 def bodies_below(joints: Sequence[Joint], bones: OsimKneeJoint) -> set[str]:
-    """Bodies of the leg below the knee: what joints other than the knee's join to the tibia,
-    whichever of their two bodies is the parent."""
+    """Bodies of the leg below the knee: what joints other than the knee's join to the tibia."""
     above = {name for name in bones.rigid if bones.bone_of(name) in (FEMUR, PATELLA)}
     above |= {GROUND, bones.femur, bones.patella}
     found = {name for name in bones.rigid if bones.bone_of(name) == TIBIA} - above
@@ -195,16 +178,15 @@ def moved_around(
 ) -> Movement:
     """The model at five instants about each of `(n,)`, along a first axis."""
     columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
-    known = coordinates_of(read_joints(model))
-    angles_rad(table, columns[flexion])
+    known = coordinates_of(kinematics.read_joints(model))
+    storage.angles_rad(table, columns[flexion])
     for c in coordinates_of(bones.joints):
-        if c.name in columns and not c.turns:
-            values = table.columns[columns[c.name]]
-            farthest = float(values[np.abs(values - c.default).argmax()])
-            if abs(farthest - c.default) > _MOST_M:
-                expected = (f"a translation of the knee within {_MOST_M:g} m of {c.default:g}, the "
-                            "model's default; mm are suspected")
-                raise InputProblem(table.file, columns[c.name], f"{farthest:g}", expected)
+        values = table.columns[columns[c.name]] if c.name in columns else np.array([c.default])
+        farthest = float(values[np.abs(values - c.default).argmax()])
+        if not c.turns and abs(farthest - c.default) > _MOST_M:
+            expected = (f"a translation of the knee within {_MOST_M:g} m of {c.default:g}, the "
+                        "model's default; mm are suspected")
+            raise InputProblem(table.file, columns[c.name], f"{farthest:g}", expected)
     steps = time + _STEP_S * np.arange(-2, 3)[:, None]
     values = dict(zip(columns, table.at(steps, list(columns.values())), strict=True))
     for c in known:
@@ -215,7 +197,7 @@ def moved_around(
     # Translations and small rotations of a knee follow its balance without inertia of their own.
     for name in {c.name for c in coordinates_of(bones.joints)} & {*values} - {flexion}:
         values[name] = np.broadcast_to(values[name][2], values[name].shape)
-    return moved(model, values)
+    return kinematics.moved(model, values)
 
 
 def acting_on(
@@ -230,11 +212,11 @@ def acting_on(
         element, there = model.bodies[name], around.placed[name]
         center = np.array(element.point("mass_center"), float)
         if element.child("inertia") is not None:
-            xx, yy, zz, xy, xz, yz = map(float, element.numbers("inertia", 6))
+            inertia = [float(x) for x in element.numbers("inertia", 6)]
         else:
-            tags = (f"inertia_{two}" for two in ("xx", "yy", "zz", "xy", "xz", "yz"))
-            xx, yy, zz, xy, xz, yz = (element.number(tag, "0") for tag in tags)
-        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            inertia = [element.number(f"inertia_{two}", "0")
+                       for two in ("xx", "yy", "zz", "xy", "xz", "yz")]
+        inertia = np.array(inertia)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
         masses.append(MovingMass(
             element.number("mass", "0"), inertia, there.turn, there.point(center), _STEP_S))
     parts = {
@@ -279,26 +261,25 @@ def _reaction(
 def _of_columns(
     model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
 ) -> tuple[list[str], list[str]]:
-    """What looks wrong in a table of coordinates: times in another unit, and each joint that places
-    the leg below the knee in space and of which no coordinate has a column. Also the coordinates of
-    such joints that have none while others do."""
-    joints, columns = read_joints(model), coordinate_columns(model, table)
+    """What looks wrong in a table of coordinates: times in another unit, joints between ground and
+    leg without a column. Also coordinates of such joints that have none while others do."""
+    joints, columns = kinematics.read_joints(model), coordinate_columns(model, table)
     file, steps, doubts, absent = Path(table.file).name, np.diff(table.time), [], []
-    for bend in coordinates_of(bones.joints)[:1]:
-        if bend.name in columns and bend.turns:
-            change = np.abs(np.diff(table.columns[columns[bend.name]])) / steps
-            fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
-            if fastest > _FASTEST_DEG_S:
-                doubts.append(
-                    f"{file}: {bend.name} turns by {fastest:,.0f} degrees/s: its times or angles "
-                    "are in other units than s and those of the header."
-                )
+    bend = coordinates_of(bones.joints)[0]
+    if bend.name in columns and bend.turns:
+        change = np.abs(np.diff(table.columns[columns[bend.name]])) / steps
+        fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
+        if fastest > _FASTEST_DEG_S:
+            doubts.append(
+                f"{file}: {bend.name} turns by {fastest:,.0f} degrees/s: its times or angles "
+                "are in other units than s and those of the header."
+            )
     if np.median(steps) >= _SLOWEST_S:
         doubts.append(
             f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
             "inertia counts for nothing then."
         )
-    known = {*columns, *(name for _, name, _ in couplers(model)),
+    known = {*columns, *(name for _, name, _ in kinematics.couplers(model)),
              *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
     on_way = {joint.name: joint for body in sorted(below) for joint in chain(joints, body)}
     for joint in on_way.values():

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import collections
-import dataclasses
 import re
 from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from kneejax.files.opensim.contact import FORCE
 from kneejax.files.opensim.joints import read_joints
@@ -26,6 +25,9 @@ ACTS, IN_MOTION, DRIVEN, OFF, ELSEWHERE, ASKED, WITHOUT_PATELLA, IN_RING = (
     "as asked by --without", "as asked by --without-patella",
     "holds a meniscus, for which a ring stands",
 )
+#: Of some of these, a shorter title for their numbers; all others were left out.
+TITLES = {ASKED: ASKED, WITHOUT_PATELLA: WITHOUT_PATELLA, OFF: "switched off in the model",
+          IN_RING: "for which rings stand", ELSEWHERE: "not at this knee"}
 #: What a class of OpenSim is called: the first whose words stand in its name.
 _KINDS = {
     "contact": "Contact|HuntCrossley|ElasticFoundation|SmoothSphere", "muscle": "Muscle",
@@ -35,8 +37,7 @@ _KINDS = {
 _PLURALS = {"meniscus": "menisci", "body": "bodies"}
 
 
-@dataclasses.dataclass(frozen=True)
-class Untaken:
+class Untaken(NamedTuple):
     """A force or a constraint of a model that is no part of the imported knee."""
 
     element: Element
@@ -56,25 +57,23 @@ def untaken(
     patella: bool, rings: Collection[str] = (),
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those that were read or about which everything has been said, and
-    bodies at the knee that are part of none of its bones: menisci, and what hangs on them.
-    `unwanted` are names that a person asked to leave out, as patella and muscles without `patella`;
-    `rings` are menisci for which rings stand, with what holds them on the tibia.
-    One acts on the knee if it joins bodies on two sides of its joints, of which one is the femur,
-    the tibia, the patella or a meniscus, or if it names a coordinate of these joints. Its class
-    does not matter: every word of it that is the name of a body, of a frame or contact geometry on
-    one, or of a coordinate counts."""
+    bodies at the knee that are part of none of its bones. `unwanted` are names that a person asked
+    to leave out, as patella and muscles without `patella`; for the menisci `rings` rings stand.
+    One acts on the knee if it joins bodies on two sides of its joints, of which one is at the knee,
+    or if it names a coordinate of these joints. Its class does not matter: every word of it that
+    is the name of a body, of a frame or contact geometry on one, or of a coordinate counts."""
     joints, known = read_joints(model), {*taken}
     own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
     cut = [*between, *(joint for joint in joints if joint.element in own)]
     inner = dict.fromkeys(body for joint in between for body in beyond(joints, cut, joint.child))
     near = {*knee.rigid, *inner}
-    parts: dict[str, int] = {}
+    # Body -> the part of the model, that of the first of its bodies, to which it belongs.
+    parts: dict[str, str] = {}
     for body in [knee.femur, knee.tibia, *model.bodies]:
         if body not in parts:
-            part = len(parts)
-            parts |= {other: part for other in beyond(joints, cut, body) if other not in parts}
-    on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.other(GROUND)]
+            parts = dict.fromkeys(beyond(joints, cut, body), body) | parts
+    on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.on_ground]
     parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
     bodies = _bodies(model)
     coordinates = {c.name for joint in cut for c in joint.coordinates
@@ -102,16 +101,14 @@ def untaken(
     return answer, [body for body in inner if body not in knee.rigid]
 
 
-def listed(found: Iterable[Untaken]) -> list[str]:
-    """Things counted by class, with their names and what they are attached to."""
-    by_class = collections.defaultdict(list)
-    for one in found:
-        by_class[one.element.tag].append(one)
-    lines = []
-    for tag, many in sorted(by_class.items()):
-        on = sorted({word for one in many for word in one.on})
-        where = f", on {', '.join(on)}" if {*on} - {one.name for one in many} else ""
-        lines.append(f"{tag} ({len(many)}): {', '.join(one.name for one in many)}{where}")
+def listed(found: Iterable[Untaken], how: str) -> list[str]:
+    """Those of one verdict by class, with their names and what they are attached to."""
+    lines, found = [], [one for one in found if one.how == how]
+    for tag in sorted({one.element.tag for one in found}):
+        many = [one for one in found if one.element.tag == tag]
+        names, on = [one.name for one in many], sorted({x for one in many for x in one.on})
+        where = f", on {', '.join(on)}" if {*on} - {*names} else ""
+        lines.append(f"{tag} ({len(many)}): {', '.join(names)}{where}")
     return lines
 
 
@@ -127,7 +124,6 @@ def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
 
 def _bodies(model: Model) -> dict[str, str]:
     """Name of a body, or of a frame or a geometry on one -> the body."""
-    found = {body: body for body in model.bodies}
     by_name = collections.defaultdict(set)
     for frame in model.frames.values():
         by_name[frame.name].add(model.place(frame)[0])
@@ -140,10 +136,8 @@ def _bodies(model: Model) -> dict[str, str]:
             frame = model.frame(word, element)
             if frame is not None:
                 by_name[element.name].add(model.place(frame)[0])
-    for name, places in by_name.items():
-        if len(places) == 1:
-            found.setdefault(name, *places)
-    return found
+    single = {name: [*places][0] for name, places in by_name.items() if len(places) == 1}
+    return single | {body: body for body in model.bodies}
 
 
 def _attached(
@@ -151,10 +145,8 @@ def _attached(
 ) -> tuple[set[str], set[str]]:
     """Bodies and coordinates that anything within an element names."""
     on, asked = set(), set()
-    for leaf in element.iter("*"):
-        if leaf.children or leaf.tag == "wrap_object":
-            continue
-        for word in leaf.content.split():
+    for leaf in _leaves(element):
+        for word in leaf.content.split() if leaf.tag != "wrap_object" else ():
             last = word.rstrip("/").rsplit("/", 1)[-1]
             socket = leaf.tag.startswith("socket_")
             frame = model.frame(word, leaf.getparent()) if socket else None
@@ -172,12 +164,15 @@ def _how(element: Element) -> str:
         return OFF
     if element.tag.endswith("Actuator"):
         return DRIVEN
-    leaves = [e for e in element.iter("*") if not e.children]
-    stiff = [e.content for e in leaves if "stiffness" in e.tag]
-    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in leaves)
+    stiff = [e.content for e in _leaves(element) if "stiffness" in e.tag]
+    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in _leaves(element))
     # Zeros of any form are no stiffness.
     some = any(word.strip("0.+-") for text in stiff for word in text.lower().split("e")[0].split())
     return IN_MOTION if stiff and not expressed and not some else ACTS
+
+
+def _leaves(element: Element) -> list[Element]:
+    return [e for e in element.iter("*") if not e.children]
 
 
 def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:
@@ -197,25 +192,16 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
         - femur_r was taken as the femur.
     """
     model = read.model
-    lines = [
-        f"# Import of {model.root.name or model.name}, {SIDES[read.knee.side]} knee",
-        "",
-        f"File {model.name}, version {model.version} of OpenSim's format.",
-    ]
+    text = (f"# Import of {model.root.name or model.name}, {SIDES[read.knee.side]} knee\n\n"
+            f"File {model.name}, version {model.version} of OpenSim's format.\n")
     for title, items in import_sections(read, geometry).items():
-        lines += ["", f"## {title}", "", *([f"- {item}" for item in items] or ["None."])]
-        if title == "Joint":
-            lines += _table(read)
-    return "\n".join(lines) + "\n"
+        text += f"\n## {title}\n\n" + ("".join(f"- {item}\n" for item in items) or "None.\n")
+        text += _table(read) if title == "Joint" else ""
+    return text
 
 
 def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
-    """Sentences of an import report, by the titles of its sections.
-
-    Args:
-        read: what a model gave.
-        geometry: sentences of the fit of its meshes; without any, how to add contacts is said.
-    """
+    """Sentences of an import report, by the titles of its sections; see `format_import_report`."""
     model, knee = read.model, read.knee
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [f"{joint.name} ({joint.kind}): {text}"
@@ -251,20 +237,12 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
         by_reason[reason].append(name)
     left_out += [f"Ligaments, {reason}: {', '.join(many)}." for reason, many in by_reason.items()]
     left_out += [f"{text}." for text in read.left_out]
-    elsewhere = (x for x in read.untaken if x.how == ELSEWHERE and x.element.tag != KIND)
-    left_out += [f"{line}: {ELSEWHERE}." for line in listed(elsewhere)]
+    others = (x for x in read.untaken if x.element.tag != KIND)
+    left_out += [f"{line}: {ELSEWHERE}." for line in listed(others, ELSEWHERE)]
     laws = {(x["stiffness_N"], x["transition_strain"]) for x in fibres.values()}
     error = max(float(ligament_law.largest_tension_error(*law, TRANSITION_WIDTH)) for law in laws)
-    notes = [
-        f"The corners of OpenSim's force law are rounded (transition_width {TRANSITION_WIDTH:g}): "
-        f"forces differ by at most {error:.2g} N.",
-        "damping_N_s was read: it counts in motion, not at rest.",
-    ]
-    if wraps:
-        notes.append(
-            "Fibres take the shortest path around an obstacle; OpenSim's methods for ellipsoids "
-            "(hybrid, midpoint, axial) approximate it."
-        )
+    around = ("Fibres take the shortest path around an obstacle; OpenSim's methods for ellipsoids "
+              "(hybrid, midpoint, axial) approximate it.")
     section = read.document.get("patella", {})
     patella = [f"{name.capitalize()}: {', '.join(section[name])}."
                for name in ("ligaments", "muscles") if section]
@@ -276,21 +254,28 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
         "Contact": contacts,
         "Not supported": list(read.doubts),
         "Left out": left_out,
-        "Notes": [*dict.fromkeys(read.found.notes), *notes],
+        "Notes": [
+            *dict.fromkeys(read.found.notes),
+            "The corners of OpenSim's force law are rounded (transition_width "
+            f"{TRANSITION_WIDTH:g}): forces differ by at most {error:.2g} N.",
+            "damping_N_s was read: it counts in motion, not at rest.",
+            *[around] * bool(wraps),
+        ],
     }
 
 
-def _table(read: OsimImport) -> list[str]:
-    lines = ["", f"## Ligaments read: {len(read.ligaments)} fibres of class {KIND}", ""]
-    lines.append("| fibre | points | wrap object | stiffness N | slack length mm | transition |")
-    lines.append("|---|---|---|---|---|---|")
-    for name, entry in read.document["ligaments"].items():
-        points = str(2 + len(entry.get("via_points", ())))
-        numbers = (f"{entry[field]:{shown}}" for field, shown in (
-            ("stiffness_N", "g"), ("slack_length_mm", ".6g"), ("transition_strain", "g")))
-        lines.append(f"| {' | '.join((name, points, entry.get('wrap', ''), *numbers))} |")
-    groups = read.document.get("groups", {})
-    if groups:
-        names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups.items())
-        lines += ["", f"Groups made from their names: {names}."]
-    return lines
+def _table(read: OsimImport) -> str:
+    """The fibres, in Markdown."""
+    text = f"""
+## Ligaments read: {len(read.ligaments)} fibres of class {KIND}
+
+| fibre | points | wrap object | stiffness N | slack length mm | transition |
+|---|---|---|---|---|---|
+"""
+    for name, x in read.document["ligaments"].items():
+        text += f"| {name} | {2 + len(x.get('via_points', ()))} | {x.get('wrap', '')} "
+        text += f"| {x['stiffness_N']:g} | {x['slack_length_mm']:.6g} "
+        text += f"| {x['transition_strain']:g} |\n"
+    groups = read.document.get("groups", {}).items()
+    names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups)
+    return text + (f"\nGroups made from their names: {names}.\n" if names else "")

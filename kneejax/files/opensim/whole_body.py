@@ -19,11 +19,10 @@ from kneejax.files.opensim.engine import FORCES, MOMENTS, REACTIONS
 from kneejax.files.opensim.frames import flexion_coordinate
 from kneejax.files.opensim.joints import coordinate_columns, read_joints
 from kneejax.files.opensim.knee import find_knee
-from kneejax.files.opensim.model import GROUND, Model, read_model
+from kneejax.files.opensim.model import Model, read_model
 from kneejax.files.opensim.xml import parse_xml
 from kneejax.files.reading import InputProblem, write_text
-from kneejax.files.tables import Storage, angles_rad, common_times
-from kneejax.files.tables.storage import read_storage
+from kneejax.files.tables.storage import Storage, angles_rad, common_times, read_storage
 from kneejax.geometry import TIBIA
 from kneejax.numerics import check_installed
 
@@ -86,17 +85,11 @@ class WholeBodyForces:
 
 
 def whole_body(
-    model_path: str | os.PathLike[str],
-    motion: str | os.PathLike[str],
-    loads: str | os.PathLike[str] | None,
-    *,
-    side: str,
-    actuators: str | os.PathLike[str] | None = None,
-    instants: int | None = None,
-    time_s: tuple[float, float] | None = None,
-    femur: str | None = None,
-    tibia: str | None = None,
-) -> WholeBody:
+    model_path: str | os.PathLike[str], motion: str | os.PathLike[str],
+    loads: str | os.PathLike[str] | None, *, side: str,
+    actuators: str | os.PathLike[str] | None = None, instants: int | None = None,
+    time_s: tuple[float, float] | None = None, femur: str | None = None, tibia: str | None = None,
+) -> WholeBody:  # fmt: skip
     """Check a movement before OpenSim is asked about it.
 
     Args:
@@ -146,14 +139,14 @@ def whole_body(
         even = np.linspace(even[0], even[-1], len(even))
     values = dict(zip(columns, table.at(even, list(columns.values())), strict=True))
     coordinates = dataclasses.replace(table, time=even, columns=values)
-    rows = int(np.sum((coordinates.time >= begin) & (coordinates.time <= end)))
+    rows = int(np.sum((even >= begin) & (even <= end)))
     every = max(1, int(np.ceil((rows - 1) / ((instants or _USUAL_INSTANTS) - 1))))
     lower = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
     joint = next(x for x in bones.joints[::-1] if {x.parent, x.child} & lower)
-    paths = (None if path is None else Path(path) for path in (loads, actuators))
-    return WholeBody(Path(model_path), Path(motion), coordinates, next(paths), side,
+    pressing, helping = (None if path is None else Path(path) for path in (loads, actuators))
+    return WholeBody(Path(model_path), Path(motion), coordinates, pressing, side,
                      (bones.femur, bones.tibia), joint.name, joint.child in lower,
-                     (float(begin), float(end)), every, next(paths))
+                     (float(begin), float(end)), every, helping)
 
 
 def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> WholeBodyForces:
@@ -170,11 +163,9 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
     Raises:
         InputProblem: OpenSim stopped; with the last that it said.
     """
-    asked = model or body.model
+    asked, actuators = model or body.model, body.actuators or folder / _NAME
     folder.mkdir(parents=True, exist_ok=True)
-    actuators = body.actuators
-    if actuators is None:
-        actuators = folder / _NAME
+    if body.actuators is None:
         write_text(actuators, _reserves(read_model(asked)))
     motion, table = folder / "coordinates.sto", body.coordinates
     rows = np.column_stack([table.time, *table.columns.values()])
@@ -195,8 +186,7 @@ def ask_opensim(body: WholeBody, folder: Path, model: Path | None = None) -> Who
         done = subprocess.run(words, capture_output=True, text=True, cwd=place, check=False)
     found = WholeBodyForces(*(folder / name for name in (MOMENTS, FORCES, REACTIONS)))
     if done.returncode or not found.reactions.is_file():
-        lines = [line.strip() for line in (done.stdout + done.stderr).splitlines()]
-        lines = [line for line in lines if line]
+        lines = [x.strip() for x in (done.stdout + done.stderr).splitlines() if x.strip()]
         last = [x for x in lines if "rror" in x or "xception" in x] or lines
         said = _BEFORE.sub("", last[-1]) if last else f"nothing (status {done.returncode})"
         expected = f"a movement that it can compute; it said: {said}"
@@ -208,7 +198,7 @@ def _reserves(model: Model) -> str:
     """A weak actuator for every coordinate that may move."""
     rows = []
     for joint in read_joints(model):
-        kind = "residual" if GROUND in (joint.parent, joint.child) else "reserve"
+        kind = "residual" if joint.on_ground else "reserve"
         rows += [
             f"<CoordinateActuator name={quoteattr(f'{one.name}_{kind}')}>"
             f"<coordinate>{one.name}</coordinate><optimal_force>{_RESERVE:g}</optimal_force>"

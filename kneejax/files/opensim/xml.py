@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import codecs
-import dataclasses
 import itertools
 import os
 import re
 from collections.abc import Collection, Sequence
 from decimal import Decimal
 from pathlib import Path
+from typing import NamedTuple
 
 import lxml.etree as etree
 import numpy as np
@@ -71,10 +71,8 @@ class Element(etree.ElementBase):
 
     def inside(self, *tags: str) -> list[Element]:
         """Children of the element reached by following one tag after the other."""
-        here: Element | None = self
-        for tag in tags:
-            here = None if here is None else here.child(tag)
-        return [] if here is None else here.children
+        found = self.find("/".join(tags))
+        return [] if found is None else found.children
 
     def word(self, *tags: str, default: str = "") -> str:
         """Text of a child, or of that of its class in the model's `<defaults>`, or `default`."""
@@ -125,12 +123,13 @@ class Element(etree.ElementBase):
             return
         number = itertools.count()
 
-        def word(found: re.Match[str]) -> str:
-            return words[k] if (k := next(number)) in changed else found[0]
+        def written(text: str | None) -> str | None:
+            return re.sub(r"\S+", lambda found: words[k] if (k := next(number)) in changed
+                          else found[0], text or "") or None
 
-        self.text = re.sub(r"\S+", word, self.text or "") or None
+        self.text = written(self.text)
         for comment in self:
-            comment.tail = re.sub(r"\S+", word, comment.tail or "") or None
+            comment.tail = written(comment.tail)
 
     def add(self, tag: str, text: str) -> None:
         """Add a child at the end, indented like the last one."""
@@ -145,7 +144,7 @@ class Element(etree.ElementBase):
         """Put an element behind this one, indented like it."""
         before = self.getprevious()
         lead = (self.getparent().text if before is None else before.tail) or ""
-        lead = lead if not lead.strip() else ""
+        lead = "" if lead.strip() else lead
         for one in new.iter():
             one.text = (one.text or "").replace("\n", lead) or None
             one.tail = (one.tail or "").replace("\n", lead) or None
@@ -163,8 +162,7 @@ class Element(etree.ElementBase):
             parent.text = tail
 
 
-@dataclasses.dataclass(frozen=True)
-class XmlFile:
+class XmlFile(NamedTuple):
     """A parsed file: its path, its bytes, their text and encoding, and the outermost element."""
 
     path: Path
@@ -203,12 +201,11 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
         root, error = _parsed(_BARE.sub(_AMPERSAND, _COMMENT.sub(
             lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)), path)
     if error is not None or root is None:
-        line, column, found = 1, 1, "no element"
+        place, found = "line 1, column 1", "no element"
         if error is not None:
-            line, column = error.line, error.column
+            place = f"line {error.line}, column {error.column}"
             found = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
-        expected = f"{kind} in well-formed XML"
-        raise InputProblem(path, f"line {line}, column {column}", found, expected)
+        raise InputProblem(path, place, found, f"{kind} in well-formed XML")
     return XmlFile(Path(path), original, text, encoding, root)
 
 

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from kneejax.files.reading._model import Mistakes as Mistakes
     from kneejax.files.reading._model import Part as Part
     from kneejax.files.reading._model import checked as checked
+    from kneejax.files.reading._model import checks as checks
     from kneejax.files.reading._model import fill as fill
     from kneejax.files.reading._model import folder_of as folder_of
     from kneejax.files.reading._model import together as together

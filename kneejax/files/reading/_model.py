@@ -67,19 +67,9 @@ class Part(BaseModel):
 def checked(
     model: type[_P], value: Any, file: str = "", folder: Path | None = None, *, nulls: bool = False
 ) -> _P:
-    """Read a file.
-
-    Args:
-        model: what it is.
-        value: what stands there.
-        file: where, for errors.
-        folder: to which paths in it are relative.
-        nulls: whether a field may be null, as in a file that the package wrote.
-
-    Raises:
-        InputProblem: a field is missing, unknown or out of range; `InputProblems` where several
-            are.
-    """
+    """What stands in a file, as a model of it; raises where a field is missing, unknown or out of
+    range, with all mistakes. Paths in it are relative to `folder`; fields may be null where `nulls`
+    says so, as in a file that the package wrote."""
     mistakes = Mistakes(file)
     try:
         context = {"folder": folder or Path(), "file": not nulls}
@@ -90,11 +80,7 @@ def checked(
 
 
 def fill(model: Part, fields: Any, context: Mapping[str, Any] | None = None) -> None:
-    """Fill a model that was made empty.
-
-    Raises:
-        ValueError: of a mistake in its fields, or of several.
-    """
+    """Fill a model that was made empty; raises of a mistake in its fields, or of several."""
     validator = type(model).__pydantic_validator__
     try:
         validator.validate_python(fields, self_instance=model, context=dict(context or {}))
@@ -105,11 +91,7 @@ def fill(model: Part, fields: Any, context: Mapping[str, Any] | None = None) -> 
 
 
 class Mistakes(list[ValueError]):
-    """What is wrong so far.
-
-    Attributes:
-        file: where that stands; empty where only its reader knows.
-    """
+    """What is wrong so far in a file, whose name is empty where only its reader knows it."""
 
     def __init__(self, file: str = ""):
         """Begin without any."""
@@ -125,11 +107,8 @@ class Mistakes(list[ValueError]):
             self.keep(problem, at)
 
     def keep(self, problem: ValueError, at: str = "") -> None:
-        """Add a mistake, or the several that an exception stands for, found at a place.
-
-        Raises:
-            ValueError: it is no mistake of a person.
-        """
+        """Add a mistake, or the several that an exception stands for, found at a place; raises what
+        is no mistake of a person."""
         if isinstance(problem, ValidationError):  # a model's own, as `_in_words` raised it
             problem = _raised(problem.errors()[0])
         for one in getattr(problem, "problems", (problem,)):
@@ -221,12 +200,20 @@ def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]
                 mistakes.append(wrong(one["input"], "a value of another kind", at=place))
 
 
-class Chosen:
-    """A part whose model its content decides.
+def checks(check: Callable[[Any, Mistakes], None]) -> Any:
+    """A validator of a part as a whole: it adds what is wrong to the mistakes, or raises it."""
+    def validated(part: Any) -> Any:
+        mistakes = Mistakes()
+        check(part, mistakes)
+        mistakes.check()
+        return part
 
-    Attributes:
-        model: takes the value, and gives its model or refuses it.
-    """
+    return model_validator(mode="after")(validated)
+
+
+class Chosen:
+    """A part whose model its content decides: `model` takes the value, and gives its model or
+    refuses it."""
 
     def __init__(self, model: Callable[[Any], type[Part]]):
         self.model = model

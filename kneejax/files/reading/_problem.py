@@ -20,9 +20,11 @@ class InputProblem(ValueError):
     Attributes:
         file: the file (or the option) the input came from.
         field: the place in it, e.g. `ligaments.ACL.stiffness_N`.
-        value: what stands there.
-        expected: what should stand there.
-        nearest: the nearest known name, or None.
+        value: what stands there; a text is shown as it is, anything else by its `repr`.
+        expected: what should stand there, without the word "expected"; or, to begin with, the names
+            of which one should.
+        nearest: the nearest known name, or None; to begin with also the known names, of which the
+            one most like `value` is suggested if any is, as it is of those expected.
 
     Example:
         >>> from kneejax import InputProblem
@@ -31,24 +33,10 @@ class InputProblem(ValueError):
     """
 
     def __init__(
-        self,
-        file: str | os.PathLike[str],
-        field: str,
-        value: Any,
-        expected: str | Collection[str],
+        self, file: str | os.PathLike[str], field: str, value: Any, expected: str | Collection[str],
         nearest: str | Iterable[str] | None = None,
-    ):
-        """Make the line.
-
-        Args:
-            file: the file (or the option) the input came from.
-            field: the place in it.
-            value: what stands there; a text is shown as it is, anything else by its `repr`.
-            expected: what should stand there, without the word "expected"; or the names of which
-                one should, which are the known ones then.
-            nearest: a name to suggest, or the known names, of which the one most like `value` is
-                suggested if any is.
-        """
+    ):  # fmt: skip
+        """Make the line."""
         if not isinstance(expected, str):
             expected, nearest = f"one of {', '.join(expected)}", nearest or expected
         if nearest is not None and not isinstance(nearest, str):

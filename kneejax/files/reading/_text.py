@@ -20,19 +20,8 @@ LONGEST_NUMBER = 1000
 
 
 def read_text(path: str | os.PathLike[str], kind: str) -> str:
-    """Read a UTF-8 text file.
-
-    Args:
-        path: the file.
-        kind: what it should be, for the error, e.g. `a knee file`.
-
-    Returns:
-        Its text, without a byte order mark.
-
-    Raises:
-        InputProblem: it does not exist, is a folder, cannot be read, is empty, is binary, or
-            is not UTF-8.
-    """
+    """The text of a UTF-8 file, without a byte order mark; as `read_bytes`, and raises where the
+    file is binary or not UTF-8."""
     data = read_bytes(path, kind)
     if b"\x00" in data:
         raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
@@ -47,19 +36,9 @@ def read_text(path: str | os.PathLike[str], kind: str) -> str:
 
 
 def load_json(path: str | os.PathLike[str], kind: str) -> Any:
-    """Read a JSON file.
-
-    Args:
-        path: the file.
-        kind: what it should be, for the error.
-
-    Returns:
-        Mappings, lists, texts, numbers, truth values and None.
-
-    Raises:
-        InputProblem: the file cannot be read, is not JSON, holds a name twice in one mapping, a
-            number of thousands of digits, or is too deep.
-    """
+    """Mappings, lists, texts, numbers, truth values and None of a JSON file; as `read_text`, and
+    raises where it is not JSON, is too deep, or has a name twice in one mapping or a number of
+    thousands of digits."""
     text = read_text(path, kind)
     try:
         return json.loads(text, object_pairs_hook=_each_once, parse_int=_whole_number)
@@ -91,18 +70,8 @@ def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_bytes(path: str | os.PathLike[str], kind: str) -> bytes:
-    """Read a file that is not empty.
-
-    Args:
-        path: the file.
-        kind: what it should be, for the error.
-
-    Returns:
-        Its content.
-
-    Raises:
-        InputProblem: it does not exist, is a folder, cannot be read, or is empty.
-    """
+    """The content of a file that should be of a kind, as in `a knee file`, for the error; raises
+    where it does not exist, is a folder, cannot be read, or is empty."""
     path = Path(path)
     if os.path.isdir(path):
         raise InputProblem(path, "file", "a folder", kind)
@@ -163,13 +132,8 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
 
 
 def plain_number(text: str) -> float | None:
-    """A number as people write it: `1_000`, digits of other scripts and hexadecimal are none.
-
-    Args:
-        text: perhaps with blanks around it.
-
-    Returns:
-        The number, which may be NaN or infinite; None where the text is none.
+    """A number as people write it, which may be NaN or infinite; None where a text is none, as are
+    `1_000`, digits of other scripts and hexadecimal.
 
     Example:
         >>> plain_number(" -2.5e1 "), plain_number("1_000"), plain_number("١٢")

@@ -137,17 +137,11 @@ def plain(value: Any) -> Any:
 
 
 def mapping_of(
-    read: Callable[[Any, str], Any],
-    kind: str,
+    read: Callable[[Any, str], Any], kind: str,
     names: Sequence[str] | Callable[[Any], str] | None = None,
-) -> Callable[[Any], dict[str, Any]]:
-    """A reader of a mapping whose values are read with the names under which they stand.
-
-    Args:
-        read: takes a value and its name.
-        kind: what the mapping is, for the error.
-        names: that there may be, or what takes a name and refuses a wrong one.
-    """
+) -> Callable[[Any], dict[str, Any]]:  # fmt: skip
+    """A reader of a mapping, a `kind` of mapping for the error, whose values are read with the
+    names under which they stand: one of `names`, or what these make of a name or refuse."""
 
     def found(value: Any) -> dict[str, Any]:
         value = plain(value)
@@ -180,11 +174,7 @@ def by_parameter(read: Callable[[Any, Range | None], Any]) -> Callable[[Any], di
 
 
 def parameter_name(value: Any) -> str:
-    """A name or a wildcard of parameters.
-
-    Raises:
-        InputProblem: it can be neither.
-    """
+    """A name or a wildcard of parameters."""
     name = text(value)
     if not _PARAMETER.fullmatch(name):
         raise wrong(value, "a name such as ACL.stiffness, or a wildcard such as *.stiffness")

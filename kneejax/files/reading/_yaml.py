@@ -136,19 +136,9 @@ _Dumper.add_representer(list, lambda dumper, items: dumper.represent_sequence(
 
 
 def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
-    """Read a YAML file.
-
-    Args:
-        path: the file.
-        kind: what it should be, for the error.
-
-    Returns:
-        Mappings, lists, texts, numbers, booleans and None.
-
-    Raises:
-        InputProblem: the file cannot be read, is not YAML, holds a key twice or one that is not
-            text, is too deep, or aliases make it too large.
-    """
+    """Mappings, lists, texts, numbers, booleans and None of a YAML file; as `read_text`, and raises
+    where it is not YAML, is too deep, aliases make it too large, or a key is there twice or no
+    text."""
     text = read_text(path, kind)
     try:
         return yaml.load(text, Loader=_Loader)
@@ -162,12 +152,6 @@ def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
 
 
 def format_yaml(document: Any) -> str:
-    """Write YAML: keys in the order given, lists of plain values in one line.
-
-    Args:
-        document: mappings, lists, texts, numbers, booleans and None.
-
-    Returns:
-        The text, the same for the same document.
-    """
+    """YAML of what `load_yaml` gives: keys in the order given, lists of plain values in one line;
+    the same text for the same document."""
     return yaml.dump(document, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=_WIDTH)

@@ -106,21 +106,16 @@ def by_headers(
 ) -> tuple[list[str], list[str]]:  # fmt: skip
     """Name columns of a table by their headers, beside those that have a name. `ignore` are columns
     that do not count, `known` names that do; `about` says what the table is of, for a load without
-    a direction. Doubts are added to the table's mistakes. Gives what was assumed, a phrase each;
-    columns that are not used."""
+    a direction. Gives what was assumed, a phrase each; columns that are not used."""
     used = {column for column, _ in table.named.values()} | {*ignore}
     read = [header_meaning(own) for own in table.header if own not in used]
     read = [_directed(one, about) for one in read if one is not None]
     unused = [one.own for one in read if not (one.name or one.nameless)]
     found: dict[str, Header] = {}
-    for one in read:
-        if one.name not in known or one.name in table.named:
-            continue
-        if one.name in found:
-            both = f"{found[one.name].own} and {one.own}"
+    for one in (x for x in read if x.name in known and x.name not in table.named):
+        if (first := found.setdefault(one.name, one)) is not one:
             expected = f"one column of {one.name} (columns:), the other left out (ignore:)"
-            table.wrong("header", both, expected)
-        found.setdefault(one.name, one)
+            table.wrong("header", f"{first.own} and {one.own}", expected)
     phrases = [f"{name} from {_times(one)}" for name, one in found.items() if one.stated]
     for unit in _WORDS:
         without = [one for one in found.values() if one.unit == unit and not one.stated]
@@ -156,8 +151,8 @@ def _times(one: Header) -> str:
 
 
 def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[float, str] | None:
-    """The factor of columns of one kind whose unit is not stated, by the size of their numbers,
-    and what that assumes; None where the size does not decide."""
+    """The factor of columns of one kind without a unit, by the size of their numbers, and what that
+    assumes; None where the size does not decide."""
     unit, factor = columns[0].unit, 1.0
     words = _WORDS[unit]
     largest = max(np.abs(table.sizes(one.own)).max(initial=0.0) for one in columns)

@@ -193,15 +193,10 @@ class LabTable(NamedTuple):
 
 
 def read_lab_table(
-    path: str | os.PathLike[str],
-    columns: Mapping[str, str] | None = None,
-    flexion_deg: float | None = None,
-    convention: str = CLINICAL,
-    ignore: tuple[str, ...] = (),
-    *,
-    unloaded: bool = False,
-    about: str = "",
-) -> LabTable:
+    path: str | os.PathLike[str], columns: Mapping[str, str] | None = None,
+    flexion_deg: float | None = None, convention: str = CLINICAL, ignore: tuple[str, ...] = (), *,
+    unloaded: bool = False, about: str = "",
+) -> LabTable:  # fmt: skip
     """Read a test under load from a CSV table.
 
     Args:
@@ -252,9 +247,7 @@ def read_lab_table(
     loads = {name: table.column(name, RANGES[name]) for name in NAMED_LOADS if name in named}
     poses = {x: table.column(x, _range(x), x != COLUMNS[0]) for x in COLUMNS if x in named}
     readings = {x: table.column(x, _range(x), empty=True) for x in named if _is_reading(x)}
-    weight, time_s = (
-        table.column(name, RANGES[name]) if name in named else None for name in ("weight", TIME)
-    )
+    weight, time_s = (table.column(x, RANGES[x]) if x in named else None for x in ("weight", TIME))
     for name, size in loads.items():
         if name.endswith("_Nm") and np.abs(size).max(initial=0.0) > MOST_MOMENT_NM:
             own, _ = named[name]
@@ -272,10 +265,9 @@ def read_lab_table(
     table.check_rows_convention(convention)
     if convention != CLINICAL:
         if np.isnan(observed).any():
-            found = "not all six columns of a pose"
-            every = f"all of {', '.join(COLUMNS)}"
-            expected = f"{every}, without which {convention} cannot be converted"
-            raise InputProblem(table.file, "header", found, expected)
+            without = f"without which {convention} cannot be converted"
+            raise InputProblem(table.file, "header", "not all six columns of a pose",
+                               f"all of {', '.join(COLUMNS)}, {without}")
         observed = convert_table(observed, convention, CLINICAL)
         # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
         observed[:, 0] = np.round(observed[:, 0], 6)
@@ -303,9 +295,9 @@ def _meant(name: str) -> str | None:
 def _check_header(
     table: Table, mapped: set[str], flexion_deg: float | None, ignore: set[str], unloaded: bool
 ) -> None:
-    """A load, a coordinate and a flexion; nothing that sounds like a load is left over. What a
-    study maps counts as there: if it is not, that is a mistake of its own."""
+    """A load, a coordinate and a flexion; nothing that sounds like a load is left over."""
     used = {column for column, _ in table.named.values()} | ignore
+    # What is mapped counts as there: if it is not, that is a mistake of its own.
     there, loads_left = {*table.named, *mapped}, False
     for own in table.header:
         if own in used or not _LOAD.search(own):
@@ -332,8 +324,7 @@ def _check_header(
 
 
 def _name_columns(table: Table, columns: Mapping[str, str]) -> set[str]:
-    """Name columns as a study maps them, and give the names whose factor it states; mistakes are
-    added to the table's."""
+    """Name columns as a study maps them, and give the names whose factor it states."""
     found, sure = {}, set()
     for name, said in columns.items():
         factor, own = 1.0, said.strip()

@@ -26,21 +26,13 @@ _RADIANS_BELOW = 3.2
 
 @dataclasses.dataclass(frozen=True)
 class Storage:
-    """A table over time.
+    """A table over time."""
 
-    Attributes:
-        file: from which it was read.
-        time: increasing, `(rows,)`, s.
-        columns: name -> values, `(rows,)`, as the file has them.
-        in_degrees: whether its angles are degrees.
-        unit_by: why they are, for errors.
-    """
-
-    file: str
-    time: np.ndarray
-    columns: dict[str, np.ndarray]
-    in_degrees: bool
-    unit_by: str = "as its header says"
+    file: str  # from which it was read
+    time: np.ndarray  # increasing, `(rows,)`, s
+    columns: dict[str, np.ndarray]  # name -> values, `(rows,)`, as the file has them
+    in_degrees: bool  # whether its angles are degrees
+    unit_by: str = "as its header says"  # why they are, for errors
 
     def named(self, name: str, what: str = "a column") -> np.ndarray:
         """A column, `what` it is for the error where there is none: with the nearest name."""
@@ -130,9 +122,8 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
 
 
 def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
-    """Whether angles are degrees, and by what. By the line inDegrees. Without it as OpenSim reads
-    them: degrees in a motion of SIMM, which is a .mot without a version, and radians in every other
-    table."""
+    """Whether angles are degrees, and by what: the line inDegrees, or as OpenSim reads what has
+    none: degrees in a motion of SIMM, a .mot without a version, and radians in any other table."""
     has_version = False
     for line in header:
         name, _, value = (x.strip() for x in line.lower().partition("="))

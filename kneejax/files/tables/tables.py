@@ -28,10 +28,9 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", 
 
 
 def read_poses(
-    path: str | os.PathLike[str],
-    convention: str = FEMORAL,
+    path: str | os.PathLike[str], convention: str = FEMORAL,
     columns: Mapping[str, str] | None = None,
-) -> np.ndarray:
+) -> np.ndarray:  # fmt: skip
     """Read poses from a CSV table.
 
     Args:
@@ -103,21 +102,14 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """A table as it was read, and what is wrong with its cells so far.
+    """A table as it was read, and what is wrong with its cells so far."""
 
-    Attributes:
-        file: from which it was read.
-        header: names of the columns.
-        rows: line number and cells of each row.
-        mistakes: the first of each column.
-        named: name of the package -> column that has it, and the factor that leads to its unit and
-            sense; any other name is that of a column itself.
-    """
-
-    file: str
-    header: list[str]
-    rows: list[tuple[int, list[str]]]
-    mistakes: Mistakes
+    file: str  # from which it was read
+    header: list[str]  # names of the columns
+    rows: list[tuple[int, list[str]]]  # line number and cells of each row
+    mistakes: Mistakes  # the first of each column
+    # name of the package -> column that has it, and the factor that leads to its unit and sense;
+    # any other name is that of a column itself
     named: dict[str, tuple[str, float]] = dataclasses.field(default_factory=dict)
 
     @classmethod
@@ -175,17 +167,15 @@ class Table:
         for name in columns:
             if (count := self.header.count(name)) > 1:
                 self.wrong(name, f"{count} columns", "one column of this name")
-        missing, near = [name for name in columns if name not in self.header], {}
-        for name in missing:
-            # A column that is needed itself is no misspelling of another, nor is one of another
-            # joint.
-            others = [x for x in self.header if x not in columns and _joint(x) == _joint(name)]
-            if nearest := nearest_name(name, others):
-                near[name] = nearest
+        missing = [name for name in columns if name not in self.header]
+        # A column that is needed itself is no misspelling of another, nor is one of another joint.
+        others = [x for x in self.header if x not in columns]
+        near = {name: nearest_name(name, [x for x in others if _joint(x) == _joint(name)])
+                for name in missing}
         if missing:
             one = len(missing) == 1
             what = f"{'this column' if one else 'these columns'} among {', '.join(self.header)}"
-            meant = ", ".join(near.values() if one else (f"{x} by {y}" for x, y in near.items()))
+            meant = ", ".join(y if one else f"{x} by {y}" for x, y in near.items() if y)
             self.wrong(", ".join(missing), "missing", what, meant or None)
 
     def check_columns(self, columns: Sequence[str]) -> None:
@@ -269,15 +259,11 @@ def pose_range(column: str) -> Range:
 
 
 def write_poses(
-    path: str | os.PathLike[str],
-    table: np.ndarray,
-    status: Sequence[Any] | None = None,
-    converged: Sequence[bool] | None = None,
-    stable: Sequence[bool] | None = None,
-    convention: str = FEMORAL,
-    doubts: Sequence[str] | None = None,
+    path: str | os.PathLike[str], table: np.ndarray, status: Sequence[Any] | None = None,
+    converged: Sequence[bool] | None = None, stable: Sequence[bool] | None = None,
+    convention: str = FEMORAL, doubts: Sequence[str] | None = None,
     patella: np.ndarray | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Write poses to a CSV table, completely or not at all.
 
     Args:

@@ -7,7 +7,7 @@ import numpy as np
 from kneejax.files.opensim import exact
 from kneejax.files.opensim.engine import named_once
 from kneejax.files.opensim.model import simm_spline
-from kneejax.files.opensim.report import listed, numbers_of_kinds
+from kneejax.files.opensim.report import ACTS, listed, numbers_of_kinds
 from kneejax.files.tables.headers import header_meaning
 
 
@@ -37,7 +37,7 @@ def test_columns_of_one_name_are_left_out():
 def test_kinds_are_counted_in_words():
     tags = ["PathSpring", "HuntCrossleyForce", "PathSpring"]
     assert numbers_of_kinds(tags, ["meniscus_r"]) == "1 contact, 2 springs, 1 meniscus"
-    assert listed([]) == []
+    assert listed([], ACTS) == []
 
 
 def test_a_torque_of_the_other_sense_has_a_minus():
