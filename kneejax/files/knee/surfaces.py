@@ -11,7 +11,18 @@ from kneejax import geometry
 from kneejax.files import reading
 from kneejax.files.knee import parts
 from kneejax.files.knee.parts import APART, WORD, Gives, Mirrored, Point, Sourced
-from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, within, wrong
+from kneejax.files.reading import (
+    Chosen,
+    Mistakes,
+    Number,
+    Part,
+    Text,
+    meaning,
+    one_of,
+    reads,
+    within,
+    wrong,
+)
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, Ring, cartilage_law
 
@@ -261,7 +272,9 @@ class ContactPart(Sourced):
 
     makes = Contact
     form: Annotated[str, one_of(FORMS), WORD]
-    points: Annotated[tuple[Count, ...], _TWO, WORD] = (24, 24)
+    points: Annotated[tuple[Count, ...], _TWO, WORD] = meaning(
+        "along both parameters of the surface; of a ring along its arc and across it", (24, 24)
+    )
     law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
     youngs_modulus_MPa: Number
     poisson_ratio: Number
@@ -293,6 +306,10 @@ class ContactPart(Sourced):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))
+        face = self.faces[1]
+        if self.ring is not None and getattr(getattr(self, face), "outline_mm", None) is None:
+            expected = "a plateau with outline_mm, that of the meniscus, since there is a ring"
+            mistakes.append(wrong(getattr(self, face).kind, expected, at=face))
         if (table := self.layer_variation_mm) is not None:
             with mistakes.gathered("layer_variation_mm"):
                 allowed = RANGES["layer_thickness_mm"]

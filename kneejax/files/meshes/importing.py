@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from kneejax.files.meshes import surfaces as fitted
 from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Condyle, Frame, Placement, Pose, Surface
+from kneejax.geometry import Condyle, Frame, Placement, Pose
 from kneejax.mechanics import QUADRATURE, RANGES, cartilage_law
 
 #: Distances from the fit over the contact region that are wished for, and refused, mm.
@@ -293,16 +294,16 @@ def _contact(
     numbers = ("youngs_modulus_MPa", "poisson_ratio", "onset_width_mm")
     contact: dict[str, Any] = {"form": QUADRATURE, "law": options.law}
     contact |= {name: float(getattr(options, name)) for name in numbers}
-    contact |= {"points": spread_points(part.fit.surface)} | layer | surfaces
+    extents = [float(upper - lower) for lower, upper in part.fit.surface.bounds()]
+    contact |= {"points": spread_points(extents)} | layer | surfaces
     contact["source"] = dict.fromkeys(numbers[:2], "given at import")
     contact["source"] |= dict.fromkeys(layer, said)
     return mirror_part(contact) if left else contact
 
 
-def spread_points(surface: Surface) -> list[int]:
-    """How many points a contact has along both parameters of a surface."""
-    extents = [float(upper - lower) for lower, upper in surface.bounds()]
-    return [max(8, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
+def spread_points(extents: Iterable[float], least: int = 8) -> list[int]:
+    """How many points a contact has over so many mm along each parameter of its surface."""
+    return [max(least, round(extent / _POINT_DISTANCE_MM)) for extent in extents]
 
 
 def surface_entry(part: SheetFit, stated: str) -> dict[str, Any]:

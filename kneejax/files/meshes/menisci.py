@@ -162,7 +162,8 @@ def meniscus_of_mesh(
     (doubts if abs(gap) > _LYING_MM else findings).append(f"{said}.")
 
     cartilage_mm, width = float(cartilage["layer_thickness_mm"]), outer - inner
-    thick = float(area.mean() / width.mean())
+    thick, arc = float(area.mean() / width.mean()), float(0.5 * (inner + outer).mean())
+    arc *= end - begin
     findings += [
         f"{name} meniscus: cross-section {area.mean():.1f} mm2 on average ({area.min():.1f} to "
         f"{area.max():.1f} along the arc), {height.mean():.1f} mm high ({height.min():.1f} to "
@@ -177,8 +178,8 @@ def meniscus_of_mesh(
     whence = {**_OF_RING, **dict.fromkeys(ring, "given at import")}
     source["ring"] = "; ".join([f"{stated}", *(f"{x}: {y}" for x, y in whence.items())])
     contact = {
-        "form": QUADRATURE, "points": importing.spread_points(spline.surface), "law": "linear",
-        **MATERIAL,
+        "form": QUADRATURE, "points": importing.spread_points([arc, float(width.mean())], least=4),
+        "law": "linear", **MATERIAL,
         "layer_thickness_mm": round(thick + cartilage_mm, 3), **material,
         "ring": {**RING, "cross_section_mm2": round(float(area.mean()), 2),
                  "middle_mm": importing.listed(middle),

@@ -66,3 +66,11 @@ def test_a_patch_has_no_ring(tmp_path):
     document["contacts"]["medial"]["ring"] = RING
     with pytest.raises(InputProblem, match="no ring unless form is quadrature"):
         read_knee(write(tmp_path / "knee.yaml", document))
+
+
+def test_a_ring_without_an_outline_is_refused(tmp_path, document):
+    wrong = copy.deepcopy(document)
+    del wrong["contacts"]["medial_meniscus"]["tibial_surface"]["outline_mm"]
+    expected = "tibial_surface: plateau: expected a plateau with outline_mm, that of the meniscus"
+    with pytest.raises(InputProblem, match=expected):
+        read_knee(write(tmp_path / "knee.yaml", wrong))
