@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from kneejax.experiments import Activity, Cycle, Round, with_flips
 from kneejax.geometry import BODIES, COLUMNS, COORDINATES, FEMORAL, FREE_COORDINATES, coordinate
@@ -236,8 +237,6 @@ def _tables(found, status, words, cycle: Cycle, convention: str) -> dict[str, Ta
 @styled
 def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
     """Draw a movement of one knee, or of two side by side."""
-    from matplotlib.lines import Line2D
-
     figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
     x, first = cycle.percent, next(iter(found.values()))
     record, legend = first.record, {"columns": 5, "size": 6.0}

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
 from numpy.typing import ArrayLike
 
 from kneejax.inference import Calibration, Estimate, IntervalKind
@@ -181,8 +184,6 @@ def parameters_figure(calibration: Calibration) -> Figure:
 @styled
 def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
     """Draw a matrix of correlations; parameters without any are hatched."""
-    from matplotlib.patches import Rectangle
-
     matrix = np.array(correlation, float)
     names = [readable(name) for name in parameters]
     n = len(names)
@@ -216,9 +217,6 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
 @styled
 def convergence_figure(calibration: Calibration) -> Figure:
     """Draw the objective against simulated motions, with a marker shape for each stage."""
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
-
     figure, ((axes,),) = grid(1, 1, 3.1, left=0.67)
     begun = calibration.start_objective
     objectives = [begun, *(step.objective for fit in calibration.fits for step in fit.history)]

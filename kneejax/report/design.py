@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import LogLocator, NullLocator
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import Design
@@ -30,9 +33,6 @@ _MOST_COLUMNS = 16
 @styled
 def candidates_figure(design: Design) -> Figure:
     """Draw what each candidate would tell as the next test, over flexion and load."""
-    from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.patches import Rectangle
-
     angles = sorted({test.flexion_deg for test in design.candidates})
     rows: list[str] = []
     places: list[tuple[int, int]] = []
@@ -97,8 +97,6 @@ def candidates_figure(design: Design) -> Figure:
 @styled
 def standard_errors_figure(design: Design) -> Figure:
     """Draw the expected standard error of each parameter before and after the chosen tests."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     names = [readable(name) for name in design.names]
     n, last = len(names), len(design.chosen)
     parts = design.standard_errors / design.scale

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.ticker import LogLocator, NullLocator
 
 from kneejax.inference import Information
 from kneejax.quantities import quantity_of
@@ -254,8 +255,6 @@ def _named(vector: np.ndarray) -> list[int]:
 @styled
 def spectrum_figure(found: Information) -> Figure:
     """Draw how well each combination of parameters is known, and what it is made of."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     free = ~found.at_bound
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)

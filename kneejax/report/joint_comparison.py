@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
@@ -42,8 +43,6 @@ def joint_comparison_figure(
     Returns:
         The figure; points that models were calibrated on are filled.
     """
-    from matplotlib.lines import Line2D
-
     names = list(curves)[:_MOST_COLUMNS]
     subjects, shown = len(found.measured), subject_flexion_deg
     if shown is None:

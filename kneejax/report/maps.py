@@ -8,6 +8,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, NullLocator
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Condition, ParameterMap
@@ -113,9 +117,6 @@ def _ends(values: np.ndarray) -> tuple[float, float] | None:
 
 def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
     """Colours where they mean something, hatches elsewhere; the contour set and legend handles."""
-    from matplotlib.colors import LogNorm
-    from matplotlib.patches import Patch
-
     handles, filled = {}, None
     shown = np.where(found.drawn & (values > 0), values, np.nan)
     if np.isfinite(shown).any():
@@ -160,8 +161,6 @@ def _levels(low: float, high: float) -> np.ndarray:
 
 
 def _decade_ticks(bar: Any, limits: tuple[float, float] | None) -> None:
-    from matplotlib.ticker import FuncFormatter, NullLocator
-
     if limits is None:
         return
     levels = _levels(*limits)
@@ -191,8 +190,6 @@ def _marks(
     Of panels that stand close the best point belongs to the figure `above` them: on an edge the
     next panel would cut it.
     """
-    from matplotlib.lines import Line2D
-
     handles = {}
     style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
     dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}

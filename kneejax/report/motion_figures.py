@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from kneejax.geometry import CONVENTION_WORDS, COORDINATES
 from kneejax.report.doubts import row_status
@@ -105,8 +106,6 @@ def _force_lines(
 @styled
 def ligament_forces_figure(calibration: Calibration) -> Figure:
     """Draw ligament and contact forces over flexion, at the start and fitted."""
-    from matplotlib.lines import Line2D
-
     flexion = np.asarray(calibration.measured, float)[:, 0]
     order = np.argsort(flexion, kind="stable")
     groups = [("Ligament force, N", calibration.ligaments, "ligament_forces"),

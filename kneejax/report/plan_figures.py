@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.planning import Footprint, PlanResult, TunnelMap, criteria_of
@@ -27,8 +30,6 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         The bone with the region, then a panel for each quantity. The tibia is seen from above,
         the notch's lateral wall from its medial side, of a right knee.
     """
-    from matplotlib.patches import Patch
-
     tests = [f"Laxity at {angle:g} deg, mm" for angle in found.lachman_deg]
     shown = [("Strain distance", found.total), *zip(tests, found.laxity_mm, strict=True),
              ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm)]
@@ -53,8 +54,6 @@ def _across(bone: str) -> tuple[int, int]:
 
 
 def _map_panel(figure: Figure, axes: Axes, found: TunnelMap, values: np.ndarray) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     right, up = _across(found.bone)
     x, y = (found.first, found.second)[right], (found.first, found.second)[up]
     drawn, over = (one if right == 0 else one.T for one in (values, found.excess))
@@ -113,8 +112,6 @@ def _axes(axes: Axes, found: TunnelMap, x: tuple, y: tuple) -> None:
 
 def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
     """The surfaces of the bone in the plane of the footprint, and the region of the map."""
-    from matplotlib.collections import PolyCollection
-
     footprint = result.plan.surgery.footprint(found.bone)
     right, up = _across(found.bone)
     reach = 0.0

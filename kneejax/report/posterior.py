@@ -6,6 +6,8 @@ import textwrap
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Posterior
@@ -26,8 +28,6 @@ _ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 @styled
 def marginals_figure(found: Posterior) -> Figure:
     """Draw the posterior of each parameter beside its prior and the normal approximation."""
-    from matplotlib.ticker import MaxNLocator
-
     rows = -(-len(found.names) // _COLUMNS)
     # Name and unit, broken where a panel is too narrow for them.
     titles = [textwrap.fill(readable(name) + (f", {unit}" if unit else ""), 24)
@@ -90,9 +90,6 @@ def _range(found: Posterior, index: int) -> tuple[float, float]:
 @styled
 def pairs_figure(found: Posterior) -> Figure:
     """Draw the posterior of each pair of parameters."""
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import MaxNLocator
-
     strongest = np.abs(found.correlation) - np.eye(len(found.names))
     chosen = np.argsort(-strongest.max(axis=0), kind="stable")[:_MOST_PAIRED]
     chosen, count = sorted(chosen.tolist()), len(chosen)

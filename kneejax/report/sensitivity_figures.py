@@ -5,6 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
@@ -69,10 +72,6 @@ def sweep_figure(
         Poses that are not balanced, not stable or not those of a knee are dashed, dotted or left
         out, marked, and counted in the legend.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.lines import Line2D
-
     sweep, flexion = sweeps[name], sweeps.flexion_deg
     figure, panels, words = coordinate_panels(flexion)
     scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), uniform_colours())

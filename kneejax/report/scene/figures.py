@@ -7,10 +7,15 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
 from kneejax.report.look.colours import BLACK, GREY
-from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim, without_frame
+from kneejax.report.look.style import WIDTH, Axes, styled, verbatim, without_frame
 from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene.scene import Fibre, Scene
@@ -47,8 +52,6 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         CannotRender: PyVista finds nothing to draw with.
         ValueError: a view has no such name.
     """
-    from matplotlib.figure import Figure
-
     _check(views)
     limits = rendering.strain_limit([scene]), rendering.pressure_limit([scene])
     cameras = [rendering.camera(view, [scene]) for view in views]
@@ -94,8 +97,6 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
         CannotRender: PyVista finds nothing to draw with.
         ValueError: there are no scenes, or a view has no such name.
     """
-    from matplotlib.figure import Figure
-
     _check(views)
     if not every:
         raise ValueError("no scenes to draw")
@@ -146,8 +147,6 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
         CannotRender: PyVista finds nothing to draw with.
         ValueError: there are no scenes, or the view has no such name.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from PIL import Image
 
     _check([view])
@@ -184,7 +183,6 @@ def _one_palette(pictures: list[Any]) -> Any:
 
     A palette of one picture alone gives the others bands.
     """
-    from matplotlib import colormaps
     from PIL import Image
 
     scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
@@ -291,9 +289,6 @@ def _ruler(axes: Axes, view: rendering.Camera) -> None:
 
 def _bars(figure: Figure, strain: float, pressure: float) -> None:
     """One scale of strain and one of pressure, side by side at the foot."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     page = figure.get_figwidth()
     width = min(0.5 * page - 0.5, 2.6)
     for middle, scale, colours, label in (

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from unittest.mock import patch
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 
 from kneejax.numerics import imported
 from kneejax.report.scene import rendering
@@ -87,9 +89,6 @@ def scales(strain: float, pressure: float) -> str:
         strain: at the end of its scale.
         pressure: likewise, MPa.
     """
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     parts = []
     for title, shades, low, high in (
         ("Strain, %", rendering.strain_colours(), "0 (grey: slack)", 100 * strain),

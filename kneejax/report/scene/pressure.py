@@ -10,6 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.path import Path
 from scipy import ndimage
 
 from kneejax.geometry import TIBIA, Pose, State, Surface, Vector
@@ -202,8 +205,6 @@ def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
 @remembered
 def _inside(surface: Surface, rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
     """Which points lie within a border, seen from where the surface faces."""
-    from matplotlib.path import Path
-
     def above(of_bone: np.ndarray) -> np.ndarray:
         x, _, z = surface.frame.placement.apply_inverse(Vector.of(of_bone.T))
         return np.stack([np.asarray(z), np.asarray(x)], axis=-1)
@@ -255,9 +256,6 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     Raises:
         ValueError: the knee has no contacts.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     if not knee.contacts:
         raise ValueError(f"the knee {knee.name!r} has no contacts: there is no pressure to draw")
     state = state_of(poses)

@@ -9,6 +9,8 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import ListedColormap, to_hex, to_rgb
 
 from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS
@@ -40,9 +42,6 @@ def pressure_limit(every: Sequence[Scene]) -> float:
 @functools.cache
 def strain_colours():
     """The scale of colours of strained fibres, from no strain to the largest."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
     return ListedColormap(colormaps[_REDS](np.linspace(_PALEST, 1.0, 256)))
 
 
@@ -63,25 +62,17 @@ def strain_colour(strain: float, limit: float) -> str:
 
 @functools.cache
 def _shades() -> list[str]:
-    from matplotlib.colors import to_hex
-
     return [to_hex(one) for one in strain_colours()(np.arange(256))]
 
 
 @functools.cache
 def _bands(count: int) -> list[str]:
     """Colours of so many equal bands of pressure; the ground's before them."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     return [GROUND, *map(to_hex, colormaps[PRESSURE_COLOURS](np.linspace(0.12, 1.0, count)))]
 
 
 def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
     """Colour of each point of a plateau, `(m, n, 3)`, 0 to 1; the ground's where not pressed."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_rgb
-
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit)
     colours = colormaps[PRESSURE_COLOURS](np.clip(pressure / limit, 0.0, 1.0))[..., :3]
     # A quick fade at the rim instead of the teeth of the grid.
@@ -242,8 +233,6 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
 
 def _fibres(pv, scene: Scene, limit: float):
     """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
-    from matplotlib.colors import to_rgb
-
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
     parts = []
     for fibre in scene.fibres:
