@@ -27,7 +27,7 @@ from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import NONE, Table, json_safe, listed, number
-from kneejax.report.panels import grid
+from kneejax.report.panels import figure_legend, grid
 from kneejax.studies import Identified
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
@@ -236,7 +236,6 @@ def profiles_figure(
     figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
                           bottom=0.7, apart=(0.22, 0.55), shown=len(profiles),
                           sharey=True)  # fmt: skip
-    handles: dict[str, Any] = {}
     for axes, profile in zip(panels.flat, profiles, strict=False):
         known = (truth or {}).get(profile.name)
         unit = f", {profile.unit}" if profile.unit else ""
@@ -253,23 +252,21 @@ def profiles_figure(
         pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
         left, right = left - pad, right + pad
         axes.set_xlim(left, right)
-        handles["95 % confidence"] = axes.axvspan(
-            profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0
-        )
+        axes.axvspan(profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0,
+                     label="95 % confidence")  # fmt: skip
         if np.isfinite(profile.standard_error) and profile.standard_error > 0:
             line = np.linspace(left, right, 200)
             bowl = ((line - profile.estimate) / profile.standard_error) ** 2
-            (handles["by the standard error"],) = axes.plot(line, bowl, "--", color=GREY,
-                                                            linewidth=1.4)  # fmt: skip
-        (handles["profile"],) = axes.plot(x, rise, color=BLUE)
+            axes.plot(line, bowl, "--", color=GREY, linewidth=1.4, label="by the standard error")
+        axes.plot(x, rise, color=BLUE, label="profile")
         axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
-        limit = f"95 % limit: {profile.threshold:.2f}"
-        handles[limit] = axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":")
-        (handles["estimate"],) = axes.plot([profile.estimate], [0.0], "o", color=VERMILLION,
-                                           markersize=4, clip_on=False, zorder=5)  # fmt: skip
+        axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":",
+                     label=f"95 % limit: {profile.threshold:.2f}")  # fmt: skip
+        axes.plot([profile.estimate], [0.0], "o", color=VERMILLION, markersize=4, clip_on=False,
+                  zorder=5, label="estimate")  # fmt: skip
         ends = {"left": 0.03, "right": 0.97}
         if known is not None and left <= known <= right:
-            handles["truth"] = axes.axvline(known, color=GREEN, linewidth=1.2)
+            axes.axvline(known, color=GREEN, linewidth=1.2, label="truth")
         elif known is not None:
             side = "right" if known > right else "left"
             axes.text(ends[side], 0.9, "truth beyond", ha=side, fontsize=6.5, color=GREEN,
@@ -285,6 +282,6 @@ def profiles_figure(
         axes.tick_params(labelsize=7)
     for axes in panels[:, 0]:
         axes.set_ylabel("Rise of $\\chi^2$")
-    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
-                  bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5)  # fmt: skip
+    figure_legend(figure, ncols=6, handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.0,
+                  fontsize=7.5)  # fmt: skip
     return figure

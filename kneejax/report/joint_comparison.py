@@ -60,8 +60,8 @@ def joint_comparison_figure(
                 axes.set_title(verbatim("\n".join(title[:2])))
             if column == 0:
                 axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
-            if row == len(MEASURES) - 1:
-                axes.set_xlabel("Flexion, deg")
+    for axes in panels[-1]:
+        axes.set_xlabel("Flexion, deg")
     figure.align_ylabels(panels[:, 0])
     dot = {"marker": "o", "linestyle": "none", "markersize": 4, "color": BLACK}
     handles = [Line2D([], [], color=VERMILLION if subjects == 1 else GREY, label="model"),

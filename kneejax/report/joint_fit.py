@@ -16,7 +16,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, LIGHT, PURPLE,
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
-from kneejax.report.panels import coordinate_panels, grid, part_legend
+from kneejax.report.panels import coordinate_panels, figure_legend, grid, part_legend
 from kneejax.report.pose_tables import pose_columns
 from kneejax.statics import Status
 
@@ -60,7 +60,6 @@ def joint_axes_figure(
     between = np.asarray(moving.axis_points(angles)[0])
     handles: dict[str, object] = {}
     for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
-        panel.set_title(title)
         if cloud is not None:
             some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
             style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
@@ -94,13 +93,10 @@ def joint_axes_figure(
             line = np.asarray(hinge.femoral[0])
             style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
             (handles["hinge"],) = panel.plot(line[:, across], line[:, up], **style, markersize=3.5)
-        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N")
-        panel.set_xlim(low[across], high[across])
-        panel.set_ylim(low[up], high[up])
-    figure.legend(
-        list(handles.values()), list(handles), loc="outside lower center",
-        ncols=3 if len(handles) in (3, 5, 6) else 4, markerscale=1.0,
-    )  # fmt: skip
+        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N", title=title,
+                  xlim=(low[across], high[across]), ylim=(low[up], high[up]))  # fmt: skip
+    figure_legend(figure, handles, loc="outside lower center", markerscale=1.0,
+                  ncols=3 if len(handles) in (3, 5, 6) else 4)  # fmt: skip
     return figure
 
 
@@ -131,7 +127,6 @@ def joint_motion_figure(
             if low < high:
                 fixed = panel.axvspan(low, high, color=LIGHT, alpha=0.6, linewidth=0, zorder=0)
                 handles["outside: the axis stays"] = fixed
-        panel.set_title(COORDINATES[name].axis_label)
     part_legend(words, handles, (0.0, 0.86), fontsize=8)
     return figure
 

@@ -45,9 +45,9 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         axes.axvline(0.0, color=GREY, linewidth=0.5)
-        axes.set_title(verbatim(f"{test.name}: {test.words}"))
-        axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
-        axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+        moved = f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}"
+        axes.set(title=verbatim(f"{test.name}: {test.words}"), xlabel=moved,
+                 ylabel=f"{kind.positive.capitalize()}, {kind.unit}")  # fmt: skip
         part_legend(axes, shown, (1.02, 1.02), title="Flexion, deg", title_fontsize=8,
                     handlelength=1.6)  # fmt: skip
     return figure
@@ -103,9 +103,9 @@ def laxity_figure(
                 (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
         drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
-        axes.set_title(verbatim(f"{test.name}: {test.words}"))
         change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
-        axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
+        axes.set(title=verbatim(f"{test.name}: {test.words}"),
+                 ylabel=change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
         flexion_axis(axes, flexion)
         part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
     return figure

@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Condition, ParameterMap
@@ -19,7 +19,7 @@ from kneejax.report.look.colours import VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, readable, styled
 from kneejax.report.look.tables import Column, Table, number
-from kneejax.report.panels import colour_bar, grid
+from kneejax.report.panels import colour_bar, figure_legend, grid
 
 #: What is not coloured, by condition: hatch, and its legend entry.
 _HATCHES = {2: ("////", "unphysiological"), 3: ("xxxx", "unstable"), 4: ("\\\\\\\\", "no balance")}
@@ -63,8 +63,8 @@ def map_figure(found: ParameterMap, begun: str = "start") -> Figure:
         _axes(axes, found, left=k % 3 == 0, bottom=k > 2)
     order = (begun, _LOWEST, _FADED_LABEL, *(label for _, label in _HATCHES.values()))
     labels = [label for label in order if label in handles]
-    figure.legend([handles[label] for label in labels], labels, loc="lower center",
-                  bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8)
+    figure_legend(figure, {label: handles[label] for label in labels}, handlelength=1.8,
+                  bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6))  # fmt: skip
     return figure
 
 
@@ -106,8 +106,8 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
         label = "Objective: weighted sum of squared errors"
         _decade_ticks(colour_bar(figure, place, filled, label), limits)
-    figure.legend(handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
-                  handlelength=1.6, ncols=1)  # fmt: skip
+    figure_legend(figure, handles, loc="upper right", bbox_to_anchor=(0.985, 0.87), ncols=1,
+                  handlelength=1.6)  # fmt: skip
     return figure
 
 
@@ -209,26 +209,18 @@ def _marks(
 
 def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool = False) -> None:
     axes.grid(False)
-    axes.set_xlim(found.x[0], found.x[-1])
-    axes.set_ylim(found.y[0], found.y[-1])
+    axes.set(xlim=found.x[[0, -1]], ylim=found.y[[0, -1]])
+    axes.locator_params(nbins=4)
     if small:
-        from matplotlib.ticker import MaxNLocator
-
+        axes.tick_params(labelsize=6.5)
         for along in (axes.xaxis, axes.yaxis):
             along.set_major_locator(MaxNLocator(3, prune="both"))
-    else:
-        axes.locator_params(nbins=4)
     x, y = (
         readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
         for name, unit in zip(found.names, found.units, strict=True)
     )
     axes.tick_params(labelleft=left, labelbottom=bottom)
-    if small:
-        axes.tick_params(labelsize=6.5)
-    if bottom:
-        axes.set_xlabel(x)
-    if left:
-        axes.set_ylabel(y)
+    axes.set(xlabel=x if bottom else "", ylabel=y if left else "")
 
 
 _COLUMNS = ("x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",

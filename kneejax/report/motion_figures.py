@@ -64,7 +64,6 @@ def motion_figure(calibration: Calibration) -> Figure:
     marked: dict[str, Any] = {}
     for name, axes in panels.items():
         column = _COLUMN[name]
-        axes.set_title(COORDINATES[name].axis_label)
         (lines["measured"],) = axes.plot(flexion, measured[:, column], **measured_curve(flexion))
         for label, (color, dashes, table) in motions.items():
             style = {"color": color, **curve_style(flexion[order], dashes)}

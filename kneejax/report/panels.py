@@ -223,17 +223,29 @@ def colour_bar(figure: Figure, place: Axes, scale: Any, label: str):
     return bar
 
 
+def labelled(figure: Figure) -> dict[str, Any]:
+    """What has a label in the panels of a figure, once for each."""
+    drawn: dict[str, Any] = {}
+    for axes in figure.axes:
+        drawn |= zip(*axes.get_legend_handles_labels()[::-1], strict=True)
+    return drawn
+
+
 def figure_legend(figure: Figure, drawn: Mapping[str, Any] | None = None, **layout: Any) -> None:
     """One legend for all panels: what is `drawn` by its name, by default what has a label."""
-    if drawn is None:
-        drawn = {}
-        for axes in figure.axes:
-            drawn |= zip(*axes.get_legend_handles_labels()[::-1], strict=True)
+    drawn = labelled(figure) if drawn is None else drawn
     layout = {"loc": "lower center", "ncols": len(drawn), **layout}
     figure.legend([*drawn.values()], [*drawn], **layout)
 
 
-def plain_decades(axis: Any, numticks: int, subs: Sequence[float] = (1.0,)) -> None:
+def name_rows(axes: Axes, places: ArrayLike, names: Sequence[str]) -> None:
+    """Names of rows along the vertical axis, without ticks or lines of a grid."""
+    axes.set_yticks(places, names)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+
+
+def decades(axis: Any, numticks: int, subs: Sequence[float] = (1.0,)) -> None:
     """Along a logarithmic axis numbers as they are, at `subs` of each decade: no powers of ten."""
     axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=numticks))
     axis.set_minor_locator(NullLocator())

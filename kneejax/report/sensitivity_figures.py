@@ -24,10 +24,12 @@ from kneejax.report.look.tables import trimmed
 from kneejax.report.panels import (
     colour_bar,
     coordinate_panels,
+    figure_legend,
     grid,
     mark_edge,
     mark_status,
     measured_curve,
+    name_rows,
     part_legend,
 )
 from kneejax.statics import Status, converged
@@ -89,7 +91,6 @@ def sweep_figure(
     own = f"the knee itself ({f'{trimmed(sweep.own)} {sweep.unit}'.strip()})"
     for coordinate, axes in panels.items():
         column = FREE_COLUMN[coordinate]
-        axes.set_title(COORDINATES[coordinate].axis_label)
         for i, value in enumerate(sweep.values):
             # Solid where it is sound, otherwise in the dashes of what is wrong.
             y, colour = sweep.table[i, :, column], scale.to_rgba(value)
@@ -231,7 +232,7 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     # Morris' effects have units: each panel has its own axis then, which takes room.
     figure, panels = grid(3, 2, height, left=1.4, bottom=1.05,
                           apart=(0.21, 0.42 if sobol else 0.58), sharey=True, sharex=sobol)
-    handles, places = {}, np.arange(len(shown))
+    places = np.arange(len(shown))
     for k, (axes, name) in enumerate(zip(panels.flat, ("", *SHOWN), strict=True)):
         row, title = found.row(name), "Objective"
         if name:
@@ -241,24 +242,20 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
         bars = zip(pair.items(), ((BLUE, -0.22), ("#9CC6E0", 0.22)), strict=True)
         for (measure, label), (colour, shift) in bars:
             values = indices.measures[measure][row, shown]
-            handles[label] = axes.barh(places + shift, values, 0.44, color=colour)
+            axes.barh(places + shift, values, 0.44, color=colour, label=label)
             if measure in indices.half_widths:
                 half = indices.half_widths[measure][row, shown]
-                handles[f"{100 * indices.confidence:g} % interval"] = _interval(
-                    axes, values, places + shift, 0.8, xerr=half
-                )
-        axes.set_yticks(places, [readable(indices.names[i]) for i in shown])
+                one = _interval(axes, values, places + shift, 0.8, xerr=half)
+                one.set_label(f"{100 * indices.confidence:g} % interval")
+        name_rows(axes, places, [readable(indices.names[i]) for i in shown])
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.axvline(0.0, color=GREY, linewidth=0.7)
-        axes.grid(axis="y", visible=False)
-        axes.tick_params(axis="y", length=0)
         _say_if_empty(axes, indices.measures[main][row])
         if sobol:
             axes.tick_params(labelbottom=k > 3)
         if k > 3:
             axes.set_xlabel(_AXIS[indices.method])
-    figure.legend(handles.values(), handles, loc="lower center",
-                  bbox_to_anchor=(0.59, 0.36 / height), ncols=3, borderaxespad=0)  # fmt: skip
+    figure_legend(figure, bbox_to_anchor=(0.59, 0.36 / height), ncols=3, borderaxespad=0)
     _say_what_is_left_out(figure, found)
     return figure
 
@@ -270,29 +267,25 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     measure, words = next(iter(_MEASURES[indices.method].items()))
     shown = _largest_shares(indices.measures[measure], _MOST_PARAMETERS)
     figure, panels = grid(5, 1, 7.9, bottom=1.4, apart=(0, 0.4), sharex=True, sharey=sobol)
-    width, handles = 0.92 / len(shown), {}
+    width = 0.92 / len(shown)
     styles = parameter_styles([indices.names[i] for i in shown])
     for axes, name in zip(panels[:, 0], SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
         for k, (i, (colour, quantity)) in enumerate(zip(shown, styles, strict=True)):
             places = np.arange(len(angles)) + (k - (len(shown) - 1) / 2) * width
             values = indices.measures[measure][rows, i]
-            handles[readable(indices.names[i])] = axes.bar(
-                places, values, 0.96 * width, facecolor=colour, edgecolor="white",
-                hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
-            )  # fmt: skip
+            axes.bar(places, values, 0.96 * width, facecolor=colour, edgecolor="white", linewidth=0,
+                     hatch=_HATCHES[quantity % len(_HATCHES)], label=readable(indices.names[i]))
             _interval(axes, places, values, 0.7, yerr=indices.half_widths[measure][rows, i])
         unit = "" if sobol else f", {COORDINATES[name].unit}"
-        axes.set_title(f"{COORDINATES[name].label}: {words}{unit}")
-        axes.set_ylabel("Share" if sobol else "Change")
+        axes.set(title=f"{COORDINATES[name].label}: {words}{unit}",
+                 ylabel="Share" if sobol else "Change")  # fmt: skip
         axes.set_ylim(bottom=0)
         axes.grid(axis="x", visible=False)
         _say_if_empty(axes, indices.measures[measure][rows])
-    last = panels[-1, 0]
-    last.set_xticks(range(len(angles)), [f"{angle:g}" for angle in angles])
-    last.set_xlabel("Flexion, deg")
-    last.legend(handles.values(), handles, loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=4,
-                borderaxespad=0)  # fmt: skip
+    axes.set_xticks(range(len(angles)), [f"{angle:g}" for angle in angles])
+    axes.set_xlabel("Flexion, deg")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=4, borderaxespad=0)
     _say_what_is_left_out(figure, found)
     return figure
 
