@@ -9,8 +9,8 @@ import numpy as np
 
 from kneejax import files
 from kneejax._whole_files import writing_place
-from kneejax.cli import options
 from kneejax.cli._deliver import deliver
+from kneejax.cli.options import knees as options
 from kneejax.experiments import Activity, Round, activity, cycle_of, weights
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord

@@ -18,7 +18,7 @@ from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, check_room, read_mark, replace_knee
-from kneejax.cli.options import Calibrate, CohortSynthesise
+from kneejax.cli.options.studies import Calibrate, CohortSynthesise
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Calibration

@@ -9,7 +9,7 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli.options import (
+from kneejax.cli.options.knees import (
     ExportOsim,
     ImportLigament,
     ImportMeniscus,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from kneejax import files
-from kneejax.cli.options import Init, Knees
+from kneejax.cli.options.knees import Init, Knees
 
 #: What to do with the new file.
 _NEXT = {"study": "kneejax calibrate {}", "knee": "kneejax describe {}",

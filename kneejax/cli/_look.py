@@ -12,7 +12,7 @@ import numpy as np
 
 from kneejax import files, report
 from kneejax.cli._deliver import deliver
-from kneejax.cli.options import Describe, Evaluate, View
+from kneejax.cli.options.knees import Describe, Evaluate, View
 from kneejax.experiments import evaluate
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee

@@ -9,10 +9,8 @@ import numpy as np
 
 from kneejax import files, joints
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import check_columns
-from kneejax.cli.joint._axes import problem
-from kneejax.cli.joint._fit import passive_motion, read_contact_knee
-from kneejax.cli.options import JointCompare
+from kneejax.cli.joint._fit import check_columns, passive_motion, problem, read_contact_knee
+from kneejax.cli.options.joints import JointCompare
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
 

@@ -38,7 +38,7 @@ class Calibrate(Drawn):
 
     command: ClassVar = "calibrate"
     example: ClassVar = "kneejax calibrate passive_flexion"
-    body: ClassVar = "kneejax.cli._calibrate"
+    body: ClassVar = "kneejax.cli._studies:calibrate"
     folder: ClassVar = "kneejax-calibration"
 
     study: Annotated[str, Place("STUDY"), Bundled("studies", others=True)] = meaning(
@@ -229,7 +229,7 @@ class PlanAcl(Drawn):
 
     command: ClassVar = "plan acl"
     example: ClassVar = "kneejax plan acl ten_bundle --points 11"
-    body: ClassVar = "kneejax.cli._plan"
+    body: ClassVar = "kneejax.cli._studies:plan_acl"
     folder: ClassVar = "kneejax-plan"
 
     plan: Annotated[str, Place("PLAN"), Bundled("plans")] = meaning(
@@ -253,7 +253,7 @@ class Reproduce(Drawn):
 
     command: ClassVar = "reproduce"
     example: ClassVar = "kneejax reproduce 1"
-    body: ClassVar = "kneejax.cli._reproduce"
+    body: ClassVar = "kneejax.cli._studies:reproduce"
     folder: ClassVar = "kneejax-reproduction"
 
     paper: Annotated[Literal["1", "2", "3", "4", "5"], Place("PAPER")] = meaning(
