@@ -12,7 +12,7 @@ import numpy as np
 import yaml
 
 from kneejax import files, report
-from kneejax.cli.options import Explore
+from kneejax.cli.options.knees import Explore
 from kneejax.explorer import Page, Setting, Subject, serve
 from kneejax.geometry import FEMUR, FREE_COORDINATES, PATELLA, TIBIA
 from kneejax.mechanics import Knee

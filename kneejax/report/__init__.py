@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from kneejax.report.extensor import extensor_answer as extensor_answer
     from kneejax.report.flexion import evaluation_answer as evaluation_answer
     from kneejax.report.flexion import flexion_answer as flexion_answer
+    from kneejax.report.flexion import motion_figure as motion_figure
     from kneejax.report.identification import identification_answer as identification_answer
     from kneejax.report.in_time import raised_leg_answer as raised_leg_answer
     from kneejax.report.in_time import transient_answer as transient_answer
@@ -41,15 +42,14 @@ if TYPE_CHECKING:
     from kneejax.report.look.style import write_whole as write_whole
     from kneejax.report.maps import map_figure as map_figure
     from kneejax.report.maps import map_matrix_figure as map_matrix_figure
-    from kneejax.report.motion_figures import motion_figure as motion_figure
     from kneejax.report.plan import plan_answer as plan_answer
     from kneejax.report.plan_figures import front_figure as front_figure
     from kneejax.report.plan_figures import strain_figure as strain_figure
     from kneejax.report.plan_figures import tunnel_map_figure as tunnel_map_figure
+    from kneejax.report.scene.drawing import scene_page as scene_page
     from kneejax.report.scene.figures import film as film
     from kneejax.report.scene.figures import scene_figure as scene_figure
     from kneejax.report.scene.figures import scenes_figure as scenes_figure
-    from kneejax.report.scene.page import scene_page as scene_page
     from kneejax.report.scene.pressure import pressure_figure as pressure_figure
     from kneejax.report.scene.rendering import CannotRender as CannotRender
     from kneejax.report.scene.scene import BoneMesh as BoneMesh

@@ -17,10 +17,10 @@ from kneejax.report import calibration_parameters as estimates
 from kneejax.report import calibration_tests as load_tests
 from kneejax.report import calibration_verdict as verdicts
 from kneejax.report.doubts import row_status
+from kneejax.report.flexion import ligament_forces_figure, motion_figure
 from kneejax.report.look.page import Answer, Drawing, Section, prose, write_page
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, change, json_safe, listed, number
-from kneejax.report.motion_figures import ligament_forces_figure, motion_figure
 from kneejax.statics import Status
 
 #: Counts of a whole search; other counts are of its stages.

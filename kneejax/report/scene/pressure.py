@@ -20,13 +20,12 @@ from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.panels import grid
-from kneejax.report.scene.surfaces import remembered, surface_grid
+from kneejax.report.scene.surfaces import lots, remembered, state_of, surface_grid
 
 #: Colours of pressure, pale where it is small.
 PRESSURE_COLOURS = "YlOrRd"
 _GROUND = "#ECEEF0"
 _MOST_PANELS = 12
-_LOT = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,30 +106,6 @@ def plateau_pressures(
                             covered.reshape(points), rim * drawn)
         )
     return tuple(fields)
-
-
-def state_of(poses: Pose | State) -> State:
-    """Where all bones are at poses of the tibia, or of all bones; fields of shape `(poses,)`."""
-    state = poses if isinstance(poses, State) else State({TIBIA: poses})
-    return jax.tree.map(jnp.atleast_1d, state)
-
-
-def lots(state: State) -> list[State]:
-    """Poses in lots of one size, the last one filled up with its last pose.
-
-    Whatever the number of poses, the same program computes them: it is compiled once. A single pose
-    has a program of its own, which takes an eighth of the time.
-
-    Example:
-        >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
-        [(8,), (8,)]
-    """
-    count, state = state.shape[0], jax.tree.map(np.asarray, state)
-    if count == 1:
-        return [state]
-    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
-    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
-            for i in range(0, len(rows), _LOT)]  # fmt: skip
 
 
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:

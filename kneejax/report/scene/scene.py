@@ -9,9 +9,18 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
-from kneejax.report.scene.lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
-from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures, state_of
-from kneejax.report.scene.surfaces import grid_triangles, remembered, surface_grid
+from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures
+from kneejax.report.scene.surfaces import (
+    Line,
+    Places,
+    grid_triangles,
+    ligament_lines,
+    obstacles,
+    quadriceps_lines,
+    remembered,
+    state_of,
+    surface_grid,
+)
 
 #: Bones whose meshes may be shown.
 BONES = (FEMUR, TIBIA, PATELLA)
