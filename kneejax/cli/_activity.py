@@ -1,7 +1,5 @@
 """An activity that was recorded or computed, and rounds between the knee and OpenSim."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Cohorts: what a worker does with a block of knees, the whole calibrated, and one made up."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io

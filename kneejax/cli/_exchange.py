@@ -1,7 +1,5 @@
 """Knees from OpenSim models and from meshes, and their numbers written into a model."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """The explorer: a knee to move in the browser, until Ctrl-C."""
 
-from __future__ import annotations
-
 import json
 import time
 import webbrowser

@@ -1,7 +1,5 @@
 """`kneejax knees` lists and copies what is bundled; `kneejax init` writes a file to begin with."""
 
-from __future__ import annotations
-
 import shutil
 import textwrap
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The command line of the models: read, explained and completed by cyclopts."""
 
-from __future__ import annotations
-
 import inspect
 import platform
 import re

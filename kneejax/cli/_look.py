@@ -1,7 +1,5 @@
 """Look at a knee: its numbers, what poses do to it, and how it stands in space."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Running a command, also again: float64, the compilation cache, and errors in a line each."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os

@@ -1,8 +1,6 @@
 """What a command is given: files and names, looked at before anything heavy is imported; and
 settings.json, in which it stands beside what was written, to run it again."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

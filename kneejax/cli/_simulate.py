@@ -1,7 +1,5 @@
 """`kneejax simulate EXPERIMENT`: flexion, tests under load, the quadriceps, motion in time."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path

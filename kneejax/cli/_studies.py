@@ -1,7 +1,5 @@
 """What the data of a study determine, and how; plans of an operation; claims of papers."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import importlib

@@ -1,7 +1,5 @@
 """Words of a command line as values of a field's type, and what the type expects in words."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re

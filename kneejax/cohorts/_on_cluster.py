@@ -4,8 +4,6 @@ Workers are spawned, compute one task at a time on a core of their own, and shar
 on disk. Which worker computes a task changes no number: a task is the same call everywhere.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

@@ -1,7 +1,5 @@
 """What became of a cohort: each knee's answer, parameters over knees, outliers, the next prior."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -3,8 +3,6 @@
 Figures are in the layout of papers on gait; grafts in several places are as in paper 2, Figure 7.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """A calibration as an answer: page, files, and the screen after it."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Estimates of a calibration: table, limits in words, figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Tests under load beside what the fitted knee does: figure, table rows and doubts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Whether a calibration worked, what to doubt, and what limits the fit: sentences for everyone."""
 
-from __future__ import annotations
-
 import enum
 import math
 from collections import Counter

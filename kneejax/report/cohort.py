@@ -1,7 +1,5 @@
 """A cohort as an answer."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections import Counter

@@ -1,22 +1,17 @@
 """What is wrong with poses, in words and numbers: which part, by how much, against which limit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kneejax import inference
 from kneejax.experiments import Mechanics, Motion, flipped, near_flip, status_of, with_flips
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
 from kneejax.mechanics import LIMITS, OFF_SURFACE_MM, WIDEST_GAP_MM, Knee, load_words
 from kneejax.report.look.tables import listed
 from kneejax.statics import Status, converged
-
-if TYPE_CHECKING:
-    from kneejax import inference
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5

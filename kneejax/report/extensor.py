@@ -1,7 +1,5 @@
 """The extensor mechanism, as an answer with figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

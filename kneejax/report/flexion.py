@@ -1,8 +1,6 @@
 """Motion over flexion and the forces that hold it: passive flexion and given poses as answers, and
 figures, also of what a calibration fitted."""
 
-from __future__ import annotations
-
 import itertools
 import textwrap
 from collections.abc import Mapping, Sequence

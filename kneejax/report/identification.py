@@ -1,7 +1,5 @@
 """What `kneejax identify` found as an answer: estimates, their limits, the tests to make."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A knee in time: motions, energies, a leg that a motor raises."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What data determine of parameters by curvature: the spectrum in words, and a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,10 +1,8 @@
 """Simple joints against measured motion, as an answer with tables and figure."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -16,9 +14,6 @@ from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table
 from kneejax.report.panels import grid
-
-if TYPE_CHECKING:
-    from kneejax.joints import Comparison
 
 _NAMES = {"ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction",
           "AA": "Adduction", "IE": "Internal rotation"}  # fmt: skip

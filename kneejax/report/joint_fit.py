@@ -1,7 +1,5 @@
 """A moving axis and a hinge that were fitted to poses, as an answer."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Knees made from an OpenSim model or from meshes: what was read and how well surfaces fit."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A knee in words and tables for a terminal, in plain ASCII."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Tests under load: laxity, curves, and where a knee gives way."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Maps of the objective over two parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence

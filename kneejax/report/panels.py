@@ -1,7 +1,5 @@
 """Panels of figures: grids in inches, curves over flexion or time, ligaments, matrices, limits."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """A planned reconstruction as an answer: where to place the graft, how tight, how exact."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any

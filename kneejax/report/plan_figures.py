@@ -1,7 +1,5 @@
 """Figures of a plan."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

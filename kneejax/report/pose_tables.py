@@ -1,7 +1,5 @@
 """Poses, what a load moved, and forces as tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

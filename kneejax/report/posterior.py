@@ -1,7 +1,5 @@
 """Draws from the posterior."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What each parameter of a study does to the motion, as an answer: who matters first."""
 
-from __future__ import annotations
-
 import importlib.metadata
 from collections.abc import Mapping
 from typing import Any

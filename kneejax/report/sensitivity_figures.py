@@ -1,7 +1,5 @@
 """Sweeps (paper 1, Figures 3 to 10), derivatives, Sobol and Morris indices as figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,10 +1,8 @@
 """A planned reconstruction from its file: checked whole before a knee moves."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, model_validator
@@ -132,7 +130,7 @@ class Optimum(Part):
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
     @model_validator(mode="after")
-    def _check_count(self) -> Optimum:
+    def _check_count(self) -> Self:
         if self.evaluations is not None and self.evaluations <= self.starts:
             expected = f"a whole number from {self.starts + 1} to 10000"
             raise wrong(self.evaluations, expected, at="evaluations")
@@ -173,7 +171,7 @@ class PlanFields(Part):
     )
 
     @model_validator(mode="after")
-    def _check_together(self) -> PlanFields:
+    def _check_together(self) -> Self:
         graft, mistakes = GRAFTS[self.graft.type], Mistakes()
         count, tension = self.graft.bundles, self.fixation.tension_N
         with mistakes.gathered("fixation.tension_N"):

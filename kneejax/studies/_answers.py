@@ -1,7 +1,5 @@
 """Answers of a study: what its commands compute after they have read their words."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import time

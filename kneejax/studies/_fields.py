@@ -1,7 +1,5 @@
 """Types of the fields of studies, plans and questions: parameters, angles, loads, objects."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal

@@ -1,7 +1,5 @@
 """The objective of a study over pairs of parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

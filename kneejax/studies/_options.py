@@ -3,8 +3,6 @@
 An option has the name of its field, but for `indices`, which is `--global`. No JAX is imported.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self

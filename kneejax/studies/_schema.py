@@ -1,7 +1,5 @@
 """The fields of a study: what may stand in each, its unit, its default and what it means."""
 
-from __future__ import annotations
-
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 

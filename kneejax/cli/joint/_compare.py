@@ -1,7 +1,5 @@
 """Compare simple joints, knees and measured motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import jax.numpy as jnp

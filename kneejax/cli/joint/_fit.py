@@ -1,8 +1,6 @@
 """`kneejax joint fit`: a moving axis and a hinge, of poses or of a contact knee, whose axis points
 come from a file, a mesh or a contact knee; `joint export`."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """One look for every figure, and figures as files that are complete or absent."""
 
-from __future__ import annotations
-
 import functools
 import io
 import os

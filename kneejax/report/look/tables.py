@@ -3,8 +3,6 @@
 A table becomes lines of a terminal, rows of a CSV file, a piece of a page, and records of JSON.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import itertools
@@ -12,7 +10,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -240,7 +238,7 @@ class Table:
     def of(
         cls, columns: Mapping[str | Column | Sequence[str], Any], title: str = "", note: str = "",
         *, show: Mapping[str, tuple[str, ...]] | None = None, spare: Sequence[str] = (),
-    ) -> Table:  # fmt: skip
+    ) -> Self:  # fmt: skip
         """A table by its columns.
 
         Args:
@@ -276,7 +274,7 @@ class Table:
                    spare)  # fmt: skip
 
     @classmethod
-    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Table:
+    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Self:
         """A table by its rows, under the names of its columns; `about` are title and note."""
         return cls([*map(Column, names)], rows, *about)
 

@@ -1,8 +1,6 @@
 """A scene in viser (three.js), whose nodes are made once, then only moved, bent and coloured; and
 as one HTML page that turns and bends, and needs no network."""
 
-from __future__ import annotations
-
 import html
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -166,8 +164,8 @@ class Drawing:
         known = self._made[name][1]["vertices"] if name in self._made else own[:0]
         if known.shape == own.shape and np.allclose(known, own, rtol=0.0, atol=_SAME_MM):
             own = known
-        colour = rgb(rendering.SLACK if self._grey else colour)
-        self._keep(name, self._mesh, vertices=own, faces=faces.astype(np.uint32), color=colour,
+        shown = rendering.SLACK if self._grey else colour
+        self._keep(name, self._mesh, vertices=own, faces=faces.astype(np.uint32), color=rgb(shown),
                    opacity=opacity)  # fmt: skip
 
     def _ligament(

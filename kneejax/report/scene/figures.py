@@ -1,7 +1,5 @@
 """Rendered scenes with words around them: one pose from several sides, several poses, a film."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Pressure on the tibial plateaux, seen from above."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

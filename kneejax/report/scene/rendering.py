@@ -1,7 +1,5 @@
 """Scenes rendered."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

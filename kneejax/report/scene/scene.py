@@ -1,7 +1,5 @@
 """A knee in space as plain arrays: what the pictures and the page draw."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

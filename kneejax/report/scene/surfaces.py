@@ -1,11 +1,9 @@
 """What pictures of a knee are made of, at poses: surfaces, obstacles, and courses of fibres."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import equinox as eqx
 import jax
@@ -175,7 +173,7 @@ class Places:
     rigid: dict[str, tuple[np.ndarray, np.ndarray]]
 
     @classmethod
-    def of(cls, state: State) -> Places:
+    def of(cls, state: State) -> Self:
         """Where each bone is in a state."""
         found = {}
         for bone, pose in state.poses.items():
