@@ -6,7 +6,6 @@ Figures are in the layout of papers on gait; grafts in several places are as in 
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.lines import Line2D
@@ -19,7 +18,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, pa
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, listed
-from kneejax.report.panels import draw_named, mark_edge, panel_grid
+from kneejax.report.panels import draw_named, figure_legend, labelled, mark_edge, panel_grid
 from kneejax.statics import Status
 
 _STYLES = ((BLUE, "-"), (VERMILLION, (0, (4, 1.5))))
@@ -78,15 +77,14 @@ def activity_answer(
             said.append(prose("activity.unexplained", rms=f"{rms:.1f}", most=most))
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in said]
     tables = _tables(found, status, words, cycle, convention)
-    several, alone = len(found) > 2, len(found) == 1
+    several, alone, drawn = len(found) > 2, len(found) == 1, dict([*found.items()][:2])
     ranges, compared = _ranges(found), place_table(found)
-    drawings = {"activity": Drawing(activity_figure, dict([*found.items()][:2]), cycle, title)}
+    drawings = {"activity": Drawing(activity_figure, drawn, cycle, title)}
     if several:
         tables["places"] = compared
         drawings["places"] = Drawing(places_figure, found, cycle, title)
-    peaks = []
-    for name, one in [*found.items()][:2]:
-        times = np.round(record.time_s, 3)
+    times, peaks = np.round(record.time_s, 3), []
+    for name, one in drawn.items():
         forces = pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s")
         peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
     sections = [Section("Range of each coordinate", tables=[ranges] if not alone else [],
@@ -342,20 +340,16 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
     _over_cycle(panels, cycle, panels[2:])
     words = ("Strain of ligament or graft, %", "Force of ligament or graft, N",
              "Forwards of the intact tibia, mm", "Turned inwards of it, deg")  # fmt: skip
-    own: dict[str, Any] = {}
     for axes, label in zip(panels, words, strict=True):
         axes.set_ylabel(label)
-        lines, names = axes.get_legend_handles_labels()
-        own |= zip(names, lines, strict=True)
     # At how many instants a knee balances is said where that is not all of them; four such names
     # are as wide as the figure.
-    lost = {name: "" if one.holds.all() else f" ({int(one.holds.sum())} of {len(one.holds)})"
+    lost = {verbatim(name): "" if one.holds.all() else f" ({one.holds.sum()} of {len(one.holds)})"
             for name, one in found.items()}  # fmt: skip
-    figure.legend(
-        [own[verbatim(name)] for name in found], [verbatim(x) + more for x, more in lost.items()],
-        loc="lower center", ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
-        columnspacing=1.2,
-    )  # fmt: skip
+    drawn = labelled(figure)
+    figure_legend(figure, {name + more: drawn[name] for name, more in lost.items()},
+                  ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
+                  columnspacing=1.2)  # fmt: skip
     return figure
 
 

@@ -157,11 +157,11 @@ def tests_figure(calibration: Calibration) -> Figure:
         loaded = any(np.ptp(size) > 0 for size in test.loads.values())
         along = test.curve_deg if loaded else test.flexion_deg
         seen = np.isfinite(measured)
-        moved = f"{_COMPARED[test.counted_from]}, {unit_of(name) or '-'}"
-        if name.endswith("_N"):
-            moved = f"{label_of(name)}, {unit_of(name) or '-'}"
-        elif name.endswith(".strain"):
-            moved = f"{label_of(name)}{', change' * test.counts_from_rest}, {unit_of(name) or '-'}"
+        moved = _COMPARED[test.counted_from]
+        if name.endswith(("_N", ".strain")):
+            change = test.counts_from_rest and name.endswith(".strain")
+            moved = label_of(name) + ", change" * change
+        moved += f", {unit_of(name) or '-'}"
         across, label = test.flexion_deg, "Flexion, deg"
         if test.frames is not None:
             across, label = test.frames.time_s, "Time, s"
@@ -175,9 +175,7 @@ def tests_figure(calibration: Calibration) -> Figure:
         else:
             flexions, load = np.unique(test.curve_deg), test.loads[test.driven_by]
             step = max(1, -(-len(flexions) // _MOST_NAMED))
-            for k, (flexion, color) in enumerate(
-                zip(flexions, shades(len(flexions)), strict=True)
-            ):
+            for k, (flexion, color) in enumerate(zip(flexions, shades(len(flexions)), strict=True)):
                 rows = np.flatnonzero(test.curve_deg == flexion)
                 rows = rows[np.argsort(load[rows], kind="stable")]
                 named = f"{flexion:g}" if k % step == 0 else None

@@ -20,6 +20,7 @@ from kneejax.report.panels import (
     hatched,
     name_rows,
 )
+from kneejax.report.pose_tables import words_of
 from kneejax.statics import Status
 
 #: What is hatched, by status: hatch, and its legend entry.
@@ -152,7 +153,7 @@ def candidates_table(design: Design) -> Table:
     return Table.of({
         "name": [one.name for one in tests], "flexion_deg": [one.flexion_deg for one in tests],
         **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
-        "status": [Status(status).word for status in design.status], "gain": design.gains,
+        "status": words_of(design.status), "gain": design.gains,
         "chosen": [place.get(row) for row in range(len(tests))],
     })  # fmt: skip
 
@@ -181,7 +182,7 @@ def design_notes(design: Design) -> list[str]:
     notes = [prose("design.prior")] if design.prior_assumed else []
     lost = design.status[np.isnan(design.gains)]
     if len(lost):
-        words = sorted({Status(s).word.replace("_", " ") for s in lost})
+        words = sorted({word.replace("_", " ") for word in words_of(lost)})
         verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
         notes.append(prose("design.lost", lost=len(lost), count=len(design.candidates), verb=verb,
                            them=them, words=", ".join(words)))  # fmt: skip

@@ -17,6 +17,7 @@ from kneejax.report.panels import (
     draw_named,
     flexion_axis,
     grid,
+    labelled,
     mark_status,
     panel_grid,
     part_legend,
@@ -37,9 +38,9 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
     angles = np.unique(flexion)
     over_pull = len(angles) < len(flexion)
-    x, rows = (pull if over_pull else flexion), [np.arange(len(flexion))]
+    x, rows = flexion, [np.arange(len(flexion))]
     if over_pull:
-        rows = [np.flatnonzero(flexion == angle) for angle in angles]
+        x, rows = pull, [np.flatnonzero(flexion == angle) for angle in angles]
 
     def by_flexion(axes: Axes, values, label: str) -> None:
         """A line for each flexion where several pulls were tried, else one."""
@@ -94,16 +95,13 @@ def shear_figure(found: Extensor) -> Figure:
     x = np.asarray(found.flexion_deg)
     for name, style in part_styles(shown).items():
         axes.plot(x, forces[name], label=verbatim(name), **style)
-    rest = [name for name in forces if name not in shown]
-    if rest:
-        axes.plot(x, sum(forces[name] for name in rest), color=GREY, label="all others")
+    if rest := [force for name, force in forces.items() if name not in shown]:
+        axes.plot(x, sum(rest), color=GREY, label="all others")
     axes.plot(x, sum(forces.values()), color="black", linestyle=":", label="sum")
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title("Force on the tibia, forwards along its own axis")
-    axes.set_ylabel("N")
+    axes.set(title="Force on the tibia, forwards along its own axis", ylabel="N")
     flexion_axis(axes, x)
-    handles, labels = axes.get_legend_handles_labels()
-    part_legend(axes, dict(zip(labels, handles, strict=True)), (1.02, 1.02))
+    part_legend(axes, labelled(figure), (1.02, 1.02))
     return figure
 
 
@@ -116,13 +114,11 @@ def _tibiofemoral(found: Extensor) -> list[str]:
 
 def _grouped(found: Extensor) -> dict[str, np.ndarray]:
     """Forces on the tibia: tendon, contact, muscles and weight, ligaments by their bundles."""
-    forces = dict(found.forces_on_tibia)
-    knee = found.motion.knee
+    forces, knee = dict(found.forces_on_tibia), found.motion.knee
     tendon = {TENDON: forces.pop(TENDON)}
     pressed = [forces.pop(name) for name in knee.contact_names if name in forces]
     contact = {"contact": sum(pressed)} if pressed else {}
-    fibres = _tibiofemoral(found)
-    members = pose_tables.bundles(knee, fibres)
+    members = pose_tables.bundles(knee, _tibiofemoral(found))
     pulled = {name: sum(forces.pop(x) for x in own) for name, own in members.items()}
     return {**tendon, **contact, **forces, **pulled}
 

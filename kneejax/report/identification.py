@@ -236,8 +236,7 @@ def profiles_figure(
                           sharey=True)  # fmt: skip
     for axes, profile in zip(panels.flat, profiles, strict=False):
         known = (truth or {}).get(profile.name)
-        unit = f", {profile.unit}" if profile.unit else ""
-        axes.set_title(readable(profile.name) + unit, fontsize=8)
+        axes.set_title(readable(profile.name, profile.unit), fontsize=8)
         top = 1.75 * profile.threshold
         axes.set_ylim(-0.04 * top, top)
         x, rise = profile.values, profile.rise

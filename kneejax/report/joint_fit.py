@@ -1,12 +1,13 @@
 """A moving axis and a hinge that were fitted to poses, as an answer."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
 from kneejax.joints import CondyleAxes, Joint, JointFit
 from kneejax.report.look import colours
@@ -176,10 +177,7 @@ def joint_fit_answer(
         tables["knee_poses"] = Table.of({heads: table, "status": [one.word for one in status]})
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
-    heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
-    units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
-    pairs = zip(FREE_COORDINATES, heads, units, strict=True)
-    columns = [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
+    columns = [dataclasses.replace(one, show=".3f") for one in pose_columns()[1:]]
     errors = Table(
         [Column("joint", " ", words=True), *columns],
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],

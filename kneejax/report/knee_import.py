@@ -57,8 +57,8 @@ def surface_fit_figure(
             own = placement.turn((1.0, 0.0, 0.0))
             up = int(abs(float(own[1])) > abs(float(own[0])))
             across, along = fit.points[:, 2], fit.points[:, up]
-            axes.set(xlabel="lateral, mm", ylabel=("anterior, mm", "superior, mm")[up])
-            axes.set_aspect("equal")
+            axes.set(xlabel="lateral, mm", ylabel=("anterior, mm", "superior, mm")[up],
+                     aspect="equal")  # fmt: skip
         if not here.all():
             axes.scatter(across[~here], along[~here], c=GREY, s=1.5, alpha=0.35, linewidths=0)
         # Thousands of points are one picture inside the SVG, which keeps the file small.

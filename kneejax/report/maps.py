@@ -213,10 +213,8 @@ def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool
         axes.tick_params(labelsize=6.5)
         for along in (axes.xaxis, axes.yaxis):
             along.set_major_locator(MaxNLocator(3, prune="both"))
-    x, y = (
-        readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
-        for name, unit in zip(found.names, found.units, strict=True)
-    )
+    x, y = (readable(*one).replace(" ", "\n", 1 if small else 0)
+            for one in zip(found.names, found.units, strict=True))  # fmt: skip
     axes.tick_params(labelleft=left, labelbottom=bottom)
     axes.set(xlabel=x if bottom else "", ylabel=y if left else "")
 

@@ -205,10 +205,10 @@ def draw_matrix(
                 j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center", va="center",
                 fontsize=letters, color="white" if dark(value) else "black",
             )  # fmt: skip
-    axes.set_xlim(0, matrix.shape[1])
-    axes.set_ylim(matrix.shape[0], 0)
-    axes.set_xticks(np.arange(matrix.shape[1]) + 0.5, list(columns), fontsize=size)
-    axes.set_yticks(np.arange(matrix.shape[0]) + 0.5, list(rows), fontsize=size)
+    high, wide = matrix.shape
+    axes.set(xlim=(0, wide), ylim=(high, 0))
+    axes.set_xticks(np.arange(wide) + 0.5, list(columns), fontsize=size)
+    axes.set_yticks(np.arange(high) + 0.5, list(rows), fontsize=size)
     without_frame(axes)
     return cells
 

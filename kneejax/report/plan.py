@@ -207,9 +207,9 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                    "tension_N": surgery.limits.tension_N},
         "knees": knees_table(result).records(), "doubts": plan_doubts(result),
         "tolerances": [
-            _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
-                    direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
-                    checked_mm="checked_mm", laxity_mm_per_mm="slope")
+            {"bone": one.bone, "bundle": one.bundle, "lachman_deg": one.lachman_deg,
+             "direction": one.direction, "by_derivative_mm": one.expected_mm,
+             "found_mm": one.found_mm, "checked_mm": one.checked_mm, "laxity_mm_per_mm": one.slope}
             for one in result.tolerances
         ],
         "maps": [{"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
@@ -217,14 +217,12 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "settings": plan.said, "seconds": result.seconds, "versions": versions,
     }  # fmt: skip
     if (own := result.intervals) is not None:
-        knees = {}
-        for row, knee in enumerate(own.knees):
-            knees[knee] = {"limits_kept_in": own.kept[row]}
-            for k, name in enumerate(own.quantities):
-                knees[knee] |= {name: own.limits[row, k]}
-            for k, name in enumerate(own.quantities):
-                knees[knee] |= {f"{name}_known_in": own.known[row, k]}
-        parts = [0.025, 0.5, 0.975]
+        knees, parts = {}, [0.025, 0.5, 0.975]
+        for knee, kept, limits, known in zip(own.knees, own.kept, own.limits, own.known,
+                                             strict=True):  # fmt: skip
+            knees[knee] = {"limits_kept_in": kept, **dict(zip(own.quantities, limits, strict=True))}
+            known = zip(own.quantities, known, strict=True)
+            knees[knee] |= {f"{name}_known_in": count for name, count in known}
         document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
                                  "knees": knees}  # fmt: skip
     if result.has_front and (front := result.front) is not None:
@@ -232,15 +230,13 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                              "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
                              "compromise": front.criteria[front.compromise]}  # fmt: skip
     if optimum is not None:
-        document["optimum"] = {"free": list(plan.free)} | _fields(
-            optimum, feasible="feasible", missed="missed", evaluations="evaluations",
-            starts="starts", start_distances="start_totals", followed="followed", ends="ends",
-        )  # fmt: skip
+        document["optimum"] = {
+            "free": list(plan.free), "feasible": optimum.feasible, "missed": optimum.missed,
+            "evaluations": optimum.evaluations, "starts": optimum.starts,
+            "start_distances": optimum.start_totals, "followed": optimum.followed,
+            "ends": optimum.ends,
+        }  # fmt: skip
     return json_safe(document)
-
-
-def _fields(one: Any, **names: str) -> dict[str, Any]:
-    return {said: getattr(one, name) for said, name in names.items()}
 
 
 def variants(result: PlanResult) -> Iterator[tuple[str, Outcome, int]]:

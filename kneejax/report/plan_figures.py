@@ -189,8 +189,7 @@ def strain_figure(result: PlanResult) -> Figure:
             axes.plot(angles, 100 * strain, color=colour, label=label)
         axes.plot(angles, 100 * surgery.intact_strain[:, k], color=BLACK, linewidth=1.6,
                   linestyle=(0, (4, 1.5)), label="intact")  # fmt: skip
-        axes.set_xlim(angles.max(), angles.min())
-        axes.set_title(verbatim(surgery.ligaments[k]))
+        axes.set(xlim=(angles.max(), angles.min()), title=verbatim(surgery.ligaments[k]))
     for axes in panels[:, 0]:
         axes.set_ylabel("Strain, %")
     for axes in panels.flat[max(len(shown) - columns, 0) : len(shown)]:

@@ -10,6 +10,7 @@ from kneejax.experiments import Mechanics, load_share
 from kneejax.geometry import (
     COLUMNS,
     CONVENTION_WORDS,
+    COORDINATES,
     FEMORAL,
     FREE_COORDINATES,
     convert_table,
@@ -20,7 +21,8 @@ from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import Column, Table
 from kneejax.statics import Status
 
-_HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
+#: Coordinate -> its narrow name, in the order of a table of poses.
+HEADS = {name: name for name in COORDINATES} | {"internal_rotation": "int.rot."}
 #: Parts whose largest force is less than this part of the largest of all are not listed.
 _SMALL = 0.01
 
@@ -38,10 +40,9 @@ def about(column: str) -> tuple[str, ...]:
 
 def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
     """Columns of poses, or of their changes, with the headings that people read."""
-    heads = [f"{head}, {column.rsplit('_', 1)[1]}"
-             for head, column in zip(_HEADS, COLUMNS, strict=True)]  # fmt: skip
-    return [Column(name, head, ".1f" if k == 0 else ".2f")
-            for k, (name, head) in enumerate(zip(names, heads, strict=True))]  # fmt: skip
+    return [Column(name, f"{head}, {column.rsplit('_', 1)[1]}", ".2f" if k else ".1f")
+            for k, (name, head, column) in enumerate(
+                zip(names, HEADS.values(), COLUMNS, strict=True))]  # fmt: skip
 
 
 def in_convention(table: ArrayLike, convention: str) -> tuple[np.ndarray, dict[str, str]]:

@@ -28,8 +28,8 @@ def marginals_figure(found: Posterior) -> Figure:
     """Draw the posterior of each parameter beside its prior and the normal approximation."""
     rows = -(-len(found.names) // _COLUMNS)
     # Name and unit, broken where a panel is too narrow for them.
-    titles = [textwrap.fill(readable(name) + (f", {unit}" if unit else ""), 24)
-              for name, unit in zip(found.names, found.units, strict=True)]  # fmt: skip
+    pairs = zip(found.names, found.units, strict=True)
+    titles = [textwrap.fill(readable(name, unit), 24) for name, unit in pairs]
     two_lines = 0.13 * any("\n" in title for title in titles)
     figure, panels = grid(rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5,
                           left=0.21, right=0.14, top=0.25 + two_lines, bottom=0.65,

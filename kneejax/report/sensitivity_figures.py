@@ -123,8 +123,8 @@ def sweep_figure(
             label = f"{entry}: {rows.sum()} of {rows.size} poses"
             handles[label] = Line2D([], [], marker=marker or "none", **style)
     part_legend(words, handles, (0.0, 0.86), fontsize=8, handlelength=2.6, labelspacing=0.35)
-    label = readable(sweep.name) + (f", {sweep.unit}" if sweep.unit else "")
-    bar = colour_bar(figure, words.inset_axes((0.0, 0.06, 0.97, 0.075)), scale, label)
+    bar = colour_bar(figure, words.inset_axes((0.0, 0.06, 0.97, 0.075)), scale,
+                     readable(sweep.name, sweep.unit))  # fmt: skip
     if sweep.values[0] <= sweep.own <= sweep.values[-1]:
         place = {"clip_on": False, "transform": bar.ax.get_xaxis_transform()}
         bar.ax.plot([sweep.own], [1.12], "v", color=VERMILLION, markersize=5, **place)
@@ -205,10 +205,9 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):
             axes.fill_between(edges[i : i + 2], 0, rows, facecolor="none", edgecolor=GREY,
                               hatch="////", linewidth=0)  # fmt: skip
-        axes.set_title(COORDINATES[coordinate].label)
         axes.set_yticks(np.arange(rows) + 0.5, names)
         axes.tick_params(axis="y", labelsize=min(8.0, 60 * pitch), length=0, labelleft=unit == "mm")
-        axes.set(ylim=(rows, 0), xlim=(edges[0], edges[-1]))
+        axes.set(title=COORDINATES[coordinate].label, ylim=(rows, 0), xlim=edges[[0, -1]])
         axes.grid(False)
     inch = 1 / (height * words.get_position().height)
     for place, unit, kind in ((0.4, "mm", "translations, mm"), (0.95, "deg", "rotations, deg")):

@@ -69,9 +69,9 @@ def verbatim(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def readable(name: str) -> str:
-    """A parameter's name for labels: `ACL.stiffness` becomes `ACL stiffness`."""
-    return verbatim(name.replace(".", " ").replace("_", " "))
+def readable(name: str, unit: str = "") -> str:
+    """A parameter's name for labels: `ACL.stiffness` in N becomes `ACL stiffness, N`."""
+    return verbatim(name.replace(".", " ").replace("_", " ")) + (f", {unit}" if unit else "")
 
 
 _DPI = 200

@@ -16,7 +16,7 @@ from kneejax.geometry import TIBIA
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.numerics import imported
 from kneejax.report.scene import rendering
-from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
+from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees
 from kneejax.report.scene.scene import Scene
 from kneejax.report.scene.surfaces import grid_triangles, tube
 
@@ -252,11 +252,8 @@ def scene_page(every: Sequence[Scene], most: int = 41) -> str:
         MissingPackage: viser is not installed.
         ValueError: there are no scenes.
     """
-    if not every:
-        raise ValueError("no scenes to draw")
+    shown, limits = rendering.chosen(every, most)
     viser = imported("viser", "viser", "view")
-    shown = [every[row] for row in spread(len(every), most)]
-    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
     with patch("rich.print"):
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:

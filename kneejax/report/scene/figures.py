@@ -50,8 +50,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         CannotRender: PyVista finds nothing to draw with.
         ValueError: a view has no such name.
     """
-    _check(views)
-    limits = rendering.strain_limit([scene]), rendering.pressure_limit([scene])
+    _, limits = rendering.chosen([scene], 1)
     cameras = [rendering.camera(view, [scene]) for view in views]
     page = _PAGE_WIDTH
     room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
@@ -66,7 +65,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         axes = _panel(figure, left, bottom, width, height)
         left += width + room
         _show(axes, rendering.render(scene, view, *limits), view)
-        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
+        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, name.capitalize(),
                   transform=axes.transAxes, ha="center", va="bottom", fontsize=9)  # fmt: skip
         _name_groups(axes, scene, view)
         _triad(axes, scene, view)
@@ -95,11 +94,7 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
         CannotRender: PyVista finds nothing to draw with.
         ValueError: there are no scenes, or a view has no such name.
     """
-    _check(views)
-    if not every:
-        raise ValueError("no scenes to draw")
-    shown = [every[row] for row in spread(len(every), most)]
-    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    shown, limits = rendering.chosen(every, most)
     cameras = [rendering.camera(view, shown) for view in views]
     widest = max(2 * c.half_mm[0] for c in cameras)
     scale = min((_PAGE_WIDTH - _SIDE) / len(shown) - _GAP, 2.2) / widest
@@ -116,10 +111,10 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
             axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
             _show(axes, rendering.render(scene, view, *limits, height=600), view)
             if row == 0:
-                axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
+                axes.set_title(degrees(scene.flexion_deg), loc="center")
             if number == 0:
                 middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
-                words = _sentence(name).replace(", ", ",\n")
+                words = name.capitalize().replace(", ", ",\n")
                 figure.text(0.08 / page, middle, words, rotation=90, va="center", ha="left")
                 _triad(axes, scene, view)
     _ruler(figure.axes[-1], cameras[-1])
@@ -147,11 +142,7 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     """
     from PIL import Image
 
-    _check([view])
-    if not every:
-        raise ValueError("no scenes to draw")
-    shown = [every[row] for row in spread(len(every), most)]
-    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    shown, limits = rendering.chosen(every, most)
     seen = rendering.camera(view, shown)
     width = 3.8
     height = width * seen.half_mm[1] / seen.half_mm[0]
@@ -195,16 +186,6 @@ def _one_palette(pictures: list[Any]) -> Any:
     palette = Image.new("P", (1, 1))
     palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
     return palette
-
-
-def _check(views: Sequence[str]) -> None:
-    for view in views:
-        if view not in rendering.VIEWS:
-            raise ValueError(f"a view {view!r}; expected one of {', '.join(rendering.VIEWS)}")
-
-
-def _sentence(name: str) -> str:
-    return name[0].upper() + name[1:]
 
 
 def _show(axes: Axes, image: np.ndarray, view: rendering.Camera) -> None:

@@ -262,11 +262,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     between = "    " if columns > 2 else "\n"
     figure.suptitle(
         f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
-        "+ centre of pressure, lines as on the scale",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
+        "+ centre of pressure, lines as on the scale", fontsize=9, x=0.01, ha="left",
+    )  # fmt: skip
     return figure
 
 
@@ -288,9 +285,7 @@ def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) 
             axes.contour(z, x, shown, _lines(scale.vmax), colors=BLACK, linewidths=0.3, zorder=2)
             axes.plot(field.center_mm[pose, 2], field.center_mm[pose, 0], "+", color=BLACK,
                       markersize=6, markeredgewidth=1.1, zorder=3)  # fmt: skip
-    axes.set_xlim(box[0], box[1])
-    axes.set_ylim(box[2], box[3])
-    axes.set_aspect("equal")
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
 
 
 def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> None:

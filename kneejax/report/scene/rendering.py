@@ -4,14 +4,13 @@ import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.colors import ListedColormap, to_hex, to_rgb
 
 from kneejax.numerics import imported
-from kneejax.report.scene.pressure import PRESSURE_COLOURS
+from kneejax.report.scene.pressure import PRESSURE_COLOURS, spread
 from kneejax.report.scene.scene import Fibre, Plateau, Scene
 from kneejax.report.scene.surfaces import grid_triangles, tube
 
@@ -35,6 +34,15 @@ def pressure_limit(every: Sequence[Scene]) -> float:
     peaks = [np.nanmax(p.pressure_MPa, initial=0.0) for scene in every for p in scene.plateaus]
     peak = float(max(peaks, default=0.0))
     return peak if peak > 0 else 1.0
+
+
+def chosen(every: Sequence[Scene], most: int) -> tuple[list[Scene], tuple[float, float]]:
+    """At most so many scenes of a motion, evenly apart, and the ends of both scales of colours;
+    refuses a motion without scenes."""
+    if not every:
+        raise ValueError("no scenes to draw")
+    shown = [every[row] for row in spread(len(every), most)]
+    return shown, (strain_limit(shown), pressure_limit(shown))
 
 
 @functools.cache
@@ -136,6 +144,8 @@ class Camera:
 
 def camera(view: str, every: Sequence[Scene]) -> Camera:
     """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
+    if view not in VIEWS:
+        raise ValueError(f"a view {view!r}; expected one of {', '.join(VIEWS)}")
     anterior, superior, lateral = VIEWS[view]
     towards = np.array([anterior, superior, lateral * every[0].lateral])
     towards /= np.linalg.norm(towards)
@@ -167,7 +177,7 @@ def render(
         MissingPackage: PyVista is not installed.
         CannotRender: PyVista finds nothing to draw with.
     """
-    pv = pyvista()
+    pv = imported("pyvista", "PyVista", "view")  # it takes half a second and is optional
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
     with _quiet():
         try:
@@ -188,11 +198,6 @@ def render(
 
 
 _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt install libegl1)"
-
-
-def pyvista() -> Any:
-    """The module, imported where it is used: it takes half a second and is optional."""
-    return imported("pyvista", "PyVista", "view")
 
 
 @contextlib.contextmanager
