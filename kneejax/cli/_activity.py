@@ -14,7 +14,7 @@ from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
 from kneejax.planning import intact_knee, operated_knees
-from kneejax.report import activity_answer
+from kneejax.report.activity import activity_answer
 from kneejax.studies import read_plan, stages_on_terminal
 
 

@@ -61,7 +61,8 @@ def write_results(
 
     Gives the answer, and why there is no calibrated knee, where the search ended at none.
     """
-    from kneejax.report import calibration_answer, motion_words
+    from kneejax.report.calibration import calibration_answer
+    from kneejax.report.doubts import motion_words
 
     answer, motion = calibration_answer(result), result.fit.motion
     write_answer(

@@ -15,7 +15,7 @@ from kneejax.cli.options.knees import (
     ImportStl,
 )
 from kneejax.files.opensim import import_sections
-from kneejax.report import (
+from kneejax.report.knee_import import (
     band_import_answer,
     meniscus_import_answer,
     mesh_import_answer,

@@ -17,7 +17,9 @@ from kneejax.mechanics import Knee
 from kneejax.numerics import check_installed
 from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
-from kneejax.report import evaluation_answer, knee_text
+from kneejax.report.doubts import given_doubts
+from kneejax.report.flexion import evaluation_answer
+from kneejax.report.knee_text import knee_text
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 
@@ -105,7 +107,7 @@ def view_knee(arguments: View) -> int:
         status = 1
     names, poses = ", ".join(path.name for path in written), files.counted(count, "pose")
     print(f"{poses} of {knee.name}; written to {out}: {names}, settings.json")
-    found, doubts = report.given_doubts(knee, evaluate(knee, state), list(map(str, range(count))))
+    found, doubts = given_doubts(knee, evaluate(knee, state), list(map(str, range(count))))
     for doubt in doubts:
         print(doubt)
     return max(status, int((found != Status.BALANCED).any()))

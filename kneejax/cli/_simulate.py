@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax import experiments, files, mechanics, report
+from kneejax import experiments, files, mechanics
 from kneejax.cli._command import option_name
 from kneejax.cli._deliver import deliver
 from kneejax.cli.options.simulate import EXTENSOR, Simulate
@@ -17,6 +17,10 @@ from kneejax.inference.transients import Recorded, fit_transient
 from kneejax.mechanics import LIMITS, NAMED_LOADS, RANGES, Knee, Range, load_of
 from kneejax.numerics import WrongValue
 from kneejax.parameters import cut
+from kneejax.report.extensor import extensor_answer
+from kneejax.report.flexion import flexion_answer
+from kneejax.report.in_time import raised_leg_answer, transient_answer
+from kneejax.report.laboratory import laboratory_answer
 from kneejax.studies import stages_on_terminal
 
 #: Sizes of a test. Farther than a limit a knee is dislocated.
@@ -53,7 +57,7 @@ def run(arguments: Simulate) -> int:
     with stages_on_terminal(knee.name):
         motion = experiments.passive_flexion(knee, flexion, acting)
         mechanics = experiments.evaluate(knee, motion.pose, motion.equilibrium.contact_points)
-        answer = report.flexion_answer(
+        answer = flexion_answer(
             knee_words(arguments, knee), motion, mechanics, flexion, loads=loads,
             unloaded=experiments.passive_flexion(knee, flexion) if loads else None,
             branches=experiments.branches(knee, flexion, acting) if arguments.branches else None,
@@ -133,7 +137,7 @@ def run_test(arguments: Simulate) -> int:
         if name == "compression" and meniscectomy:
             beside = experiments.load_curves(whole, tests)
             before = whole, beside, experiments.mechanics_of(beside[0])
-    answer = report.laboratory_answer(
+    answer = laboratory_answer(
         knee_words(arguments, knee), knee, curves, mechanics, second=others,
         bands=files.bundled_bands(arguments.cut), convention=arguments.convention, intact=before,
     )  # fmt: skip
@@ -170,7 +174,7 @@ def run_extensor(arguments: Simulate) -> int:
             pulls = pull * np.arange(1, steps + 1) / steps
             found = experiments.isometric_extension(knee, flexion, pulls, acting)
     words = knee_words(arguments, knee)
-    answer = report.extensor_answer(words, name, found, loads=loads, driven=driven)
+    answer = extensor_answer(words, name, found, loads=loads, driven=driven)
     return deliver(answer, arguments)
 
 
@@ -209,7 +213,7 @@ def run_in_time(arguments: Simulate) -> int:
         found = experiments.transient(
             moving, flexion, times, **motion, most_mm=most_mm, progress=progress
         )
-    answer = report.transient_answer(
+    answer = transient_answer(
         knee_words(arguments, moving.knee), name, found, recorded=recorded, fit=fit,
         convention=arguments.convention,
     )  # fmt: skip
@@ -312,4 +316,4 @@ def run_raised_leg(arguments: Simulate) -> int:
             most_mm=arguments.error_mm or experiments.MOST_ERROR_MM,
         )  # fmt: skip
     knee = knee_words(arguments, moving.knee)
-    return deliver(report.raised_leg_answer(knee, found, arguments.convention), arguments)
+    return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)

@@ -128,7 +128,7 @@ def what_data_tell(arguments: options.Identify) -> int:
     study = studies.read_study(arguments.study)
     with stages_on_terminal("fit and limits") as show:
         found = studies.identify(study, question, progress=show)
-    from kneejax.report import identification_answer
+    from kneejax.report.identification import identification_answer
 
     asked = {"command": arguments.command, "out": arguments.out, **arguments.options()}
     answer = identification_answer(found, {name: str(value) for name, value in asked.items()})

@@ -34,19 +34,8 @@ def activity_answer(
     title: str, found: Mapping[str, Activity], cycle: Cycle, *, rounds: Sequence[Round] = (),
     convention: str = FEMORAL,
 ) -> Answer:
-    """A movement of knees, each with or without a ligament or a graft.
-
-    Args:
-        title: the knee and how its record is counted.
-        found: what a knee is called -> its activity; the intact one first.
-        cycle: of the record.
-        rounds: of OpenSim and the knee, in their order.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are activity, forces, contact, residual and, of several knees,
-        places, and of rounds, rounds.
-    """
+    """A movement, its record in a cycle, of knees by what they are called, the intact one first;
+    and rounds of OpenSim and the knee."""
     first = next(iter(found.values()))
     record = first.record
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}

@@ -138,18 +138,8 @@ _BY_LENGTH = (
 def extensor_answer(
     name: str, experiment: str, found: Extensor, *, loads, driven: DrivenExtensor | None = None
 ) -> Answer:
-    """What a knee does while its quadriceps pulls.
-
-    Args:
-        name: of the knee, with what was cut.
-        experiment: patellar-tracking, extension or leg-raise.
-        found: of the experiment.
-        loads: that acted throughout, by name.
-        driven: where the quadriceps was given lengths.
-
-    Returns:
-        The answer; its tables are extensor, forces and tibia_forces.
-    """
+    """What a knee does while its quadriceps pulls, with loads that acted throughout, by name;
+    `driven` where the quadriceps was given lengths."""
     knee, status = found.motion.knee, with_flips(found.motion.status, found.mechanics)
     flexion, pull = np.asarray(found.flexion_deg), np.asarray(found.quadriceps_N)
     words = pose_words(knee, found.mechanics, search_words(found.motion, loads))

@@ -166,21 +166,8 @@ def flexion_answer(
     loads: Mapping[str, float], unloaded: Motion | None = None,
     branches: Sequence[Branch] | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """Passive flexion of a knee.
-
-    Args:
-        name: of the knee, with what was cut.
-        motion: balances, one a flexion.
-        mechanics: of these.
-        flexion: as it was asked for, degrees, `(n,)`.
-        loads: that acted, by name.
-        unloaded: the same without loads, for how far they moved the tibia.
-        branches: other balances, where they were searched for.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are poses and forces, displacement with loads, and branches.
-    """
+    """Passive flexion of a knee, called with what was cut, at flexions as they were asked for; with
+    loads by name the motion without them says how far they moved the tibia."""
     knee, status = motion.knee, with_flips(motion.status, mechanics)
     table = np.array(motion.to_table())
     table[:, 0] = flexion
@@ -232,16 +219,7 @@ def flexion_answer(
 
 
 def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer:
-    """Ligaments and contact at given poses.
-
-    Args:
-        knee: any knee.
-        table: the poses, degrees and mm, `(n, 6)`.
-        found: their mechanics.
-
-    Returns:
-        The answer; its tables are ligaments and contact, and for people a row a pose.
-    """
+    """Ligaments and contact at given poses, `(n, 6)`, degrees and mm."""
     rows, flexion = range(len(table)), table[:, 0]
     status, doubts = faults.given_doubts(knee, found, [str(row) for row in rows])
     states = pose_tables.words_of(status)

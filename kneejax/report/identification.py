@@ -35,16 +35,7 @@ _COLUMNS = 4
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
-    """What the data of a study determine, what not, and the best tests to make next.
-
-    Args:
-        answer: what was found.
-        options: of the command, recorded as they are.
-
-    Returns:
-        The answer; its tables are parameters, profiles, candidates and, where there are any,
-        next_tests and the draws of the posterior.
-    """
+    """What the data of a study determine, what not, and the best tests to make next."""
     study, found, design, sampled = answer.study, answer.found, answer.design, answer.posterior
     names, information = found.selection.names, found.information
     reasons = _reasons(found)

@@ -129,19 +129,8 @@ def transient_answer(
     name: str, experiment: str, found: Transient, *, recorded: Recorded | None = None,
     fit: FittedTransient | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """A motion through time.
-
-    Args:
-        name: of the knee, with what was cut.
-        experiment: settle, drop or a test.
-        found: the motion.
-        recorded: a motion to compare with, where there is one.
-        fit: the dampers that were found from it.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are motion, forces, energy and, of a fit, damping.
-    """
+    """A motion through time, beside a record where there is one, with the dampers that were found
+    from it."""
     last = {load: size[-1] for load, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
     title = f"{name}: {experiment} at {found.trajectory.to_table()[0, 0]:.3g} degrees{under}"
@@ -192,16 +181,7 @@ def transient_answer(
 
 
 def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) -> Answer:
-    """A leg that a motor raises, compared with the leg that is held at each flexion.
-
-    Args:
-        name: of the knee, with what was cut.
-        found: the leg.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are motion, forces, energy and, of the leg that is held, extensor.
-    """
+    """A leg that a motor raises, compared with the leg that is held at each flexion."""
     one, motion = found.transient, found.transient.trajectory
     title = f"{name}: leg-raise in {one.time_s[-1]:g} s"
     table, patella = motion.to_table(), motion.names.index("patella_flexion")

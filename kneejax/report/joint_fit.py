@@ -145,23 +145,11 @@ def joint_fit_answer(
     regions: str = "", surface: np.ndarray | None = None, doubts: Sequence[str] = (),
     document: Mapping[str, Any] | None = None,
 ) -> Answer:
-    """What simple joints keep of a motion, and what they lose.
+    """What simple joints keep of poses of a name, `(n, 6)`, degrees and mm, and what they lose.
 
-    Args:
-        fit: the joints.
-        name: of the poses.
-        table: the poses, degrees and mm, `(n, 6)`; NaN where a contact knee has none.
-        flexion: where the joints' motion is written, degrees.
-        status: of each pose, where they are those of a contact knee.
-        hinge: what the hinge's axis goes through, in words.
-        facets: of the femur, if there are any.
-        regions: how they were chosen, in words.
-        surface: points of the femur, `(n, 3)`, mm.
-        doubts: on poses and facets.
-        document: what result.json says of the input.
-
-    Returns:
-        The answer; its tables are poses, hinge_poses, knee_poses of a contact knee, and facets.
+    Poses of a contact knee have a `status`, and are NaN where it has none; their motion is written
+    over `flexion`. `surface` are points of the femur, `(n, 3)`, mm; `regions` says how its facets
+    were chosen, `document` what result.json says of the input.
     """
     article, kind = "a", "moving axis"
     if len(fit.rows) > 2:

@@ -114,21 +114,11 @@ def laboratory_answer(
     second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
     intact: tuple[Knee, Sequence[Curves], Mechanics] | None = None,
 ) -> Answer:
-    """What tests under load tell of a knee.
+    """What tests under load tell of a knee, from a curve each and the mechanics of their motion.
 
-    Args:
-        name: of the knee, with what was cut.
-        knee: that was loaded.
-        curves: one per test.
-        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
-        second: of each test, poses of a second stable balance, NaN where there is none,
-            `(flexions, loads, 6)`; none for tests that were not asked.
-        bands: published laxities (`kneejax.files.bundled_bands`), to be drawn beside.
-        convention: of the poses of the curves.
-        intact: the knee before a meniscus was removed, in the same tests, with its mechanics.
-
-    Returns:
-        The answer; its tables are curves, laxity, poses and forces, and contact of compression.
+    `second` are, of each test, poses of a second stable balance, NaN where there is none,
+    `(flexions, loads, 6)`; `bands` published laxities to be drawn beside; `intact` the knee before
+    a meniscus was removed, in the same tests.
     """
     status = [one.status(mechanics) for one in curves]
     wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
