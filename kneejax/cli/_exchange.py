@@ -7,25 +7,14 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli.options.knees import (
-    ExportOsim,
-    ImportLigament,
-    ImportMeniscus,
-    ImportOsim,
-    ImportStl,
-)
+from kneejax.cli.options import knees as options
 from kneejax.files.opensim import import_sections
-from kneejax.report.knee_import import (
-    band_import_answer,
-    meniscus_import_answer,
-    mesh_import_answer,
-    osim_import_answer,
-)
+from kneejax.report import knee_import
 from kneejax.report.look import Table
 from kneejax.studies import stages_on_terminal
 
 
-def import_model(arguments: ImportOsim) -> int:
+def import_model(arguments: options.ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
     read = files.import_osim(
         arguments.file, side=arguments.side, femur=arguments.femur, tibia=arguments.tibia,
@@ -60,7 +49,7 @@ def import_model(arguments: ImportOsim) -> int:
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
     said += [f"left out: {line}" for line in read.left_out]
     name, sections = document["name"], import_sections(read, findings)
-    answer = osim_import_answer(
+    answer = knee_import.osim_import_answer(
         name, said, sections, document["ligaments"], read.doubts, missed=missed
     )
     return deliver(answer, arguments, ["knee.yaml", "import_report.md"])
@@ -70,7 +59,7 @@ _SIDES = {"r": "right", "l": "left"}
 #: Of a band: strain at which the toe region of Blankevoort's law ends, and the rounding at slack.
 _TRANSITION_STRAIN, _TRANSITION_WIDTH = 0.06, 0.001
 
-def import_surfaces(arguments: ImportStl) -> int:
+def import_surfaces(arguments: options.ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
@@ -102,7 +91,7 @@ def import_surfaces(arguments: ImportStl) -> int:
         # Without ligaments and muscles there is no patella yet: its surface waits for them.
         document["surfaces"] = {"patella": found.patellofemoral["patellar_surface"]}
     files.write_knee(document, arguments.out / "knee.yaml")
-    answer = mesh_import_answer(found.fits, found.findings, found.doubtful)
+    answer = knee_import.mesh_import_answer(found.fits, found.findings, found.doubtful)
     report = _report(found.findings, answer.tables["fit_report"])
     files.write_text(arguments.out / "fit_report.md", report)
     return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
@@ -114,7 +103,7 @@ def _replaced(knee, found: files.MeshImport) -> dict[str, Any]:
     return document
 
 
-def _contacts_only(arguments: ImportStl, found: files.MeshImport) -> dict[str, Any]:
+def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dict[str, Any]:
     meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
     pose = {
         "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
@@ -138,7 +127,7 @@ def _report(findings: Sequence[str], fits: Table) -> str:
     return "\n".join([*lines, "", fits.note, ""])
 
 
-def import_ligament(arguments: ImportLigament) -> int:
+def import_ligament(arguments: options.ImportLigament) -> int:
     """Write a knee with a band where it had fibres, or nothing."""
     read, name = files.load_knee_file(arguments.knee), arguments.name or arguments.file.stem
     document = copy.deepcopy(read.document)
@@ -164,11 +153,12 @@ def import_ligament(arguments: ImportLigament) -> int:
         document["groups"] = groups
     document["bands"] = document.get("bands", {}) | {name: entry}
     files.write_knee(document, arguments.out / "knee.yaml")
-    answer = band_import_answer(name, band, arguments.modulus, arguments.fibres, sorted(replaced))
+    about = arguments.modulus, arguments.fibres, sorted(replaced)
+    answer = knee_import.band_import_answer(name, band, *about)
     return deliver(answer, arguments, ["knee.yaml"])
 
 
-def import_meniscus(arguments: ImportMeniscus) -> int:
+def import_meniscus(arguments: options.ImportMeniscus) -> int:
     """Write a knee with a meniscus made of a mesh, in place of one of that name."""
     read = files.load_knee_file(arguments.knee)
     document = copy.deepcopy(read.document)
@@ -186,10 +176,10 @@ def import_meniscus(arguments: ImportMeniscus) -> int:
     replaced = found.name in document["contacts"]
     document["contacts"][found.name] = found.contact
     files.write_knee(document, arguments.out / "knee.yaml")
-    return deliver(meniscus_import_answer(found, replaced), arguments, ["knee.yaml"])
+    return deliver(knee_import.meniscus_import_answer(found, replaced), arguments, ["knee.yaml"])
 
 
-def export_model(arguments: ExportOsim) -> int:
+def export_model(arguments: options.ExportOsim) -> int:
     """Write a knee's numbers into the OpenSim model that it came from."""
     same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
     if same:

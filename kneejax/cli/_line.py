@@ -12,18 +12,8 @@ from cyclopts import Group as Heading
 from pydantic.fields import FieldInfo
 
 from kneejax import __version__
-from kneejax.cli._command import (
-    Bundled,
-    Command,
-    Form,
-    Group,
-    Place,
-    Several,
-    Written,
-    is_given,
-    marks,
-    shown_name,
-)
+from kneejax.cli import _command
+from kneejax.cli._command import Command, Group, Place, Written, is_given, marks, shown_name
 from kneejax.cli._words import Split, choices_of, plain_type
 from kneejax.files import InputProblem
 from kneejax.quantities import nearest_name
@@ -201,12 +191,12 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
             heading = headings.setdefault(one.title, Heading(one.title, sort_key=order))
         hint, many = _hint(field, completing)
         # What stands for a value in help: its form, or its type.
-        form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
+        form = next((x.form for x in field.metadata if isinstance(x, _command.Form | Split)), "")
         known = {float: "NUMBER", int: "N", Path: "FILE"}.get(plain_type(field.annotation))
         other = "NxM" if marks(field, Split) else known or (field.alias or "").upper()
         # What a shell offers: choices, or names of the package's data.
         offered = choices_of(field.annotation) or None
-        for mark in marks(field, Bundled) if completing and not offered else ():
+        for mark in marks(field, _command.Bundled) if completing and not offered else ():
             from kneejax.files import bundled_files
 
             offered = tuple(bundled_files(mark.kind))
@@ -231,7 +221,8 @@ def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
     """How many words an option takes, as a type; and whether one mention takes several."""
     kind = plain_type(field.annotation)
     origin, inner = get_origin(kind), get_args(kind)
-    is_path = kind is Path or (inner and plain_type(inner[0]) is Path) or marks(field, Bundled)
+    is_path = kind is Path or (inner and plain_type(inner[0]) is Path)
+    is_path = is_path or marks(field, _command.Bundled)
     word = Path if completing and is_path else str
     if kind is bool:
         return bool, False
@@ -241,7 +232,7 @@ def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
         return tuple[tuple([str] * len(inner))], False  # pyright: ignore[reportReturnType]
     if origin is list and get_origin(inner[0]) is tuple:
         return list[_hint(FieldInfo(annotation=inner[0]), False)[0]], False
-    return list[word], (1, None) if marks(field, Several) else False
+    return list[word], (1, None) if marks(field, _command.Several) else False
 
 
 def _help(model: type[Command], field: FieldInfo) -> str:

@@ -12,14 +12,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
 from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
-from kneejax.report.panels import (
-    decades,
-    draw_matrix,
-    figure_legend,
-    grid,
-    hatched,
-    name_rows,
-)
+from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 from kneejax.report.pose_tables import words_of
 from kneejax.statics import Status
 

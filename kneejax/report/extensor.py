@@ -6,22 +6,13 @@ import numpy as np
 
 from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
+from kneejax.report import panels as draw
 from kneejax.report import pose_tables
 from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
 from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Table
-from kneejax.report.panels import (
-    draw_ligaments,
-    draw_named,
-    flexion_axis,
-    grid,
-    labelled,
-    mark_status,
-    panel_grid,
-    part_legend,
-)
 from kneejax.statics import Status
 
 _PULL = "Quadriceps force, N"
@@ -33,7 +24,7 @@ _LEFT_NM = 1e-3
 @styled
 def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments."""
-    figure, panels = panel_grid(3, 2, 7.8, title)
+    figure, panels = draw.panel_grid(3, 2, 7.8, title)
     flexion, pull, patella = (np.asarray(x) for x in
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
     angles = np.unique(flexion)
@@ -53,7 +44,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
         """A colour for each of several quantities."""
         for k, own in enumerate(rows):
             named = {name if k == 0 else f"_{name}": y[own] for name, y in curves.items()}
-            draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
+            draw.draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
 
     # A quadriceps that nothing asks for is left at rest: its ratios tell of the bands alone.
     extension = np.asarray(found.extension_Nm)
@@ -71,15 +62,15 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     turns = {"flexion": patella[:, 0], "tilt": patella[:, 2], "rotation": patella[:, 1]}
     by_kind(panels[3], turns, "Patella, deg")
     knee = found.motion.knee
-    draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
-                   rows=rows)  # fmt: skip
+    draw.draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
+                        rows=rows)  # fmt: skip
     by_flexion(panels[5], np.asarray(found.motion.to_table())[:, 3], "Tibia, anterior, mm")
     for axes in panels:
         if over_pull:
             axes.set_xlabel(_PULL)
         else:
-            flexion_axis(axes, x)
-        mark_status(axes, x, status, height=0.02)
+            draw.flexion_axis(axes, x)
+        draw.mark_status(axes, x, status, height=0.02)
     if len(rows) > 1:
         panels[2].legend(title="Flexion, deg", title_fontsize=7.5, fontsize=7.5)
     return figure
@@ -91,7 +82,7 @@ def shear_figure(found: Extensor) -> Figure:
     forces = {name: force[:, 0] for name, force in _grouped(found).items()}
     size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
-    figure, ((axes,),) = grid(1, 1, 3.6, left=0.7, right=1.82)
+    figure, ((axes,),) = draw.grid(1, 1, 3.6, left=0.7, right=1.82)
     x = np.asarray(found.flexion_deg)
     for name, style in part_styles(shown).items():
         axes.plot(x, forces[name], label=verbatim(name), **style)
@@ -100,8 +91,8 @@ def shear_figure(found: Extensor) -> Figure:
     axes.plot(x, sum(forces.values()), color="black", linestyle=":", label="sum")
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set(title="Force on the tibia, forwards along its own axis", ylabel="N")
-    flexion_axis(axes, x)
-    part_legend(axes, labelled(figure), (1.02, 1.02))
+    draw.flexion_axis(axes, x)
+    draw.part_legend(axes, draw.labelled(figure), (1.02, 1.02))
     return figure
 
 

@@ -11,14 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_flips
-from kneejax.geometry import (
-    CLINICAL,
-    COLUMNS,
-    CONVENTION_WORDS,
-    COORDINATES,
-    FEMORAL,
-    convert_table,
-)
+from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL
 from kneejax.inference import Calibration
 from kneejax.mechanics import Knee, load_words
 from kneejax.report import doubts as faults
@@ -110,7 +103,7 @@ def ligament_forces_figure(calibration: Calibration) -> Figure:
     groups = [group for group in groups if group[1]] or groups[:1]
     right = 2.38 if max(len(names) for _, names, _ in groups) > 12 else 1.4
     figure, panels = draw.grid(len(groups), 1, 2.75 * len(groups) + 0.35, right=right, top=0.28,
-                          bottom=0.45, apart=(0, 0.4), sharex=True)  # fmt: skip
+                               bottom=0.45, apart=(0, 0.4), sharex=True)  # fmt: skip
     fitted = calibration.fit.motion
     for axes, (title, names, field) in zip(panels[:, 0], groups, strict=True):
         contact, last = field == "contact_forces", axes is panels[-1, 0]
@@ -210,7 +203,7 @@ def flexion_answer(
         sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
         drawings={
             "simulation": Drawing(
-                simulation_figure, flexion, convert_table(table, FEMORAL, convention), status,
+                simulation_figure, flexion, pose_tables.in_convention(table, convention)[0], status,
                 forces, dict(zip(knee.contact_names, contact.T, strict=True)), convention,
             )
         },
@@ -270,7 +263,7 @@ def displacement(under_load: Motion, without: Motion) -> np.ndarray:
     """How far a load moved the tibia."""
     tables = []
     for motion in (under_load, without):
-        table = convert_table(np.asarray(motion.to_table()), FEMORAL, CLINICAL)
+        table, _ = pose_tables.in_convention(motion.to_table(), CLINICAL)
         table[~converged(np.asarray(motion.status))] = np.nan
         tables.append(table)
     return (tables[0] - tables[1])[:, 1:]

@@ -6,14 +6,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference import (
-    Identification,
-    IntervalKind,
-    Posterior,
-    Profile,
-    same_ends,
-    versions,
-)
+from kneejax.inference import Identification, IntervalKind, Posterior, Profile, same_ends, versions
 from kneejax.parameters import sums_in_words
 from kneejax.report import design as planned
 from kneejax.report import information as curvature

@@ -8,19 +8,13 @@ from kneejax.experiments import RaisedLeg, Transient
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate, table_units
 from kneejax.inference.transients import FittedTransient, Recorded
 from kneejax.mechanics import NAMED_LOADS, load_words
+from kneejax.report import pose_tables
 from kneejax.report.extensor import extensor_table
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
-from kneejax.report.pose_tables import (
-    contact_forces,
-    force_table,
-    in_convention,
-    peak_table,
-    words_of,
-)
 from kneejax.statics import Status
 
 _COLORS = (BLUE, VERMILLION, GREEN)
@@ -58,7 +52,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
         panels[2].plot(time, table[:, 0], color=BLACK)
         panels[2].set_ylabel("Flexion, deg")
     draw_ligaments(panels[3], time, knee, np.asarray(found.mechanics.tension) + found.damping_N)
-    contact = dict(zip(knee.contact_names, contact_forces(found.mechanics).T, strict=True))
+    forces = pose_tables.contact_forces(found.mechanics).T
+    contact = dict(zip(knee.contact_names, forces, strict=True))
     draw_named(panels[4], time, contact, "Contact force, N")
     energies = {kind: getattr(found.account, kind) for kind in _ENERGIES}
     steps = np.concatenate([[0.0], motion.grid.time_s]) + time[0]
@@ -216,7 +211,8 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
 
 
 def _peaks(found: Transient) -> Section:
-    peaks = peak_table(found.trajectory.moving.knee, found.mechanics, found.time_s, "at time, s")
+    knee, times = found.trajectory.moving.knee, found.time_s
+    peaks = pose_tables.peak_table(knee, found.mechanics, times, "at time, s")
     return Section("Largest forces", tables=[peaks])
 
 
@@ -224,7 +220,7 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     """Poses, rates and loads; forces; energies: motion.csv, forces.csv and energy.csv."""
     motion, time_s = found.trajectory, found.time_s
     table, knee = motion.to_table(), motion.moving.knee
-    poses, extra = in_convention(table[:, :6], convention)
+    poses, extra = pose_tables.in_convention(table[:, :6], convention)
     rates = tuple(f"{coordinate(name).column}_per_s" for name in motion.names)
     damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
     damping[:, : len(knee.ligaments.names)] = found.damping_N
@@ -234,9 +230,10 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
         "motion": Table.of({
             "time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
             rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
-            "status": words_of(motion.status), **extra,
+            "status": pose_tables.words_of(motion.status), **extra,
         }),
-        "forces": force_table(knee, found.mechanics, {"time_s": time_s}, damping_N=damping),
+        "forces": pose_tables.force_table(knee, found.mechanics, {"time_s": time_s},
+                                          damping_N=damping),
         "energy": Table.of({"time_s": time_s, **energies}),
     }  # fmt: skip
 

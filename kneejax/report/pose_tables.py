@@ -7,15 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.experiments import Mechanics, load_share
-from kneejax.geometry import (
-    COLUMNS,
-    CONVENTION_WORDS,
-    COORDINATES,
-    FEMORAL,
-    FREE_COORDINATES,
-    convert_table,
-    coordinate,
-)
+from kneejax.geometry import COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import Knee
 from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import Column, Table
@@ -78,7 +70,8 @@ def pose_table(
 
 def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
     """How far a load moved the tibia, `displacement.csv`."""
-    names = [COLUMNS[0], *(f"{x}_change_{coordinate(x).unit}" for x in FREE_COORDINATES)]
+    parts = (column.rsplit("_", 1) for column in COLUMNS[1:])
+    names = [COLUMNS[0], *(f"{name}_change_{unit}" for name, unit in parts)]
     columns = {tuple(pose_columns(names)): np.column_stack([flexion, moved])}
     return Table.of(columns, prose("displacement"))
 

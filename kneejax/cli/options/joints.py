@@ -6,19 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from kneejax.cli._command import (
-    Angles,
-    Bundled,
-    Drawn,
-    File,
-    Form,
-    Group,
-    Only,
-    Place,
-    Several,
-    Written,
-)
-from kneejax.cli.options._types import KNEE, Convention, Knee, Mesh, Table
+from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
+from kneejax.cli.options._types import KNEE, Convention, Flexion, Knee, Mesh, Table
 from kneejax.files import InputProblem
 from kneejax.files.reading import meaning
 
@@ -96,7 +85,7 @@ class JointFit(Drawn):
     interpolation: Literal["linear", "monotone"] | None = meaning(
         "between the poses (default: monotone from three poses on)", None
     )
-    flexion: Annotated[str, Angles()] = meaning(
+    flexion: Flexion = meaning(
         "of the tables: first:last:step or a,b,c", "0:120:5"
     )
 

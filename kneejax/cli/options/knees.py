@@ -4,16 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from kneejax.cli._command import (
-    Bundled,
-    Command,
-    Drawn,
-    File,
-    Form,
-    Group,
-    Only,
-    Place,
-)
+from kneejax.cli._command import Bundled, Command, Drawn, File, Form, Group, Only, Place
 from kneejax.cli._words import Split
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
 from kneejax.files import InputProblem
