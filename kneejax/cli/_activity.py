@@ -8,6 +8,7 @@ import numpy as np
 from kneejax import files
 from kneejax._whole_files import writing_place
 from kneejax.cli._deliver import deliver
+from kneejax.cli._words import SIDES
 from kneejax.cli.options import knees as options
 from kneejax.experiments import Activity, Round, activity, cycle_of, weights
 from kneejax.geometry import TIBIA, Pose, State
@@ -87,9 +88,7 @@ def run(arguments: options.Activity) -> int:
         arguments.model, arguments.motion, arguments.grf, actuators=arguments.actuators,
         time_s=arguments.time_s, **known,
     )  # fmt: skip
-    plan = None
-    if arguments.plan is not None:
-        plan = read_plan(arguments.plan, patella=arguments.patella)
+    plan = None if arguments.plan is None else read_plan(arguments.plan, patella=arguments.patella)
     if plan is None:
         read = files.load_knee_file(arguments.knee or _USUAL)
         document = read.document
@@ -98,7 +97,7 @@ def run(arguments: options.Activity) -> int:
             knee = whole.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
-    if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
+    if document["side"] != SIDES[arguments.side]:
         expected = f"{document['side'][0]}, the side of the knee {knee.name}"
         raise files.InputProblem("--side", "side", arguments.side, expected)
     knees = {INTACT: knee}

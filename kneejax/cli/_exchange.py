@@ -7,6 +7,7 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
+from kneejax.cli._words import SIDES
 from kneejax.cli.options import knees as options
 from kneejax.files.opensim import import_sections
 from kneejax.report import knee_import
@@ -55,7 +56,6 @@ def import_model(arguments: options.ImportOsim) -> int:
     return deliver(answer, arguments, ["knee.yaml", "import_report.md"])
 
 
-_SIDES = {"r": "right", "l": "left"}
 #: Of a band: strain at which the toe region of Blankevoort's law ends, and the rounding at slack.
 _TRANSITION_STRAIN, _TRANSITION_WIDTH = 0.06, 0.001
 
@@ -65,7 +65,7 @@ def import_surfaces(arguments: options.ImportStl) -> int:
     if arguments.knee is not None:
         knee = files.load_knee_file(arguments.knee)
         pose = knee.knee.reference_pose
-        if knee.document["side"] != _SIDES[arguments.side]:
+        if knee.document["side"] != SIDES[arguments.side]:
             expected = f"{knee.document['side'][0]}, the side of {knee.path}"
             raise files.InputProblem("--side", "side", arguments.side, expected)
     with stages_on_terminal("surfaces and layers"):
@@ -84,7 +84,10 @@ def import_surfaces(arguments: options.ImportStl) -> int:
                 reference_pose=pose,
             ),
         )  # fmt: skip
-    document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
+    if knee is None:
+        document = _contacts_only(arguments, found)
+    else:
+        document = copy.deepcopy(knee.document) | {"contacts": found.contacts}
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
         document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
     elif found.patellofemoral is not None:
@@ -97,12 +100,6 @@ def import_surfaces(arguments: options.ImportStl) -> int:
     return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
 
 
-def _replaced(knee, found: files.MeshImport) -> dict[str, Any]:
-    document = copy.deepcopy(knee.document)
-    document["contacts"] = found.contacts
-    return document
-
-
 def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dict[str, Any]:
     meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
     pose = {
@@ -110,7 +107,7 @@ def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dic
         "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
         "source": "the pose of the meshes: both bones' frames coincide",
     }  # fmt: skip
-    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": _SIDES[arguments.side],
+    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": SIDES[arguments.side],
             "description": f"Contacts from {meshes}; no ligaments yet", "reference_pose": pose,
             "ligaments": {}, "contacts": found.contacts}  # fmt: skip
 
@@ -181,8 +178,7 @@ def import_meniscus(arguments: options.ImportMeniscus) -> int:
 
 def export_model(arguments: options.ExportOsim) -> int:
     """Write a knee's numbers into the OpenSim model that it came from."""
-    same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
-    if same:
+    if arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve():
         raise files.InputProblem("--out", "file", str(arguments.out), "another file than the model")
     coupled = None
     if arguments.coupled is not None:
@@ -192,10 +188,8 @@ def export_model(arguments: options.ExportOsim) -> int:
         arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
     )
     files.write_bytes(arguments.out, written.data)
-    for change in written.changes:
-        print(change)
-    for note in written.notes:
-        print(note)
+    for line in (*written.changes, *written.notes):
+        print(line)
     count = files.counted(len(written.changes), "change") if written.changes else "no changes"
     print(f"written: {arguments.out}, {count}")
     return DONE

@@ -43,10 +43,8 @@ def laxity_errors(calibration: Calibration) -> list[dict[str, Any]]:
 
 
 def errors_table(calibration: Calibration) -> Table:
-    """Root mean square errors of each test, coordinate and flexion, as people read them.
-
-    Those of a single reading are left to tests.csv, which has the reading itself.
-    """
+    """Root mean square errors of each test, coordinate and flexion, as people read them; those of a
+    single reading are left to tests.csv, which has the reading itself."""
     columns = [Column("test", "test under load", words=True), Column("coordinate", words=True),
                Column("flexion", "flexion, deg", words=True), Column("readings"),
                Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),

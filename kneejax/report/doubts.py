@@ -27,17 +27,10 @@ def status_doubts(
 ) -> Iterator[str]:
     """Say which poses are not simply balanced, what to try next, and what is wrong in numbers.
 
-    Args:
-        status: `Status` values, one a pose.
-        words: one text per pose, of `pose_words`.
-        where: what several poses are called, by their rows.
-        at: what one is called.
-        given: whether the poses were given, not searched for.
-        accepted: statuses of which nothing is said.
-
-    Returns:
-        For each status a sentence, and on lines of their own what is wrong with the first, a
-        middle and the last of its poses; of balanced poses only these lines.
+    For each `Status` that is not `accepted` a sentence, and on lines of their own the `words` of
+    the first, a middle and the last of its poses, called as `where` (several, by their rows) and
+    `at` (one) say; of balanced poses only these lines. `given` says whether poses were not searched
+    for.
 
     Example:
         >>> places = named_places(["0", "30"], "degrees")
@@ -74,11 +67,7 @@ def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
 def given_doubts(
     knee: Knee, found: Mechanics, places: Sequence[str]
 ) -> tuple[np.ndarray, list[str]]:
-    """What is wrong with poses that were given, not searched for, each called as in `places`.
-
-    Returns:
-        `Status` values, `(poses,)`, and sentences as of `status_doubts`.
-    """
+    """`Status` of poses that were given, not searched for, `(poses,)`, and sentences on them."""
     status = with_flips(status_of(found, knee), found)
     named = named_places(places, "(row)")
     return status, [*status_doubts(status, pose_words(knee, found), *named, given=True)]

@@ -145,17 +145,12 @@ def _parameters_table(
 ) -> Table:
     """The table of parameters.csv: limits by curvature, profile and posterior."""
     names, profiles = found.selection.names, {one.name: one for one in found.profiles}
-    moments, ends, quality = (
-        ("posterior_mean", "posterior_sd"), ("posterior_low", "posterior_high"),
-        ("r_hat", "effective_sample_size"),
-    )  # fmt: skip
-    drawn: dict[Any, Any] = dict.fromkeys((*moments, *ends, *quality))
+    drawn = dict.fromkeys(("posterior_mean", "posterior_sd", "posterior_low", "posterior_high",
+                           "r_hat", "effective_sample_size"))  # fmt: skip
     if sampled is not None:
-        drawn = {
-            moments: np.stack([sampled.mean, sampled.sd], axis=1),
-            ends: sampled.quantiles((0.025, 0.975)),
-            quality: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
-        }
+        numbers = (sampled.mean, sampled.sd, *sampled.quantiles((0.025, 0.975)).T, sampled.r_hat,
+                   sampled.effective_sample_size)  # fmt: skip
+        drawn = dict(zip(drawn, numbers, strict=True))
     kinds = [one.kind.value for one in found.intervals] or [None] * len(names)
     return Table.of({
         "name": names, "value": found.values,

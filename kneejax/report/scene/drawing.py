@@ -55,14 +55,8 @@ class Drawing:
 
     def __init__(self, viser_scene: Any, clicked: Callable[[str], None] | None = None,
                  strain: float = 0.08, pressure: float = 8.0):  # fmt: skip
-        """An empty view with lights.
-
-        Args:
-            viser_scene: of a `viser.ViserServer`.
-            clicked: called with the name of a ligament's fibre that is clicked.
-            strain: at the end of the colours.
-            pressure: likewise, MPa.
-        """
+        """An empty view with lights, of a `viser.ViserServer`'s scene; `clicked` is called with the
+        name of a ligament's fibre."""
         self.words, self.strain, self.pressure = True, strain, pressure
         self._scene, self._clicked = viser_scene, clicked
         self._made: dict[str, tuple[Any, dict[str, Any]]] = {}
@@ -75,15 +69,8 @@ class Drawing:
         self, scene: Scene, loads: Mapping[str, float] | None = None, ghost: Scene | None = None,
         stale: bool = False, gone: Collection[str] = (),
     ) -> None:  # fmt: skip
-        """Draw a pose.
-
-        Args:
-            scene: of the pose.
-            loads: what acts, by name.
-            ghost: another pose, in thin blue lines.
-            stale: whether this is a pose that another setting had: everything is grey.
-            gone: fibres that are cut.
-        """
+        """Draw a pose under loads by name, its `ghost` in thin blue lines; all in grey where it is
+        `stale`, of another setting; fibres that are `gone` are cut."""
         self._shown, self._grey = set(), stale
         for bone, (turn, shift) in scene.places.items():
             w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
@@ -291,12 +278,7 @@ def look_at(server, scene: Scene) -> None:
 
 
 def scales(strain: float, pressure: float) -> str:
-    """The scales of colours as HTML.
-
-    Args:
-        strain: at the end of its scale.
-        pressure: likewise, MPa.
-    """
+    """The scales of colours of strain and pressure, MPa, to their ends, as HTML."""
     parts = []
     for title, shades, low, high in (
         ("Strain, %", rendering.strain_colours(), "0 (grey: slack)", 100 * strain),

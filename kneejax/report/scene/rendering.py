@@ -87,13 +87,8 @@ def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
 
 
 def pressure_bands(plateau: Plateau, limit: float, count: int) -> list[tuple[str, np.ndarray]]:
-    """Triangles of a plateau by the pressure on them: colour and faces of each band.
-
-    Args:
-        plateau: of a scene.
-        limit: pressure at the end of the colours, MPa.
-        count: of equal bands; one for what is not pressed comes before them.
-    """
+    """Colour and triangles of each of so many equal bands of pressure up to a limit, MPa; before
+    them one of what is not pressed."""
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit).ravel()[plateau.faces].mean(axis=1)
     level = np.where(pressure > 0.02 * limit, np.ceil(pressure / limit * count), 0.0)
     level = np.minimum(level, count).astype(int)
@@ -171,12 +166,7 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
 def render(
     scene: Scene, view: Camera, strain_limit: float, pressure_limit: float, height: int = 900
 ) -> np.ndarray:
-    """Draw a scene without words.
-
-    Raises:
-        MissingPackage: PyVista is not installed.
-        CannotRender: PyVista finds nothing to draw with.
-    """
+    """Draw a scene without words; raises `MissingPackage` without PyVista, and `CannotRender`."""
     pv = imported("pyvista", "PyVista", "view")  # it takes half a second and is optional
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
     with _quiet():
