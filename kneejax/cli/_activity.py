@@ -104,10 +104,9 @@ def run(arguments: options.Activity) -> int:
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
     if body is None:
-        record, rounds = files.read_activity(
-            arguments.model, arguments.files, knee=knee, document=document,
-            frames=arguments.frames, called=arguments.called, **known,
-        ), []  # fmt: skip
+        record, rounds = files.read_activity(arguments.model, arguments.files, knee=knee,
+                                             document=document, frames=arguments.frames,
+                                             called=arguments.called, **known), []  # fmt: skip
     else:
         with stages_on_terminal("OpenSim") as show:
             record, rounds = asked_of_opensim(arguments, body, knee, document, show)

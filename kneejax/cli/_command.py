@@ -106,10 +106,9 @@ class Command(pydantic.BaseModel):
         renamed: what a calculation calls an argument -> the field that gave it.
     """
 
-    model_config = pydantic.ConfigDict(
-        extra="forbid", defer_build=True, alias_generator=option_name, populate_by_name=True,
-        ser_json_inf_nan="strings",
-    )  # fmt: skip
+    model_config = pydantic.ConfigDict(extra="forbid", defer_build=True,
+                                       alias_generator=option_name, populate_by_name=True,
+                                       ser_json_inf_nan="strings")  # fmt: skip
     command: ClassVar[str]
     example: ClassVar[str]
     body: ClassVar[str]

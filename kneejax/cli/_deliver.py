@@ -27,10 +27,8 @@ def deliver(answer: Answer, arguments: Drawn, written: Sequence[str] = (),
     """
     settings = {"command": arguments.command, **arguments.options()}
     with stages_on_terminal("figures and report"):
-        write_answer(
-            answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
-            seconds=seconds,
-        )  # fmt: skip
+        write_answer(answer, arguments.out, svg=arguments.svg, settings=settings,
+                     versions=versions(), seconds=seconds)  # fmt: skip
     return say(answer, arguments.out, written)
 
 
@@ -65,10 +63,8 @@ def write_results(
     from kneejax.report.doubts import motion_words
 
     answer, motion = calibration_answer(result), result.fit.motion
-    write_answer(
-        answer, out, svg=svg, figures=figures, settings=result.settings, versions=result.versions,
-        seconds=result.seconds,
-    )  # fmt: skip
+    write_answer(answer, out, svg=svg, figures=figures, settings=result.settings,
+                 versions=result.versions, seconds=result.seconds)  # fmt: skip
     words = [Status(s) for s in motion.status]
     write_poses(out / "poses.csv", motion.table, status=words,
                 converged=[w.converged for w in words], stable=[w.sound for w in words],

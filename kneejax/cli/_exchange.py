@@ -17,11 +17,10 @@ from kneejax.studies import stages_on_terminal
 
 def import_model(arguments: options.ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
-    read = files.import_osim(
-        arguments.file, side=arguments.side, femur=arguments.femur, tibia=arguments.tibia,
-        without=arguments.without, inside=arguments.inside, patella=not arguments.without_patella,
-        at=arguments.at,
-    )  # fmt: skip
+    read = files.import_osim(arguments.file, side=arguments.side, femur=arguments.femur,
+                             tibia=arguments.tibia, without=arguments.without,
+                             inside=arguments.inside, patella=not arguments.without_patella,
+                             at=arguments.at)  # fmt: skip
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
@@ -50,9 +49,8 @@ def import_model(arguments: options.ImportOsim) -> int:
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
     said += [f"left out: {line}" for line in read.left_out]
     name, sections = document["name"], import_sections(read, findings)
-    answer = knee_import.osim_import_answer(
-        name, said, sections, document["ligaments"], read.doubts, missed=missed
-    )
+    answer = knee_import.osim_import_answer(name, said, sections, document["ligaments"],
+                                            read.doubts, missed=missed)
     return deliver(answer, arguments, ["knee.yaml", "import_report.md"])
 
 
@@ -102,11 +100,9 @@ def import_surfaces(arguments: options.ImportStl) -> int:
 
 def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dict[str, Any]:
     meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
-    pose = {
-        "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
-        "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
-        "source": "the pose of the meshes: both bones' frames coincide",
-    }  # fmt: skip
+    pose = {"flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
+            "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
+            "source": "the pose of the meshes: both bones' frames coincide"}  # fmt: skip
     return {"kneejax": 1, "name": arguments.out.name or "imported", "side": SIDES[arguments.side],
             "description": f"Contacts from {meshes}; no ligaments yet", "reference_pose": pose,
             "ligaments": {}, "contacts": found.contacts}  # fmt: skip
@@ -128,10 +124,9 @@ def import_ligament(arguments: options.ImportLigament) -> int:
     """Write a knee with a band where it had fibres, or nothing."""
     read, name = files.load_knee_file(arguments.knee), arguments.name or arguments.file.stem
     document = copy.deepcopy(read.document)
-    band = files.band_of_meshes(
-        arguments.file, arguments.femur_bone, arguments.tibia_bone, read.knee.reference_pose,
-        arguments.within, document.get("side", "right"),
-    )  # fmt: skip
+    band = files.band_of_meshes(arguments.file, arguments.femur_bone, arguments.tibia_bone,
+                                read.knee.reference_pose, arguments.within,
+                                document.get("side", "right"))  # fmt: skip
     strain = arguments.transition_strain
     if arguments.law == "blankevoort" and strain is None:
         strain = _TRANSITION_STRAIN
@@ -184,9 +179,8 @@ def export_model(arguments: options.ExportOsim) -> int:
     if arguments.coupled is not None:
         file = str(arguments.coupled)
         coupled = files.coupled_motion(files.read_poses(file, arguments.convention), file)
-    written = files.export_osim(
-        arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
-    )
+    written = files.export_osim(arguments.knee, arguments.model, replace=arguments.replace,
+                                coupled=coupled)
     files.write_bytes(arguments.out, written.data)
     for line in (*written.changes, *written.notes):
         print(line)

@@ -138,13 +138,11 @@ def version_text() -> str:
 
 
 def _app(name: str, usage: str, sentence: str, example: str, **more: Any) -> App:
-    return App(
-        name=name, usage="", help=f"{sentence}\n\nusage: {usage}",
-        help_epilogue=f"example:\n  {example}", help_format="plaintext",
-        version_flags=["--version"] if "version" in more else [], help_on_error=False,
-        group_commands=Heading("Commands"), group_parameters=Heading("Options", sort_key=50),
-        **more,
-    )  # fmt: skip
+    return App(name=name, usage="", help=f"{sentence}\n\nusage: {usage}",
+               help_epilogue=f"example:\n  {example}", help_format="plaintext",
+               version_flags=["--version"] if "version" in more else [], help_on_error=False,
+               group_commands=Heading("Commands"), group_parameters=Heading("Options", sort_key=50),
+               **more)  # fmt: skip
 
 
 def _usage(model: type[Command]) -> str:
@@ -200,13 +198,11 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
             from kneejax.files import bundled_files
 
             offered = tuple(bundled_files(mark.kind))
-        option = Parameter(
-            name=shown_name(field), help=_help(model, field), show_default=False,
-            metavar=re.sub(r",.*", "", form) or other, consume_multiple=many,
-            choices=offered if completing else None,
-            **({} if field.annotation == bool | None else {"negative": ()}),
-            **({} if heading is None else {"group": heading}),
-        )  # fmt: skip
+        option = Parameter(name=shown_name(field), help=_help(model, field), show_default=False,
+                           metavar=re.sub(r",.*", "", form) or other, consume_multiple=many,
+                           choices=offered if completing else None,
+                           **({} if field.annotation == bool | None else {"negative": ()}),
+                           **({} if heading is None else {"group": heading}))  # fmt: skip
         places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
         kind, hint = places[not marks(field, Place)], Annotated[hint | None, option]
         parameters.append(inspect.Parameter(name, kind, default=None, annotation=hint))

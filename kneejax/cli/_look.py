@@ -93,11 +93,9 @@ def view_knee(arguments: View) -> int:
     if knee.contacts:
         figure = report.pressure_figure(knee, state)
         written += report.save_figure(figure, out, "pressure", svg=arguments.svg)
-    status, pictures = 0, {
-        "scene.png": lambda: report.picture_png(report.scene_figure(scenes[0])),
-        "motion.png": lambda: report.picture_png(report.scenes_figure(scenes)),
-        "motion.gif": lambda: report.film(scenes),
-    }  # fmt: skip
+    status, pictures = 0, {"scene.png": lambda: report.picture_png(report.scene_figure(scenes[0])),
+                           "motion.png": lambda: report.picture_png(report.scenes_figure(scenes)),
+                           "motion.gif": lambda: report.film(scenes)}  # fmt: skip
     try:
         for name, draw in pictures.items():
             if name == "scene.png" or len(scenes) > 1:

@@ -25,10 +25,8 @@ from kneejax.studies import stages_on_terminal
 
 #: Sizes of a test. Farther than a limit a knee is dislocated.
 _SIZES = ("force_N", "moment_Nm", "displacement_mm", "rotation_deg")
-_FARTHEST = {
-    "displacement_mm": Range(0.0, LIMITS["anterior"], "mm"),
-    "rotation_deg": Range(0.0, LIMITS["internal_rotation"], "deg"),
-}
+_FARTHEST = {"displacement_mm": Range(0.0, LIMITS["anterior"], "mm"),
+             "rotation_deg": Range(0.0, LIMITS["internal_rotation"], "deg")}
 #: Of a leg that is raised by a motor: flexions at which it is also held.
 _FLEXION = {"patellar-tracking": "0:120:5", "extension": "0:90:30", "leg-raise": "0:90:5"}
 _PULL_N = {"patellar-tracking": 100.0, "extension": 1000.0}
@@ -111,10 +109,8 @@ def run_test(arguments: Simulate) -> int:
     for key, size in sizes.items():
         _check_within(f"--{option_name(key)}", key, size, _FARTHEST.get(key))
     if name != "load":
-        tests = experiments.lab_tests(
-            name, angles, **sizes, held=arguments.hold, both=arguments.both, steps=steps,
-            constant=given,
-        )  # fmt: skip
+        tests = experiments.lab_tests(name, angles, **sizes, held=arguments.hold,
+                                      both=arguments.both, steps=steps, constant=given)  # fmt: skip
     elif not given:
         raise InputProblem("simulate", "--load", "load", "the load that grows, as NAME=SIZE")
     else:  # what --load says grows, observed where its first part works
@@ -137,10 +133,9 @@ def run_test(arguments: Simulate) -> int:
         if name == "compression" and meniscectomy:
             beside = experiments.load_curves(whole, tests)
             before = whole, beside, experiments.mechanics_of(beside[0])
-    answer = laboratory_answer(
-        knee_words(arguments, knee), knee, curves, mechanics, second=others,
-        bands=files.bundled_bands(arguments.cut), convention=arguments.convention, intact=before,
-    )  # fmt: skip
+    answer = laboratory_answer(knee_words(arguments, knee), knee, curves, mechanics, second=others,
+                               bands=files.bundled_bands(arguments.cut),
+                               convention=arguments.convention, intact=before)  # fmt: skip
     return deliver(answer, arguments)
 
 
@@ -192,10 +187,8 @@ def run_in_time(arguments: Simulate) -> int:
         if column not in COLUMNS:
             raise InputProblem("--from", "name", column, COLUMNS)
     usual = {"anterior_mm": 3.0} if name == "settle" else {}
-    motion = {
-        "load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,
-        "flexion_is_free": name == "drop",
-    }  # fmt: skip
+    motion = {"load_s": load_s, "sizes": sizes, "led": led, "offset": arguments.offset or usual,
+              "flexion_is_free": name == "drop"}  # fmt: skip
     fit, recorded = None, arguments.recorded and _recorded(arguments.recorded, times[0])
     moving = _moving(arguments, asked_knee(arguments))
     most_mm = arguments.error_mm or experiments.MOST_ERROR_MM
@@ -204,19 +197,15 @@ def run_in_time(arguments: Simulate) -> int:
         what = f"{', '.join(first)} from {len(recorded.time_s)} times"
         with stages_on_terminal(moving.knee.name) as show:
             begin = experiments.beginning(moving, flexion, float(recorded.time_s[0]), **motion)
-            fit = fit_transient(
-                moving, begin.start, recorded, first, loads=begin.loads, held=begin.held,
-                most_mm=most_mm, progress=lambda done: show(what, done, done + 1),
-            )  # fmt: skip
+            fit = fit_transient(moving, begin.start, recorded, first, loads=begin.loads,
+                                held=begin.held, most_mm=most_mm,
+                                progress=lambda done: show(what, done, done + 1))  # fmt: skip
         moving = fit.moving
     with _shown(moving, times) as progress:
-        found = experiments.transient(
-            moving, flexion, times, **motion, most_mm=most_mm, progress=progress
-        )
-    answer = transient_answer(
-        knee_words(arguments, moving.knee), name, found, recorded=recorded, fit=fit,
-        convention=arguments.convention,
-    )  # fmt: skip
+        found = experiments.transient(moving, flexion, times, **motion, most_mm=most_mm,
+                                      progress=progress)
+    answer = transient_answer(knee_words(arguments, moving.knee), name, found, recorded=recorded,
+                              fit=fit, convention=arguments.convention)  # fmt: skip
     return deliver(answer, arguments)
 
 
@@ -288,9 +277,8 @@ def _moving(arguments: Simulate, knee: Knee) -> MovingKnee:
     pressed = arguments.dissipation_s_per_mm
     contacts = {name: pressed for name in knee.contact_names} if pressed else {}
     leg = experiments.leg_of_person(**arguments.person)
-    moving = MovingKnee.of(
-        knee, leg, gravity_m_s2=gravity, contact_dissipation=contacts
-    ).critically_damped(part)
+    moving = MovingKnee.of(knee, leg, gravity_m_s2=gravity,
+                           contact_dissipation=contacts).critically_damped(part)
     usual = 1.0 if arguments.experiment == "settle" else 0.0
     everywhere = arguments.damping_N_s_per_mm
     return moving.damped_everywhere(usual if everywhere is None else everywhere)
@@ -311,9 +299,7 @@ def run_raised_leg(arguments: Simulate) -> int:
     times = _times(arguments, None if lengths is None else lengths[0][-1])
     moving = _moving(arguments, asked_knee(arguments, patella=True))
     with _shown(moving, times) as progress:
-        found = experiments.raised_leg(
-            moving, flexion, times, lengths=lengths, progress=progress,
-            most_mm=arguments.error_mm or experiments.MOST_ERROR_MM,
-        )  # fmt: skip
+        found = experiments.raised_leg(moving, flexion, times, lengths=lengths, progress=progress,
+                                       most_mm=arguments.error_mm or experiments.MOST_ERROR_MM)
     knee = knee_words(arguments, moving.knee)
     return deliver(raised_leg_answer(knee, found, arguments.convention), arguments)

@@ -78,10 +78,8 @@ def objective_maps(arguments: options.Map) -> int:
     study, begun = _study(arguments.study)
     studies.check(study, question)
     about = studies.about_maps(study, question)
-    store = files.Checkpoints(
-        arguments.out, about, studies.fingerprint(study, question),
-        begin=lambda: arguments.results.begin(lambda _: False),
-    )  # fmt: skip
+    store = files.Checkpoints(arguments.out, about, studies.fingerprint(study, question),
+                              begin=lambda: arguments.results.begin(lambda _: False))  # fmt: skip
     with stages_on_terminal() as progress:
         maps = studies.sensitivity_map(study, question, progress=progress, store=store)
     if store.resumed:
@@ -219,10 +217,8 @@ def _write_knees(arguments: options.PlanAcl, result: planning.PlanResult) -> lis
         knee = planning.knee_of_outcome(plan.surgery, outcome)
         tension = " and ".join(f"{x:.4g}" for x in outcome.choices[0, 4 :: len(planning.CHOICES)])
         about = f"{plan.ligament} replaced by a {plan.graft.name} graft, {word} ({plan.title})"
-        source = (
-            f"{plan.graft.name} graft, {word}: {plan.title}; fixed under {tension} N at "
-            f"{plan.surgery.fixation_deg:g} degrees; {plan.graft.source}"
-        )
+        source = (f"{plan.graft.name} graft, {word}: {plan.title}; fixed under {tension} N at "
+                  f"{plan.surgery.fixation_deg:g} degrees; {plan.graft.source}")
         document = files.reconstructed(base, knee, one.torn, one.bundles, source)
         document["name"] = f"{plan.own.name} {word}"
         document["description"] = f"{document['description'].strip()}; {about}"

@@ -76,11 +76,9 @@ class Protocol:
     def tests(self) -> list[LabTest]:
         """The tests under load."""
         path = tuple(np.linspace(-1.0, 1.0, self.steps).round(9).tolist())
-        tests = [
-            *lab_tests("drawer", self.flexion_deg, force_N=self.force_N),
-            *lab_tests("torsion", self.flexion_deg, moment_Nm=self.torque_Nm),
-            *lab_tests("varus-valgus", self.flexion_deg, moment_Nm=self.varus_Nm),
-        ]
+        tests = [*lab_tests("drawer", self.flexion_deg, force_N=self.force_N),
+                 *lab_tests("torsion", self.flexion_deg, moment_Nm=self.torque_Nm),
+                 *lab_tests("varus-valgus", self.flexion_deg, moment_Nm=self.varus_Nm)]
         return [dataclasses.replace(test, path=path) for test in tests]
 
 

@@ -45,9 +45,8 @@ def activity_answer(
         # What is wrong at each instant, or known of another balance there.
         also = [
             "; ".join(filter(None, [lost, faults.second_balance(other, own) if two else ""]))
-            for lost, other, own, two in zip(
-                faults.search_words(one.motion), one.other, here, known, strict=True
-            )
+            for lost, other, own, two in zip(faults.search_words(one.motion), one.other, here,
+                                             known, strict=True)
         ]
         words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
         places = faults.named_places([f"{x:.4g}" for x in time], "s")
@@ -88,15 +87,14 @@ def activity_answer(
     spoken = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
     spoken = [f"{instants}.", *spoken, *record.notes]
     lost = any((x != Status.BALANCED).any() for x in status.values())
-    return Answer(
-        title=title, asked=f"What the recorded loads and muscles do to the knee at {instants}.",
-        verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
-        pose_tables.verdict_of(np.concatenate([*status.values()])),
-        sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
-        drawings=drawings, picture="places" if several else "activity", doubts=doubts,
-        sections=[*sections, Section("The record", spoken, printed=True)],
-        exit_status=int(bool(record.doubts) or lost or second),
-    )
+    return Answer(title=title,
+                  asked=f"What the recorded loads and muscles do to the knee at {instants}.",
+                  verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
+                  pose_tables.verdict_of(np.concatenate([*status.values()])),
+                  sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
+                  drawings=drawings, picture="places" if several else "activity", doubts=doubts,
+                  sections=[*sections, Section("The record", spoken, printed=True)],
+                  exit_status=int(bool(record.doubts) or lost or second))
 
 
 def _ranges(found: Mapping[str, Activity]) -> Table:
@@ -114,11 +112,9 @@ def _ranges(found: Mapping[str, Activity]) -> Table:
             rms = np.sqrt(np.nanmean(off**2)) if np.isfinite(off).any() else np.nan
             rows.append([name, label, np.nanmin(values), np.nanmax(values), rms])
     same = any(one.record.same_frames for one in found.values())
-    columns = [
-        Column("knee", words=True), Column("coordinate", " ", words=True),
-        Column("least", show=".2f"), Column("most", show=".2f"),
-        Column("rms", "rms from record" if same else "rms", ".2f"),
-    ]  # fmt: skip
+    columns = [Column("knee", words=True), Column("coordinate", " ", words=True),
+               Column("least", show=".2f"), Column("most", show=".2f"),
+               Column("rms", "rms from record" if same else "rms", ".2f")]  # fmt: skip
     return Table(columns, rows, note="Of the moment: rms of itself; nothing known to act holds it.")
 
 
@@ -128,10 +124,8 @@ def _sentence(found: Mapping[str, Activity]) -> str:
         return "The intact knee has no equilibrium at any instant."
     contact = pose_tables.contact_forces(first.mechanics).sum(axis=1)
     row = int(np.nanargmax(contact))
-    words = (
-        f"All contacts together carry up to {contact[row]:.0f} N, at "
-        f"{first.record.time_s[row]:.2f} s, in the intact knee."
-    )
+    words = (f"All contacts together carry up to {contact[row]:.0f} N, at "
+             f"{first.record.time_s[row]:.2f} s, in the intact knee.")
     intact = np.asarray(first.motion.to_table())
     for name, one in [*found.items()][1:3]:
         away = np.abs(np.asarray(one.motion.to_table()) - intact)[:, [_FORWARD, _TURN]]

@@ -248,10 +248,8 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             if len(worse):
                 low, high = number(worse.min()), number(worse.max())
                 among = low if low == high else f"{low} to {high}"
-                words.append(
-                    f"{len(worse)} at worse fits (objective {among}, the answer's is "
-                    f"{number(fit.objective)})"
-                )
+                words.append(f"{len(worse)} at worse fits (objective {among}, the answer's is "
+                             f"{number(fit.objective)})")
             words += [f"{int(lost.sum())} found no balance"] * bool(lost.any())
             where.append(f"Several starts ended: {'; '.join(words)}.")
         counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
@@ -270,11 +268,9 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
     if several:
         first, *others = (one.procedure for one in calibration.fits)
         words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
-        text.append(
-            f"Procedure {first}, the first of the study, is the answer and alone decides "
-            f"the exit status ({words}); {' and '.join(others)} "
-            f"{'are' if len(others) > 1 else 'is'} there to compare."
-        )
+        text.append(f"Procedure {first}, the first of the study, is the answer and alone decides "
+                    f"the exit status ({words}); {' and '.join(others)} "
+                    f"{'are' if len(others) > 1 else 'is'} there to compare.")
     names = ["procedure", "converged", "objective", "accepted steps", "simulated motions",
              "gradients", "poses"]  # fmt: skip
     table = Table([Column(n, words=n in ("procedure", "converged")) for n in names], rows)

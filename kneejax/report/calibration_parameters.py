@@ -189,10 +189,9 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     unknown = np.isnan(matrix).all(axis=1)
     colours = both_signs()
     # Black is the more legible on all but dark blue.
-    draw_matrix(
-        axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1), "{:.2f}".format,
-        lambda value: value < -0.8, names, names, numbers=n <= 16, size=7.5 if n <= 20 else 5.5,
-    )  # fmt: skip
+    draw_matrix(axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1),
+                "{:.2f}".format, lambda value: value < -0.8, names, names, numbers=n <= 16,
+                size=7.5 if n <= 20 else 5.5)  # fmt: skip
     for label in axes.get_xticklabels():
         label.set(rotation=45, ha="right", rotation_mode="anchor")
     for i in np.flatnonzero(unknown):

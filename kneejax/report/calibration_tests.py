@@ -81,13 +81,11 @@ def reading_table(calibration: Calibration) -> Table:
                   for name in NAMED_LOADS]  # fmt: skip
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
-            [
-                test.name, *["" if test.frames is None else test.frames.time_s[row]] * timed,
-                test.flexion_deg[row], *(size[row] for size in acting), name, unit_of(name),
-                test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
-                measured[row], before.compared[name][1][row], fitted[row],
-                Status(int(own.status[row])).word,
-            ]
+            [test.name, *["" if test.frames is None else test.frames.time_s[row]] * timed,
+             test.flexion_deg[row], *(size[row] for size in acting), name, unit_of(name),
+             test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
+             measured[row], before.compared[name][1][row], fitted[row],
+             Status(int(own.status[row])).word]
             for row in range(len(test.flexion_deg))
             for name, (measured, fitted) in own.compared.items()
             if np.isfinite(measured[row])

@@ -66,9 +66,8 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0, label="its mean")
     from_, to = np.where(np.isfinite(low), low, left), np.where(np.isfinite(high), high, right)
     good = np.array([one.good for one in summary.fitted], bool)
-    for some, colour, label in (
-        (told & ~good, GREY, "a poor fit"), (told & good, BLUE, "a knee, 95 % limits"),
-    ):  # fmt: skip
+    for some, colour, label in ((told & ~good, GREY, "a poor fit"),
+                                (told & good, BLUE, "a knee, 95 % limits")):  # fmt: skip
         axes.hlines(rows[some], from_[some], to[some], color=colour, lw=0.8)
         shown = label if some.any() else None
         axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=shown)

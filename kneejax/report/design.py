@@ -57,11 +57,9 @@ def candidates_figure(design: Design) -> Figure:
     every = max(1, -(-len(angles) // 20))
     heads = [f"{angle:g}" if j % every == 0 else "" for j, angle in enumerate(angles)]
     factor, form = (1.0, "{:.1f}") if design.criterion == "D" else (100.0, "{:.0f}")
-    filled = draw_matrix(
-        axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
-        lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
-        numbers=len(angles) <= _MOST_COLUMNS,
-    )  # fmt: skip
+    filled = draw_matrix(axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
+                         lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
+                         numbers=len(angles) <= _MOST_COLUMNS)  # fmt: skip
     handles = {}
     for place, status in zip(places, design.status, strict=True):
         if Status(status) in _HATCHES:
@@ -143,12 +141,11 @@ def candidates_table(design: Design) -> Table:
     """What each candidate would add, the table of candidates.csv."""
     tests = design.candidates
     place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
-    return Table.of({
-        "name": [one.name for one in tests], "flexion_deg": [one.flexion_deg for one in tests],
-        **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
-        "status": words_of(design.status), "gain": design.gains,
-        "chosen": [place.get(row) for row in range(len(tests))],
-    })  # fmt: skip
+    return Table.of({"name": [one.name for one in tests],
+                     "flexion_deg": [one.flexion_deg for one in tests],
+                     **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
+                     "status": words_of(design.status), "gain": design.gains,
+                     "chosen": [place.get(row) for row in range(len(tests))]})  # fmt: skip
 
 
 def next_tests_table(design: Design) -> Table:
@@ -196,11 +193,9 @@ def profit_table(design: Design) -> Table:
         before, after = design.standard_errors[step : step + 2]
         i = int(np.argmax(before / after))
         rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
-    columns = [
-        Column("step", " ", words=True), Column("test", "test to make next", words=True),
-        Column("parameter", "gains most", words=True), Column("before", "std. error before", "2"),
-        Column("after", show="2"),
-    ]  # fmt: skip
+    columns = [Column("step", " ", words=True), Column("test", "test to make next", words=True),
+               Column("parameter", "gains most", words=True),
+               Column("before", "std. error before", "2"), Column("after", show="2")]  # fmt: skip
     return Table(columns, rows)
 
 

@@ -85,9 +85,8 @@ def pose_doubts(
         return f"{len(rows)} of {len(status)} poses {word} (flexion {angles} deg)"
 
     accepted = (Status.BALANCED, *accepted)
-    found = status_doubts(
-        status, motion_words(motion), where, lambda i: f"At {flexion[i]:g} deg", accepted=accepted
-    )
+    found = status_doubts(status, motion_words(motion), where, lambda i: f"At {flexion[i]:g} deg",
+                          accepted=accepted)
     return [sentence.replace("\n  ", ". ") + "." for sentence in found]
 
 
@@ -208,10 +207,8 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     if not np.isfinite([far, share]).all():
         return " off the fitted surfaces"
     counts = "no doubt up to" if found.known[row, k] else "at most"
-    return (
-        f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
-        f"{float(f'{100 * share:.2g}'):g} % of its force"
-    )
+    return (f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
+            f"{float(f'{100 * share:.2g}'):g} % of its force")
 
 
 def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):

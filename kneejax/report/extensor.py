@@ -159,12 +159,10 @@ def extensor_answer(
     if experiment != "extension":
         drawings["shear"] = Drawing(shear_figure, found)
         sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
-    return Answer(
-        title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
-        sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
-        drawings=drawings, doubts=doubts,
-        sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)],
-    )
+    return Answer(title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
+                  sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
+                  drawings=drawings, doubts=doubts,
+                  sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)])
 
 
 def extensor_table(

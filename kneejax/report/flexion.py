@@ -67,11 +67,9 @@ def motion_figure(calibration: Calibration) -> Figure:
     # The answer was drawn last, on top, and is named first.
     legend = ["measured", "start", *reversed([label for label in motions if label != "start"])]
     handles = {label: lines[label] for label in legend} | marked
-    draw.part_legend(
-        words, handles, (0.0, 0.84), fontsize=8, ncols=1 if len(handles) <= 8 else 2,
-        handlelength=2.8, columnspacing=1.2, borderpad=0, labelspacing=0.5,
-        markerscale=1.2 if len(measured) <= draw.DENSE else 2.0,
-    )  # fmt: skip
+    draw.part_legend(words, handles, (0.0, 0.84), fontsize=8, ncols=1 if len(handles) <= 8 else 2,
+                     handlelength=2.8, columnspacing=1.2, borderpad=0, labelspacing=0.5,
+                     markerscale=1.2 if len(measured) <= draw.DENSE else 2.0)  # fmt: skip
     if calibration.fit.offsets:
         note = "Fitted motions are drawn with their frame offsets."
         words.text(0.0, 0.0, note, fontsize=7.5, transform=words.transAxes)
@@ -202,10 +200,9 @@ def flexion_answer(
         verdict=pose_tables.verdict_of(status),
         sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
         drawings={
-            "simulation": Drawing(
-                simulation_figure, flexion, pose_tables.in_convention(table, convention)[0], status,
-                forces, dict(zip(knee.contact_names, contact.T, strict=True)), convention,
-            )
+            "simulation": Drawing(simulation_figure, flexion,
+                                  pose_tables.in_convention(table, convention)[0], status, forces,
+                                  dict(zip(knee.contact_names, contact.T, strict=True)), convention)
         },
         doubts=[*faults.status_doubts(status, words, *places)], sections=sections,
     )  # fmt: skip
@@ -221,13 +218,11 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
                  "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
                  "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}
     # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
-    of_contacts = {
-        **pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
-        pose_tables.along("center_{}_mm"): found.center,
-        pose_tables.along("force_{}_N"): found.contact_force,
-        pose_tables.about("moment_{}_Nmm"): found.contact_moment,
-        "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
-    }  # fmt: skip
+    of_contacts = {**pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
+                   pose_tables.along("center_{}_mm"): found.center,
+                   pose_tables.along("force_{}_N"): found.contact_force,
+                   pose_tables.about("moment_{}_Nmm"): found.contact_moment,
+                   "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share}  # fmt: skip
     forces = pose_tables.bundle_forces(knee, found.tension)
     sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
     most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]

@@ -60,10 +60,8 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     )
     summed = sums_in_words(found.problem.knee, names)
     text = [fitted, *_agreement(found, sampled), *[summed] * bool(summed)]
-    sections = [
-        Section("Limits by profile", text, drawings=["profiles"], printed=True),
-        curvature.information_section(information), planned.design_section(design),
-    ]  # fmt: skip
+    sections = [Section("Limits by profile", text, drawings=["profiles"], printed=True),
+                curvature.information_section(information), planned.design_section(design)]
     points = [[one.name, value, rise, *others] for one in found.profiles
               for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
     profiles = Table.plain(("parameter", "value", "rise_of_chi2", *names), points)
@@ -79,10 +77,9 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     draws = None
     if sampled is not None:
         chains, count, size = sampled.draws.shape
-        tables["posterior"] = Table.of({
-            "chain": np.repeat(range(chains), count), "draw": [*range(count)] * chains,
-            sampled.names: sampled.draws.reshape(-1, size),
-        })  # fmt: skip
+        tables["posterior"] = Table.of({"chain": np.repeat(range(chains), count),
+                                        "draw": [*range(count)] * chains,
+                                        sampled.names: sampled.draws.reshape(-1, size)})
         drawings |= posterior.posterior_drawings(sampled)
         sections.insert(2, posterior.posterior_section(sampled))
         own = ("divergences", "evaluations", "seconds", "seed")

@@ -29,10 +29,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     motion, time, names = found.trajectory, found.time_s, list(COORDINATES)
     table, knee = motion.to_table(), motion.moving.knee
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    for axes, shown, label in (
-        (panels[0], names[3:], "Change of translation, mm"),
-        (panels[1], names[1:3], "Change of rotation, deg"),
-    ):
+    for axes, shown, label in ((panels[0], names[3:], "Change of translation, mm"),
+                               (panels[1], names[1:3], "Change of rotation, deg")):
         columns = [names.index(name) for name in shown]
         changes = {name.replace("_rotation", ""): table[:, k] - table[0, k]
                    for name, k in zip(shown, columns, strict=True)}  # fmt: skip
@@ -227,11 +225,9 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     energies = {f"{kind}_Nmm": np.asarray(getattr(found.account, kind))[motion.rows]
                 for kind in ("work", "kinetic", "potential", "dissipated", "missing")}  # fmt: skip
     return {
-        "motion": Table.of({
-            "time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
-            rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
-            "status": pose_tables.words_of(motion.status), **extra,
-        }),
+        "motion": Table.of({"time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
+                            rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
+                            "status": pose_tables.words_of(motion.status), **extra}),
         "forces": pose_tables.force_table(knee, found.mechanics, {"time_s": time_s},
                                           damping_N=damping),
         "energy": Table.of({"time_s": time_s, **energies}),
@@ -242,10 +238,9 @@ def _moved(found: Transient) -> Table:
     """Where each coordinate began, how far it went, and where it ended."""
     motion, table = found.trajectory, found.trajectory.to_table()
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    columns = [
-        Column("coordinate", " ", words=True), Column("start", show=".2f"),
-        Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"), Column("end", show=".2f"),
-    ]  # fmt: skip
+    columns = [Column("coordinate", " ", words=True), Column("start", show=".2f"),
+               Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"),
+               Column("end", show=".2f")]  # fmt: skip
     if rest is not None:
         columns += [Column("rest", "at rest", ".2f"), Column("overshoot", show=".2f")]
     rows = []
@@ -284,10 +279,8 @@ def _how_exact(found: Transient) -> Iterator[str]:
         values = np.asarray(getattr(account, kind))
         known = values[np.isfinite(values)]
         ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")
-    yield (
-        f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
-        "what changed hands"
-    )
+    yield (f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
+           "what changed hands")
 
 
 def _wrong(found: Transient) -> Iterator[str]:

@@ -287,11 +287,10 @@ def spectrum_figure(found: Information) -> Figure:
             title="Prior SD over standard error, for each combination of parameters")  # fmt: skip
     decades(top.yaxis, 6)
     top.grid(axis="x", visible=False)
-    weights = draw_matrix(
-        table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
-        lambda x: x < -0.8, names, [str(i + 1) for i in range(n)], numbers=n <= 16,
-        size=7.5 if n <= 20 else 5.5,
-    )  # fmt: skip
+    weights = draw_matrix(table, vectors, both_signs(), (-1, 1),
+                          lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "", lambda x: x < -0.8,
+                          names, [str(i + 1) for i in range(n)], numbers=n <= 16,
+                          size=7.5 if n <= 20 else 5.5)  # fmt: skip
     table.set_xlabel("Combination, from best determined to worst")
     scale = figure.colorbar(weights, cax=table.inset_axes((1 + 0.15 / tall, 0, 0.1 / tall, 1)))
     scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)

@@ -113,11 +113,9 @@ def comparison_answer(
         tests (paper 5, Tables 1 to 5 and supplement).
     """
     count = len(found.measured)
-    head = (
-        f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
-        f"{int(found.compared.sum())} of them compared; "
-        + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES)
-    )
+    head = (f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
+            f"{int(found.compared.sum())} of them compared; "
+            + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES))
     drawings = {}
     if curves is not None:
         drawings["joints"] = Drawing(joint_comparison_figure, found, curve_flexion_deg, curves,
@@ -303,9 +301,8 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
         "average_differences": {
             f"{one.first} - {one.second}": {
                 name: {"mean": mean, "standard_error": error}
-                for name, mean, error in zip(
-                    names, one.mean[-1], one.standard_error[-1], strict=True
-                )
+                for name, mean, error in zip(names, one.mean[-1], one.standard_error[-1],
+                                             strict=True)
             }
             for one in found.differences
         },

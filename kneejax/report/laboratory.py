@@ -87,10 +87,8 @@ def laxity_figure(
             one_way = band.end in ("positive", "negative")
             if one_way and band.load == test.driven_by and band.size == abs(test.size):
                 spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
-                points = axes.errorbar(
-                    band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
-                    elinewidth=0.8, capsize=2, zorder=1,
-                )  # fmt: skip
+                points = axes.errorbar(band.flexion_deg, band.mean, spread, fmt="s", color=GREY,
+                                       markersize=3, elinewidth=0.8, capsize=2, zorder=1)
                 counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
                 drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
         ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
@@ -186,15 +184,13 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     observed = COORDINATES[test.observed].phrase
     counted = ", from the intact knee" if curves.intact is not None else ""
     to, fro = max(test.path) > 0.0, min(test.path) < 0.0
-    columns = [
-        Column("flexion_deg", "flexion, deg", ".1f"),
-        Column("range", f"range, {ends}", ".2f", shown=to and fro),
-        Column("positive", f"under {load.positive}, {ends}", ".2f", shown=to),
-        Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
-        Column("neutral", f"neutral, {unit}", ".2f"),
-        Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
-        Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True),
-    ]
+    columns = [Column("flexion_deg", "flexion, deg", ".1f"),
+               Column("range", f"range, {ends}", ".2f", shown=to and fro),
+               Column("positive", f"under {load.positive}, {ends}", ".2f", shown=to),
+               Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
+               Column("neutral", f"neutral, {unit}", ".2f"),
+               Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
+               Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True)]
     cells = []
     for x in rows:
         moved = (x.range, x.positive, x.negative)
@@ -221,9 +217,8 @@ def _not_held(test, x: Laxity) -> Iterator[str]:
         return
     load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
     ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
-    for held, full, word in (
-        (x.held_negative, ends[0], load.negative), (x.held_positive, ends[1], load.positive),
-    ):
+    for held, full, word in ((x.held_negative, ends[0], load.negative),
+                             (x.held_positive, ends[1], load.positive)):
         if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
             part = f"{abs(held):.3g} of {abs(full):.3g} {load.unit}"
             yield f"beyond {part} of {word}: {x.status.word}"

@@ -309,10 +309,8 @@ def _doubt(one: ParameterMap, begun: str) -> str:
         return "no grid point has a result that counts"
     row, column = _best(one)
     if one.start_objective < one.objective[row, column]:
-        return (
-            f"the {begun} has a lower objective, {number(one.start_objective)}, than any grid "
-            "point; a finer grid shows its valley"
-        )
+        return (f"the {begun} has a lower objective, {number(one.start_objective)}, than any grid "
+                "point; a finer grid shows its valley")
     if row in (0, len(one.y) - 1) or column in (0, len(one.x) - 1):
         return "the lowest point lies on the edge of the map; a wider range may hold a lower one"
     condition = Condition(int(one.condition[row, column]))

@@ -51,10 +51,9 @@ def grid(
     if not constrained:
         wide = (width - left - right - (columns - 1) * apart[0]) / columns
         tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
-        figure.subplots_adjust(
-            left=left / width, right=1 - right / width, top=1 - top / height,
-            bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall,
-        )  # fmt: skip
+        figure.subplots_adjust(left=left / width, right=1 - right / width, top=1 - top / height,
+                               bottom=bottom / height, wspace=apart[0] / wide,
+                               hspace=apart[1] / tall)  # fmt: skip
     if title:
         figure.suptitle(verbatim(title), x=left / width, ha="left", fontsize=9.5)
     panels = figure.subplots(rows, columns, squeeze=False, **how)
@@ -201,10 +200,8 @@ def draw_matrix(
     letters = 6.8 if max(matrix.shape) < 12 else 5.2
     for (i, j), value in np.ndenumerate(matrix):
         if numbers and np.isfinite(value):
-            axes.text(
-                j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center", va="center",
-                fontsize=letters, color="white" if dark(value) else "black",
-            )  # fmt: skip
+            axes.text(j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center",
+                      va="center", fontsize=letters, color="white" if dark(value) else "black")
     high, wide = matrix.shape
     axes.set(xlim=(0, wide), ylim=(high, 0))
     axes.set_xticks(np.arange(wide) + 0.5, list(columns), fontsize=size)

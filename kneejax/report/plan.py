@@ -87,10 +87,8 @@ def plan_answer(result: PlanResult) -> Answer:
         places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
     sections += [
         Section("The tension", drawings=["tension"]),
-        Section(
-            "Eight places on the tibia", [places_words], [octagon, eight],
-            ["strains"] if first != "strains" else [],
-        ),
+        Section("Eight places on the tibia", [places_words], [octagon, eight],
+                ["strains"] if first != "strains" else []),
         Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
     facts = [("Knee", plan.own.name), ("Graft", graft)]
@@ -100,21 +98,18 @@ def plan_answer(result: PlanResult) -> Answer:
         facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
     facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
     bundles = len(surgery.plan.bundles)
-    asked = prose(
-        "plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
-        flexion=f"{surgery.fixation_deg:g}",
-        how="one bundle" if bundles == 1 else f"{bundles} bundles",
-        stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
-        tension=", ".join(f"{x:g}" for x in plan.base[4::5]),
-    )  # fmt: skip
+    asked = prose("plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
+                  flexion=f"{surgery.fixation_deg:g}",
+                  how="one bundle" if bundles == 1 else f"{bundles} bundles",
+                  stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
+                  tension=", ".join(f"{x:g}" for x in plan.base[4::5]))  # fmt: skip
     failed = plan_failed(result)
-    return Answer(
-        title=plan.title, asked=f"{asked} {prose('plan.note')}",
-        verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
-        Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
-        sentence=_sentence(result), tables=tables, main=[where, knees], drawings=drawings,
-        picture=first, doubts=doubts, facts=facts, sections=sections, exit_status=int(failed),
-    )  # fmt: skip
+    return Answer(title=plan.title, asked=f"{asked} {prose('plan.note')}",
+                  verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
+                  Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
+                  sentence=_sentence(result), tables=tables, main=[where, knees], drawings=drawings,
+                  picture=first, doubts=doubts, facts=facts, sections=sections,
+                  exit_status=int(failed))  # fmt: skip
 
 
 def _sentence(result: PlanResult) -> str:
@@ -230,12 +225,10 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                              "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
                              "compromise": front.criteria[front.compromise]}  # fmt: skip
     if optimum is not None:
-        document["optimum"] = {
-            "free": list(plan.free), "feasible": optimum.feasible, "missed": optimum.missed,
-            "evaluations": optimum.evaluations, "starts": optimum.starts,
-            "start_distances": optimum.start_totals, "followed": optimum.followed,
-            "ends": optimum.ends,
-        }  # fmt: skip
+        document["optimum"] = {"free": list(plan.free), "feasible": optimum.feasible,
+                               "missed": optimum.missed, "evaluations": optimum.evaluations,
+                               "starts": optimum.starts, "start_distances": optimum.start_totals,
+                               "followed": optimum.followed, "ends": optimum.ends}  # fmt: skip
     return json_safe(document)
 
 
@@ -310,10 +303,9 @@ def curves_table(result: PlanResult) -> Table:
         for name, followed, row in knees
         for k, ligament in enumerate(plan.knee.ligaments.names)
         if ligament not in absent.get(name, plan.torn)
-        for angle, strain, tension in zip(
-            surgery.protocol.extension_deg, followed.strain[row, motion, k],
-            followed.tension_N[row, motion, k], strict=True,
-        )
+        for angle, strain, tension in zip(surgery.protocol.extension_deg,
+                                          followed.strain[row, motion, k],
+                                          followed.tension_N[row, motion, k], strict=True)
     ]  # fmt: skip
     return Table.plain(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
 

@@ -206,10 +206,9 @@ def tension_figure(result: PlanResult) -> Figure:
     tension, limits = found.choices[:, 4], surgery.limits
     figure, ((*panels,),) = grid(1, 3, 2.45, left=0.53, bottom=0.47)
     intact = surgery.laxity(surgery.before)[0]
-    for angle, colour, laxity, whole in zip(
-        surgery.protocol.lachman_deg, (BLUE, VERMILLION, GREY, BLACK), found.laxity_mm.T, intact,
-        strict=False,
-    ):  # fmt: skip
+    for angle, colour, laxity, whole in zip(surgery.protocol.lachman_deg,
+                                            (BLUE, VERMILLION, GREY, BLACK), found.laxity_mm.T,
+                                            intact, strict=False):  # fmt: skip
         panels[0].plot(tension, laxity, color=colour, label=f"{angle:g} deg")
         panels[0].axhline(whole, color=colour, linewidth=0.8, linestyle="--")
     panels[0].set_ylim(0.0, 1.45 * max(panels[0].get_ylim()))

@@ -131,11 +131,10 @@ def pairs_figure(found: Posterior) -> Figure:
             value = found.correlation[row, column]
             axes.set(xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
-            axes.text(
-                0.5, 0.5, f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
-                ha="center", va="center", transform=axes.transAxes,
-                fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY,
-            )  # fmt: skip
+            axes.text(0.5, 0.5,
+                      f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
+                      ha="center", va="center", transform=axes.transAxes,
+                      fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY)
         axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
         if i == count - 1:
             axes.tick_params(axis="x", rotation=50, labelsize=5.5)
@@ -209,12 +208,10 @@ def posterior_section(found: Posterior) -> Section:
         Column("effective_sample_size", "eff.", ".0f"): found.effective_sample_size,
     })  # fmt: skip
     chains, draws, _ = found.draws.shape
-    sampled = (
-        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
-        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
-        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
-        f"({number(found.seconds['compile'], 3)} s until the first draws)."
-    )
+    sampled = (f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
+               f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
+               f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
+               f"({number(found.seconds['compile'], 3)} s until the first draws).")
     return Section("Posterior", [sampled], [table], [*posterior_drawings(found)], printed=True)
 
 

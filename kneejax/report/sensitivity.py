@@ -208,11 +208,9 @@ def swept_table(sweeps: Sweeps) -> Table:
             first = bad[bad < at].max(initial=-1) + 1
             last = bad[bad > at].min(initial=len(sound)) - 1
             sound_over = f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
-        faults = (
-            one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
-            one.unphysiological | (one.status == Status.DISLOCATED),
-            one.status == Status.UNSTABLE, ~converged(one.status),
-        )  # fmt: skip
+        faults = (one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
+                  one.unphysiological | (one.status == Status.DISLOCATED),
+                  one.status == Status.UNSTABLE, ~converged(one.status))  # fmt: skip
         rows.append([one.name, sound_over, *(int(poses.sum()) for poses in faults)])
     poses = sum(one.status.size for one in sweeps.sweeps)
     count = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}, {poses} poses"

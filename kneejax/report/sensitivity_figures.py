@@ -153,10 +153,8 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
             )
         marks |= draw.mark_status(axes, local.flexion_deg, local.status)
     drawn |= marks
-    draw.part_legend(
-        words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6,
-        labelspacing=0.5 if len(drawn) <= 10 else 0.22,
-    )  # fmt: skip
+    draw.part_legend(words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6,
+                     labelspacing=0.5 if len(drawn) <= 10 else 0.22)  # fmt: skip
     left_out = len(local.names) - len(shown)
     note = f"; {left_out} that move it less are not shown" if left_out else ""
     words.text(0.0, 0.02, f"Change of the pose by {_STEP[local.scale]}{note}", fontsize=7.5,

@@ -123,9 +123,8 @@ class Map(Part):
 class Optimum(Part):
     """The search for the best choices."""
 
-    free: Annotated[
-        tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
-    ] = meaning("what may change", tuple(FREE))
+    free: Annotated[tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"),
+                    reading.Distinct] = meaning("what may change", tuple(FREE))
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
@@ -238,9 +237,8 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     mistakes.check()
     graft, count = GRAFTS[plan.graft.type], plan.graft.bundles
     stiffness = plan.graft.stiffness_N or graft.stiffness_N
-    reconstruction = planning.reconstruction_of(
-        knee, plan.ligament, count, stiffness, graft.failure_N
-    )
+    reconstruction = planning.reconstruction_of(knee, plan.ligament, count, stiffness,
+                                                graft.failure_N)
     tibia, femur = (
         planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
                      mesh and files.bone_surface(mesh))

@@ -68,9 +68,8 @@ class Identify(Options):
     noise_deg: Annotated[float, _noise("noise_deg")] | None = meaning(
         "standard deviation of measured rotations; the study's otherwise", None
     )
-    prior: Annotated[
-        dict[str, tuple[float, float]], PlainValidator(reading.by_parameter(_normal))
-    ] = meaning(
+    prior: Annotated[dict[str, tuple[float, float]],
+                     PlainValidator(reading.by_parameter(_normal))] = meaning(
         "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
         "wildcard, for the posterior", dict,
     )  # fmt: skip
@@ -120,9 +119,8 @@ class Sensitivity(Options):
         'percent'
     """
 
-    sweep: Annotated[
-        dict[str, tuple[float, ...] | None], PlainValidator(reading.by_parameter(_line))
-    ] = meaning(
+    sweep: Annotated[dict[str, tuple[float, ...] | None],
+                     PlainValidator(reading.by_parameter(_line))] = meaning(
         "name or wildcard -> first and last value, and how many if not as many as usual; all of "
         "the study's parameters otherwise", dict,
     )  # fmt: skip
@@ -139,9 +137,8 @@ class Sensitivity(Options):
         "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
         None,
     )  # fmt: skip
-    range: Intervals = meaning(
-        "of a parameter, for global indices; as wide as its prior otherwise", dict
-    )
+    range: Intervals = meaning("of a parameter, for global indices; as wide as its prior otherwise",
+                               dict)
     seed: Seed = meaning("of the random numbers", 0)
 
     @model_validator(mode="after")

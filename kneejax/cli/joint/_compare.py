@@ -135,16 +135,13 @@ def run(arguments: JointCompare) -> int:
     settings = arguments.options() | {"sources": sources}
     settings["measured"] = [str(file) for file in arguments.measured]
     try:
-        compared = joints.compare_motions(
-            at, joints.clinical_measures(tables), found, calibrated_at_deg=tuple(at[known]),
-            anova=arguments.anova, alpha=arguments.alpha,
-        )  # fmt: skip
+        compared = joints.compare_motions(at, joints.clinical_measures(tables), found,
+                                          calibrated_at_deg=tuple(at[known]), anova=arguments.anova,
+                                          alpha=arguments.alpha)  # fmt: skip
     except joints.UnsuitableMotions as error:
         named = ", ".join(str(file) for file in arguments.measured)
         raise UnsuitableData(f"{named}: {error}") from error
-    answer = comparison_answer(
-        compared, curves, over, flexion, doubts=doubts, settings=settings
-    )
+    answer = comparison_answer(compared, curves, over, flexion, doubts=doubts, settings=settings)
     return deliver(answer, arguments)
 
 
@@ -163,10 +160,8 @@ def _measured(arguments: JointCompare) -> np.ndarray:
         apart = np.abs(table[:, 0] - first[:, 0])
         if apart.max() > arguments.spread:
             i = int(apart.argmax())
-            expected = (
-                f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
-                f"{arguments.measured[0]}"
-            )
+            expected = (f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
+                        f"{arguments.measured[0]}")
             raise files.InputProblem(file, "flexion_deg", f"{table[i, 0]:g}", expected)
     return np.array(tables)
 

@@ -293,11 +293,9 @@ def run(arguments: JointFit) -> int:
         fit, "measured" if knee is None else knee.name, table, flexion, status=status,
         hinge=axes.hinge_source, facets=axes.facets, regions=axes.regions, surface=axes.surface,
         doubts=(*doubts, *axes.doubts),
-        document={
-            "poses": poses, "knee": None if knee is None else knee.name,
-            "convention": convention, "side": side, "axes": whence,
-            "facets": axes.regions or None, "settings": arguments.options(),
-        },
+        document={"poses": poses, "knee": None if knee is None else knee.name,
+                  "convention": convention, "side": side, "axes": whence,
+                  "facets": axes.regions or None, "settings": arguments.options()},
     )  # fmt: skip
     return deliver(answer, arguments, written)
 
@@ -313,10 +311,8 @@ def export(arguments: JointExport) -> int:
     files.write_text(out / "joint.osim", found.model)
     files.write_poses(out / "coupled_coordinates.csv", np.asarray(table))
     turn, shift = found.error[:2].max(), found.error[2:].max()
-    print(
-        f"{file.name}: flexion {found.flexion_deg[0]:g} to {found.flexion_deg[-1]:g} degrees, "
-        f"{len(found.flexion_deg)} knots; splines within {turn:.1e} degrees and {shift:.1e} mm"
-    )
+    print(f"{file.name}: flexion {found.flexion_deg[0]:g} to {found.flexion_deg[-1]:g} degrees, "
+          f"{len(found.flexion_deg)} knots; splines within {turn:.1e} degrees and {shift:.1e} mm")
     print(f"written: {out}/custom_joint.xml, joint.osim, coupled_coordinates.csv, settings.json")
     if found.error.max() > _DOUBTFUL:
         print("doubtful: the joint turns its axis too sharply for a cubic spline of OpenSim")

@@ -151,10 +151,8 @@ def wrapped(text: str, first: str = "") -> list[str]:
         >>> wrapped("Every pose is balanced.", "note: ")
         ['note: Every pose is balanced.']
     """
-    return textwrap.wrap(
-        text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
-        break_on_hyphens=False,
-    )  # fmt: skip
+    return textwrap.wrap(text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
+                         break_on_hyphens=False)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)

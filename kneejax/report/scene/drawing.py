@@ -78,10 +78,8 @@ class Drawing:
         for i, bone in enumerate(scene.bones):
             self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces,
                           rendering.BONE, rendering.BONE_OPACITY[bone.bone])  # fmt: skip
-        for kind, sheets, colour, opacity in (
-            ("cartilage", scene.condyles, _CONDYLE, 0.6),
-            ("wrap", scene.obstacles, rendering.OBSTACLE, 0.13),
-        ):
+        for kind, sheets, colour, opacity in (("cartilage", scene.condyles, _CONDYLE, 0.6),
+                                              ("wrap", scene.obstacles, rendering.OBSTACLE, 0.13)):
             for i, sheet in enumerate(sheets):
                 faces = grid_triangles(*sheet.points_mm.shape[:2])
                 self._surface(scene, sheet.bone, f"{kind} {sheet.name or i + 1}", sheet.points_mm,

@@ -211,11 +211,9 @@ def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
         places = _apart([float(target[name][1]) for name in names], low, h, 2 * h / 22.0)
         for name, y in zip(names, places, strict=True):
             line = {"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1, "shrinkB": 0}
-            axes.annotate(
-                verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y), va="center",
-                ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE, annotation_clip=False,
-                arrowprops=line,
-            )  # fmt: skip
+            axes.annotate(verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y),
+                          va="center", ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE,
+                          annotation_clip=False, arrowprops=line)  # fmt: skip
 
 
 def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[float]:

@@ -260,10 +260,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
         bar.ax.axhline(level, color=BLACK, linewidth=0.6)
     bar.outline.set_visible(False)
     between = "    " if columns > 2 else "\n"
-    figure.suptitle(
-        f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
-        "+ centre of pressure, lines as on the scale", fontsize=9, x=0.01, ha="left",
-    )  # fmt: skip
+    figure.suptitle(f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
+                    "+ centre of pressure, lines as on the scale", fontsize=9, x=0.01, ha="left")
     return figure
 
 

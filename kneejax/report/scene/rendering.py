@@ -253,7 +253,6 @@ def _aim(pv, plotter, view: Camera) -> None:
     sides = ((0.8, view.towards), (0.55, view.up), (0.4, -view.up), (0.45, -view.right),
              (0.35, view.right))  # fmt: skip
     for share, place in sides:
-        plotter.add_light(pv.Light(
-            position=tuple(view.center_mm + 500.0 * place), focal_point=tuple(view.center_mm),
-            light_type="scene light", intensity=share,
-        ))  # fmt: skip
+        plotter.add_light(pv.Light(position=tuple(view.center_mm + 500.0 * place),
+                                   focal_point=tuple(view.center_mm), light_type="scene light",
+                                   intensity=share))  # fmt: skip
