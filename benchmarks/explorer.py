@@ -17,7 +17,7 @@ from _protocol import arguments, finish
 
 import kneejax as kj
 from kneejax.cli._explore import begin
-from kneejax.cli.options import Explore
+from kneejax.cli.options.knees import Explore
 
 #: Name of a number -> what its slider goes through.
 MOVES = {"flexion_deg": (5.0, 35.0), "anterior_N": (0.0, 100.0), "varus_Nm": (-5.0, 5.0)}

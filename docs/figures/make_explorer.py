@@ -9,7 +9,7 @@ from playwright.sync_api import sync_playwright
 
 import kneejax as kj
 from kneejax.cli._explore import begin
-from kneejax.cli.options import Explore
+from kneejax.cli.options.knees import Explore
 from kneejax.explorer import Setting
 
 SETTING = {"flexion_deg": 30.0, "anterior_N": 100.0}

@@ -1,7 +1,5 @@
 """The command line: read arguments, call, print."""
 
-from __future__ import annotations
-
 import time
 
 from kneejax.cli._streams import stopped_at_once

@@ -1,7 +1,5 @@
 """An activity that was recorded or computed, and rounds between the knee and OpenSim."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any
 
@@ -9,14 +7,15 @@ import numpy as np
 
 from kneejax import files
 from kneejax._whole_files import writing_place
-from kneejax.cli import options
 from kneejax.cli._deliver import deliver
+from kneejax.cli._words import SIDES
+from kneejax.cli.options import knees as options
 from kneejax.experiments import Activity, Round, activity, cycle_of, weights
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import Knee, LegRecord
 from kneejax.parameters import cut
 from kneejax.planning import intact_knee, operated_knees
-from kneejax.report import activity_answer
+from kneejax.report.activity import activity_answer
 from kneejax.studies import read_plan, stages_on_terminal
 
 
@@ -89,9 +88,7 @@ def run(arguments: options.Activity) -> int:
         arguments.model, arguments.motion, arguments.grf, actuators=arguments.actuators,
         time_s=arguments.time_s, **known,
     )  # fmt: skip
-    plan = None
-    if arguments.plan is not None:
-        plan = read_plan(arguments.plan, patella=arguments.patella)
+    plan = None if arguments.plan is None else read_plan(arguments.plan, patella=arguments.patella)
     if plan is None:
         read = files.load_knee_file(arguments.knee or _USUAL)
         document = read.document
@@ -100,17 +97,16 @@ def run(arguments: options.Activity) -> int:
             knee = whole.replace(arguments.values)
     else:
         knee, document = intact_knee(plan), plan.document
-    if document["side"] != {"r": "right", "l": "left"}[arguments.side]:
+    if document["side"] != SIDES[arguments.side]:
         expected = f"{document['side'][0]}, the side of the knee {knee.name}"
         raise files.InputProblem("--side", "side", arguments.side, expected)
     knees = {INTACT: knee}
     if arguments.cut:
         knees[f"without {', '.join(arguments.cut)}"] = cut(knee, arguments.cut)
     if body is None:
-        record, rounds = files.read_activity(
-            arguments.model, arguments.files, knee=knee, document=document,
-            frames=arguments.frames, called=arguments.called, **known,
-        ), []  # fmt: skip
+        record, rounds = files.read_activity(arguments.model, arguments.files, knee=knee,
+                                             document=document, frames=arguments.frames,
+                                             called=arguments.called, **known), []  # fmt: skip
     else:
         with stages_on_terminal("OpenSim") as show:
             record, rounds = asked_of_opensim(arguments, body, knee, document, show)

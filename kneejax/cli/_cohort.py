@@ -1,7 +1,5 @@
 """Cohorts: what a worker does with a block of knees, the whole calibrated, and one made up."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import io
@@ -18,12 +16,13 @@ from kneejax import cohorts, files
 from kneejax._whole_files import read_sealed, write_sealed
 from kneejax.cli._deliver import deliver, write_results
 from kneejax.cli._results_folder import DRAWS, KNEES, MARK, check_room, read_mark, replace_knee
-from kneejax.cli.options import Calibrate, CohortSynthesise
+from kneejax.cli.options.studies import Calibrate, CohortSynthesise
 from kneejax.files.reading import format_yaml
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Calibration
 from kneejax.numerics import MissingPackage, check_installed
 from kneejax.parameters import UnsuitableData
+from kneejax.report.cohort import cohort_answer
 from kneejax.studies import Study, bootstrapped, run_side_by_side, stages_on_terminal
 
 _PRIOR = """# What a cohort says of a knee of which nothing is measured: {}.
@@ -183,17 +182,17 @@ def run(arguments: Calibrate) -> int:
         return int(bool(failed))
     for name, mark in failed.items():
         print(f"{name}: {mark['failed']}")
-    known = {
-        name: mark
-        for task, marks in ended.items() if not task.draws for name, mark in (marks or {}).items()
-    }  # fmt: skip
-    arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
-    answers = cohorts.read_answers(cohort, failed | known, out / KNEES)
+    known: dict[str, Mark] = {}
     drawn: dict[str, list[np.ndarray]] = {}
     for task, marks in ended.items():
-        for name, mark in (marks or {}).items() if task.draws else ():
-            drawn.setdefault(name, []).extend([mark["values"]] * bool(mark["values"].size))
-    draws = {name: np.concatenate(parts) for name, parts in drawn.items() if parts}
+        for name, mark in (marks or {}).items():
+            if not task.draws:
+                known[name] = mark
+            elif mark["values"].size:
+                drawn.setdefault(name, []).append(mark["values"])
+    arguments.results.holds = [f"{KNEES}/{name}/{MARK}" for name in known]
+    answers = cohorts.read_answers(cohort, failed | known, out / KNEES)
+    draws = {name: np.concatenate(parts) for name, parts in drawn.items()}
     summary = cohorts.summed_up(cohort.title, answers, draws)
     written, missing = [], ""
     if summary.populations:
@@ -206,8 +205,6 @@ def run(arguments: Calibrate) -> int:
         written.append("cohort.nc")
     except MissingPackage as problem:
         missing = str(problem)
-    from kneejax.report.cohort import cohort_answer
-
     status = deliver(cohort_answer(summary, KNEES), arguments, [*written, f"{KNEES}/NAME/"])
     if missing:
         print(f"not written: {arguments.out}/cohort.nc: {missing}")

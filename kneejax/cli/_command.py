@@ -13,14 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    PrivateAttr,
-    ValidationError,
-    ValidatorFunctionWrapHandler,
-    model_validator,
-)
+import pydantic
 from pydantic.fields import FieldInfo
 
 from kneejax.cli._words import choices_of, expected_of, read_value
@@ -102,7 +95,7 @@ def option_name(field: str) -> str:
     return field.replace("_", "-")
 
 
-class Command(BaseModel):
+class Command(pydantic.BaseModel):
     """The options of a command, checked. A subclass states them as fields.
 
     Attributes:
@@ -113,10 +106,9 @@ class Command(BaseModel):
         renamed: what a calculation calls an argument -> the field that gave it.
     """
 
-    model_config = ConfigDict(
-        extra="forbid", defer_build=True, alias_generator=option_name, populate_by_name=True,
-        ser_json_inf_nan="strings",
-    )  # fmt: skip
+    model_config = pydantic.ConfigDict(extra="forbid", defer_build=True,
+                                       alias_generator=option_name, populate_by_name=True,
+                                       ser_json_inf_nan="strings")  # fmt: skip
     command: ClassVar[str]
     example: ClassVar[str]
     body: ClassVar[str]
@@ -127,12 +119,12 @@ class Command(BaseModel):
         """Check options, or fields, as words or as a file of settings holds them."""
         try:
             return cls.model_validate(dict(given))
-        except ValidationError as found:
+        except pydantic.ValidationError as found:
             raise found.errors()[0].get("ctx", {})["error"] from None  # as `_checked` raised it
 
-    @model_validator(mode="wrap")
+    @pydantic.model_validator(mode="wrap")
     @classmethod
-    def _checked(cls, given: Any, build: ValidatorFunctionWrapHandler) -> Any:
+    def _checked(cls, given: Any, build: pydantic.ValidatorFunctionWrapHandler) -> Any:
         """Read words where there are words, then check what goes together."""
         if not isinstance(given, Mapping):
             return build(given)
@@ -150,7 +142,7 @@ class Command(BaseModel):
         wrong = {problem.field for problem in problems}
         try:
             made = build(cls.usual(values))
-        except ValidationError as found:
+        except pydantic.ValidationError as found:
             problems += [x for x in cls._in_words(found) if x.field not in wrong]
         else:
             if not problems:
@@ -162,7 +154,7 @@ class Command(BaseModel):
         return made
 
     @classmethod
-    def _in_words(cls, found: ValidationError) -> Iterator[InputProblem]:
+    def _in_words(cls, found: pydantic.ValidationError) -> Iterator[InputProblem]:
         """What pydantic found, as file, field, value and what was expected."""
         known = {field.alias or name: field for name, field in cls.model_fields.items()}
         fields = known | cls.model_fields
@@ -257,7 +249,7 @@ class Written(Command):
     """
 
     folder: ClassVar[str]
-    _results: Any = PrivateAttr(None)
+    _results: Any = pydantic.PrivateAttr(None)
     out: Annotated[Path, Group("Results")] = meaning("folder for the results", Path())
     verbose: Annotated[bool, Group("Results")] = meaning(
         "say what was compiled, and how long it took", False

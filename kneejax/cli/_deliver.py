@@ -1,21 +1,18 @@
 """An answer becomes files, a page and what is printed: the same for every command."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from kneejax._whole_files import written_place
 from kneejax.cli._command import Drawn
 from kneejax.files import InputProblem, write_calibrated_knee, write_poses, write_rows, write_text
 from kneejax.geometry import PATELLA
+from kneejax.inference import Calibration, versions
+from kneejax.report.look.page import Answer, write_page
+from kneejax.report.look.tables import wrapped
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
-
-if TYPE_CHECKING:
-    from kneejax.inference import Calibration
-    from kneejax.report.look import Answer
 
 #: Files of every calibration.
 FILES = ("result.json", "parameters.csv", "poses.csv", "report.html", "knee.yaml")
@@ -28,21 +25,15 @@ def deliver(answer: Answer, arguments: Drawn, written: Sequence[str] = (),
 
     `written` are names of files that the command has written itself; `seconds` gets `figures`.
     """
-    from kneejax.inference import versions
-
     settings = {"command": arguments.command, **arguments.options()}
     with stages_on_terminal("figures and report"):
-        write_answer(
-            answer, arguments.out, svg=arguments.svg, settings=settings, versions=versions(),
-            seconds=seconds,
-        )  # fmt: skip
+        write_answer(answer, arguments.out, svg=arguments.svg, settings=settings,
+                     versions=versions(), seconds=seconds)  # fmt: skip
     return say(answer, arguments.out, written)
 
 
 def write_answer(answer: Answer, out: Path, **page: Any) -> None:
     """Write tables, figures, result.json and report.html, with options of `write_page`."""
-    from kneejax.report.look import write_page
-
     for name, table in answer.tables.items():
         write_rows(out / f"{name}.csv", table.names, table.rows)
     write_page(answer, out, **page)
@@ -52,8 +43,6 @@ def write_answer(answer: Answer, out: Path, **page: Any) -> None:
 
 def say(answer: Answer, out: Path, written: Sequence[str] = ()) -> int:
     """Print what was found and where it stands; the exit status comes back."""
-    from kneejax.report.look import wrapped
-
     print(answer.terminal())
     files = ["report.html", *(f"{name}.csv" for name in answer.tables), *written]
     files += ["result.json"] * (answer.document is not None) + ["settings.json"]
@@ -70,13 +59,12 @@ def write_results(
 
     Gives the answer, and why there is no calibrated knee, where the search ended at none.
     """
-    from kneejax.report import calibration_answer, motion_words
+    from kneejax.report.calibration import calibration_answer
+    from kneejax.report.doubts import motion_words
 
     answer, motion = calibration_answer(result), result.fit.motion
-    write_answer(
-        answer, out, svg=svg, figures=figures, settings=result.settings, versions=result.versions,
-        seconds=result.seconds,
-    )  # fmt: skip
+    write_answer(answer, out, svg=svg, figures=figures, settings=result.settings,
+                 versions=result.versions, seconds=result.seconds)  # fmt: skip
     words = [Status(s) for s in motion.status]
     write_poses(out / "poses.csv", motion.table, status=words,
                 converged=[w.converged for w in words], stable=[w.sound for w in words],

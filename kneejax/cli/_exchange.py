@@ -1,7 +1,5 @@
 """Knees from OpenSim models and from meshes, and their numbers written into a model."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Sequence
 from typing import Any
@@ -9,31 +7,20 @@ from typing import Any
 from kneejax import files
 from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
-from kneejax.cli.options import (
-    ExportOsim,
-    ImportLigament,
-    ImportMeniscus,
-    ImportOsim,
-    ImportStl,
-)
+from kneejax.cli._words import SIDES
+from kneejax.cli.options import knees as options
 from kneejax.files.opensim import import_sections
-from kneejax.report import (
-    band_import_answer,
-    meniscus_import_answer,
-    mesh_import_answer,
-    osim_import_answer,
-)
+from kneejax.report import knee_import
 from kneejax.report.look import Table
 from kneejax.studies import stages_on_terminal
 
 
-def import_model(arguments: ImportOsim) -> int:
+def import_model(arguments: options.ImportOsim) -> int:
     """Write a knee from an OpenSim model, and what of it was read and left out."""
-    read = files.import_osim(
-        arguments.file, side=arguments.side, femur=arguments.femur, tibia=arguments.tibia,
-        without=arguments.without, inside=arguments.inside, patella=not arguments.without_patella,
-        at=arguments.at,
-    )  # fmt: skip
+    read = files.import_osim(arguments.file, side=arguments.side, femur=arguments.femur,
+                             tibia=arguments.tibia, without=arguments.without,
+                             inside=arguments.inside, patella=not arguments.without_patella,
+                             at=arguments.at)  # fmt: skip
     findings, missed = (), False
     document, file = read.document, arguments.out / "knee.yaml"
     if arguments.geometry is None:
@@ -62,23 +49,21 @@ def import_model(arguments: ImportOsim) -> int:
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")
     said += [f"left out: {line}" for line in read.left_out]
     name, sections = document["name"], import_sections(read, findings)
-    answer = osim_import_answer(
-        name, said, sections, document["ligaments"], read.doubts, missed=missed
-    )
+    answer = knee_import.osim_import_answer(name, said, sections, document["ligaments"],
+                                            read.doubts, missed=missed)
     return deliver(answer, arguments, ["knee.yaml", "import_report.md"])
 
 
-_SIDES = {"r": "right", "l": "left"}
 #: Of a band: strain at which the toe region of Blankevoort's law ends, and the rounding at slack.
 _TRANSITION_STRAIN, _TRANSITION_WIDTH = 0.06, 0.001
 
-def import_surfaces(arguments: ImportStl) -> int:
+def import_surfaces(arguments: options.ImportStl) -> int:
     """Fit contacts to meshes, write the knee and how well its surfaces fit."""
     knee, pose = None, None
     if arguments.knee is not None:
         knee = files.load_knee_file(arguments.knee)
         pose = knee.knee.reference_pose
-        if knee.document["side"] != _SIDES[arguments.side]:
+        if knee.document["side"] != SIDES[arguments.side]:
             expected = f"{knee.document['side'][0]}, the side of {knee.path}"
             raise files.InputProblem("--side", "side", arguments.side, expected)
     with stages_on_terminal("surfaces and layers"):
@@ -97,33 +82,28 @@ def import_surfaces(arguments: ImportStl) -> int:
                 reference_pose=pose,
             ),
         )  # fmt: skip
-    document = _contacts_only(arguments, found) if knee is None else _replaced(knee, found)
+    if knee is None:
+        document = _contacts_only(arguments, found)
+    else:
+        document = copy.deepcopy(knee.document) | {"contacts": found.contacts}
     if found.patellofemoral is not None and "muscles" in document.get("patella", {}):
         document["patella"]["contacts"] = {"patellofemoral": found.patellofemoral}
     elif found.patellofemoral is not None:
         # Without ligaments and muscles there is no patella yet: its surface waits for them.
         document["surfaces"] = {"patella": found.patellofemoral["patellar_surface"]}
     files.write_knee(document, arguments.out / "knee.yaml")
-    answer = mesh_import_answer(found.fits, found.findings, found.doubtful)
+    answer = knee_import.mesh_import_answer(found.fits, found.findings, found.doubtful)
     report = _report(found.findings, answer.tables["fit_report"])
     files.write_text(arguments.out / "fit_report.md", report)
     return deliver(answer, arguments, ["knee.yaml", "fit_report.md"])
 
 
-def _replaced(knee, found: files.MeshImport) -> dict[str, Any]:
-    document = copy.deepcopy(knee.document)
-    document["contacts"] = found.contacts
-    return document
-
-
-def _contacts_only(arguments: ImportStl, found: files.MeshImport) -> dict[str, Any]:
+def _contacts_only(arguments: options.ImportStl, found: files.MeshImport) -> dict[str, Any]:
     meshes = f"{arguments.femur_cartilage.name} and {arguments.tibia_cartilage.name}"
-    pose = {
-        "flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
-        "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
-        "source": "the pose of the meshes: both bones' frames coincide",
-    }  # fmt: skip
-    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": _SIDES[arguments.side],
+    pose = {"flexion_deg": 0.0, "adduction_deg": 0.0, "internal_rotation_deg": 0.0,
+            "anterior_mm": 0.0, "superior_mm": 0.0, "lateral_mm": 0.0,
+            "source": "the pose of the meshes: both bones' frames coincide"}  # fmt: skip
+    return {"kneejax": 1, "name": arguments.out.name or "imported", "side": SIDES[arguments.side],
             "description": f"Contacts from {meshes}; no ligaments yet", "reference_pose": pose,
             "ligaments": {}, "contacts": found.contacts}  # fmt: skip
 
@@ -140,14 +120,13 @@ def _report(findings: Sequence[str], fits: Table) -> str:
     return "\n".join([*lines, "", fits.note, ""])
 
 
-def import_ligament(arguments: ImportLigament) -> int:
+def import_ligament(arguments: options.ImportLigament) -> int:
     """Write a knee with a band where it had fibres, or nothing."""
     read, name = files.load_knee_file(arguments.knee), arguments.name or arguments.file.stem
     document = copy.deepcopy(read.document)
-    band = files.band_of_meshes(
-        arguments.file, arguments.femur_bone, arguments.tibia_bone, read.knee.reference_pose,
-        arguments.within, document.get("side", "right"),
-    )  # fmt: skip
+    band = files.band_of_meshes(arguments.file, arguments.femur_bone, arguments.tibia_bone,
+                                read.knee.reference_pose, arguments.within,
+                                document.get("side", "right"))  # fmt: skip
     strain = arguments.transition_strain
     if arguments.law == "blankevoort" and strain is None:
         strain = _TRANSITION_STRAIN
@@ -166,11 +145,12 @@ def import_ligament(arguments: ImportLigament) -> int:
         document["groups"] = groups
     document["bands"] = document.get("bands", {}) | {name: entry}
     files.write_knee(document, arguments.out / "knee.yaml")
-    answer = band_import_answer(name, band, arguments.modulus, arguments.fibres, sorted(replaced))
+    about = arguments.modulus, arguments.fibres, sorted(replaced)
+    answer = knee_import.band_import_answer(name, band, *about)
     return deliver(answer, arguments, ["knee.yaml"])
 
 
-def import_meniscus(arguments: ImportMeniscus) -> int:
+def import_meniscus(arguments: options.ImportMeniscus) -> int:
     """Write a knee with a meniscus made of a mesh, in place of one of that name."""
     read = files.load_knee_file(arguments.knee)
     document = copy.deepcopy(read.document)
@@ -188,26 +168,22 @@ def import_meniscus(arguments: ImportMeniscus) -> int:
     replaced = found.name in document["contacts"]
     document["contacts"][found.name] = found.contact
     files.write_knee(document, arguments.out / "knee.yaml")
-    return deliver(meniscus_import_answer(found, replaced), arguments, ["knee.yaml"])
+    return deliver(knee_import.meniscus_import_answer(found, replaced), arguments, ["knee.yaml"])
 
 
-def export_model(arguments: ExportOsim) -> int:
+def export_model(arguments: options.ExportOsim) -> int:
     """Write a knee's numbers into the OpenSim model that it came from."""
-    same = arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve()
-    if same:
+    if arguments.out.exists() and arguments.out.resolve() == arguments.model.resolve():
         raise files.InputProblem("--out", "file", str(arguments.out), "another file than the model")
     coupled = None
     if arguments.coupled is not None:
         file = str(arguments.coupled)
         coupled = files.coupled_motion(files.read_poses(file, arguments.convention), file)
-    written = files.export_osim(
-        arguments.knee, arguments.model, replace=arguments.replace, coupled=coupled
-    )
+    written = files.export_osim(arguments.knee, arguments.model, replace=arguments.replace,
+                                coupled=coupled)
     files.write_bytes(arguments.out, written.data)
-    for change in written.changes:
-        print(change)
-    for note in written.notes:
-        print(note)
+    for line in (*written.changes, *written.notes):
+        print(line)
     count = files.counted(len(written.changes), "change") if written.changes else "no changes"
     print(f"written: {arguments.out}, {count}")
     return DONE

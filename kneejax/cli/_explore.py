@@ -1,7 +1,5 @@
 """The explorer: a knee to move in the browser, until Ctrl-C."""
 
-from __future__ import annotations
-
 import json
 import time
 import webbrowser
@@ -12,7 +10,7 @@ import numpy as np
 import yaml
 
 from kneejax import files, report
-from kneejax.cli.options import Explore
+from kneejax.cli.options.knees import Explore
 from kneejax.explorer import Page, Setting, Subject, serve
 from kneejax.geometry import FEMUR, FREE_COORDINATES, PATELLA, TIBIA
 from kneejax.mechanics import Knee

@@ -1,14 +1,12 @@
 """`kneejax knees` lists and copies what is bundled; `kneejax init` writes a file to begin with."""
 
-from __future__ import annotations
-
 import shutil
 import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 
 from kneejax import files
-from kneejax.cli.options import Init, Knees
+from kneejax.cli.options.knees import Init, Knees
 
 #: What to do with the new file.
 _NEXT = {"study": "kneejax calibrate {}", "knee": "kneejax describe {}",

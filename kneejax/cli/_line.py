@@ -1,7 +1,5 @@
 """The command line of the models: read, explained and completed by cyclopts."""
 
-from __future__ import annotations
-
 import inspect
 import platform
 import re
@@ -14,18 +12,8 @@ from cyclopts import Group as Heading
 from pydantic.fields import FieldInfo
 
 from kneejax import __version__
-from kneejax.cli._command import (
-    Bundled,
-    Command,
-    Form,
-    Group,
-    Place,
-    Several,
-    Written,
-    is_given,
-    marks,
-    shown_name,
-)
+from kneejax.cli import _command
+from kneejax.cli._command import Command, Group, Place, Written, is_given, marks, shown_name
 from kneejax.cli._words import Split, choices_of, plain_type
 from kneejax.files import InputProblem
 from kneejax.quantities import nearest_name
@@ -150,13 +138,11 @@ def version_text() -> str:
 
 
 def _app(name: str, usage: str, sentence: str, example: str, **more: Any) -> App:
-    return App(
-        name=name, usage="", help=f"{sentence}\n\nusage: {usage}",
-        help_epilogue=f"example:\n  {example}", help_format="plaintext",
-        version_flags=["--version"] if "version" in more else [], help_on_error=False,
-        group_commands=Heading("Commands"), group_parameters=Heading("Options", sort_key=50),
-        **more,
-    )  # fmt: skip
+    return App(name=name, usage="", help=f"{sentence}\n\nusage: {usage}",
+               help_epilogue=f"example:\n  {example}", help_format="plaintext",
+               version_flags=["--version"] if "version" in more else [], help_on_error=False,
+               group_commands=Heading("Commands"), group_parameters=Heading("Options", sort_key=50),
+               **more)  # fmt: skip
 
 
 def _usage(model: type[Command]) -> str:
@@ -203,22 +189,20 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
             heading = headings.setdefault(one.title, Heading(one.title, sort_key=order))
         hint, many = _hint(field, completing)
         # What stands for a value in help: its form, or its type.
-        form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
+        form = next((x.form for x in field.metadata if isinstance(x, _command.Form | Split)), "")
         known = {float: "NUMBER", int: "N", Path: "FILE"}.get(plain_type(field.annotation))
         other = "NxM" if marks(field, Split) else known or (field.alias or "").upper()
         # What a shell offers: choices, or names of the package's data.
         offered = choices_of(field.annotation) or None
-        for mark in marks(field, Bundled) if completing and not offered else ():
+        for mark in marks(field, _command.Bundled) if completing and not offered else ():
             from kneejax.files import bundled_files
 
             offered = tuple(bundled_files(mark.kind))
-        option = Parameter(
-            name=shown_name(field), help=_help(model, field), show_default=False,
-            metavar=re.sub(r",.*", "", form) or other, consume_multiple=many,
-            choices=offered if completing else None,
-            **({} if field.annotation == bool | None else {"negative": ()}),
-            **({} if heading is None else {"group": heading}),
-        )  # fmt: skip
+        option = Parameter(name=shown_name(field), help=_help(model, field), show_default=False,
+                           metavar=re.sub(r",.*", "", form) or other, consume_multiple=many,
+                           choices=offered if completing else None,
+                           **({} if field.annotation == bool | None else {"negative": ()}),
+                           **({} if heading is None else {"group": heading}))  # fmt: skip
         places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
         kind, hint = places[not marks(field, Place)], Annotated[hint | None, option]
         parameters.append(inspect.Parameter(name, kind, default=None, annotation=hint))
@@ -233,7 +217,8 @@ def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
     """How many words an option takes, as a type; and whether one mention takes several."""
     kind = plain_type(field.annotation)
     origin, inner = get_origin(kind), get_args(kind)
-    is_path = kind is Path or (inner and plain_type(inner[0]) is Path) or marks(field, Bundled)
+    is_path = kind is Path or (inner and plain_type(inner[0]) is Path)
+    is_path = is_path or marks(field, _command.Bundled)
     word = Path if completing and is_path else str
     if kind is bool:
         return bool, False
@@ -243,7 +228,7 @@ def _hint(field: FieldInfo, completing: bool) -> tuple[Any, Any]:
         return tuple[tuple([str] * len(inner))], False  # pyright: ignore[reportReturnType]
     if origin is list and get_origin(inner[0]) is tuple:
         return list[_hint(FieldInfo(annotation=inner[0]), False)[0]], False
-    return list[word], (1, None) if marks(field, Several) else False
+    return list[word], (1, None) if marks(field, _command.Several) else False
 
 
 def _help(model: type[Command], field: FieldInfo) -> str:

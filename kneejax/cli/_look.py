@@ -1,7 +1,5 @@
 """Look at a knee: its numbers, what poses do to it, and how it stands in space."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,14 +10,16 @@ import numpy as np
 
 from kneejax import files, report
 from kneejax.cli._deliver import deliver
-from kneejax.cli.options import Describe, Evaluate, View
+from kneejax.cli.options.knees import Describe, Evaluate, View
 from kneejax.experiments import evaluate
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.numerics import check_installed
 from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
-from kneejax.report import evaluation_answer, knee_text
+from kneejax.report.doubts import given_doubts
+from kneejax.report.flexion import evaluation_answer
+from kneejax.report.knee_text import knee_text
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 
@@ -93,11 +93,9 @@ def view_knee(arguments: View) -> int:
     if knee.contacts:
         figure = report.pressure_figure(knee, state)
         written += report.save_figure(figure, out, "pressure", svg=arguments.svg)
-    status, pictures = 0, {
-        "scene.png": lambda: report.picture_png(report.scene_figure(scenes[0])),
-        "motion.png": lambda: report.picture_png(report.scenes_figure(scenes)),
-        "motion.gif": lambda: report.film(scenes),
-    }  # fmt: skip
+    status, pictures = 0, {"scene.png": lambda: report.picture_png(report.scene_figure(scenes[0])),
+                           "motion.png": lambda: report.picture_png(report.scenes_figure(scenes)),
+                           "motion.gif": lambda: report.film(scenes)}  # fmt: skip
     try:
         for name, draw in pictures.items():
             if name == "scene.png" or len(scenes) > 1:
@@ -107,7 +105,7 @@ def view_knee(arguments: View) -> int:
         status = 1
     names, poses = ", ".join(path.name for path in written), files.counted(count, "pose")
     print(f"{poses} of {knee.name}; written to {out}: {names}, settings.json")
-    found, doubts = report.given_doubts(knee, evaluate(knee, state), list(map(str, range(count))))
+    found, doubts = given_doubts(knee, evaluate(knee, state), list(map(str, range(count))))
     for doubt in doubts:
         print(doubt)
     return max(status, int((found != Status.BALANCED).any()))

@@ -1,7 +1,5 @@
 """Running a command, also again: float64, the compilation cache, and errors in a line each."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import os
@@ -13,14 +11,16 @@ from pathlib import Path
 
 from kneejax.cli import options
 from kneejax.cli._command import Command, Written
-from kneejax.cli._inputs import check_inputs
 from kneejax.cli._line import CommandLine
+from kneejax.cli._settings import VERSIONS, asked_for, check_inputs
 from kneejax.cli._streams import STOPPED, Printed, open_standard_streams, stopped_at_once
+from kneejax.cli.options.knees import ExportOsim, Init, Knees
+from kneejax.cli.options.studies import Completion, Rerun
 from kneejax.files import InputProblem
 
 DONE, DOUBTFUL, BAD_INPUT = 0, 1, 2
 #: Commands that compute nothing themselves. All others begin with JAX: seconds of imports.
-_WITHOUT_JAX = (options.Knees, options.Init, options.Completion, options.Rerun)
+_WITHOUT_JAX = (Knees, Init, Completion, Rerun)
 #: Variables that say on what JAX computes.
 _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 
@@ -69,7 +69,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         if (out := getattr(asked, "out", None)) is not None:
             from kneejax.cli._results_folder import try_out
 
-            try_out(out, folder=not isinstance(asked, options.ExportOsim | options.Init))
+            try_out(out, folder=not isinstance(asked, ExportOsim | Init))
         check_inputs(asked, Path())
         computes = not isinstance(asked, _WITHOUT_JAX)
         # Importing JAX takes seconds, for which a terminal would show nothing.
@@ -87,7 +87,6 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         if not isinstance(asked, Written):
             return asked.run()
         from kneejax.cli._results_folder import ResultsFolder
-        from kneejax.cli._settings import VERSIONS, asked_for
         from kneejax.inference import versions
         from kneejax.numerics import counted_programs
         from kneejax.parameters import MEANING
@@ -104,7 +103,7 @@ def carry_out(asked: Command, begun: float | None = None) -> int:
         return status
 
 
-def rerun(asked: options.Rerun) -> int:
+def rerun(asked: Rerun) -> int:
     """Print which versions differ, and run the command as its settings say."""
     from kneejax.cli import _settings
 
@@ -130,7 +129,7 @@ def rerun(asked: options.Rerun) -> int:
         return carry_out(again)
 
 
-def completion(asked: options.Completion) -> int:
+def completion(asked: Completion) -> int:
     """Print the script by which a shell completes commands, options, bundled names and files."""
     script = line().app(completing=True).generate_completion(shell=asked.shell)
     # In the place of the name of a bundled knee or study, a file may be meant.

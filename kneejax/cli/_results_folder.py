@@ -6,8 +6,6 @@ them with their checksums, comes last. A process that is killed in between is no
 says what is left to do, and the next command does it.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Where a command prints, though nobody may read it, and Ctrl-C before it has begun."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,46 +1,91 @@
-"""What the data of a study determine: maps of the objective, sensitivity, and limits."""
+"""What the data of a study determine, and how; plans of an operation; claims of papers."""
 
-from __future__ import annotations
-
+import dataclasses
 import functools
+import importlib
 import importlib.metadata
 import json
+import threading
+import time
 from pathlib import Path
 
-from kneejax import files, studies
-from kneejax.cli import options
-from kneejax.cli._deliver import deliver
+import numpy as np
+
+from kneejax import files, planning, studies
+from kneejax.cli._command import is_given
+from kneejax.cli._deliver import FILES, deliver, say, write_results
+from kneejax.cli.options import studies as options
+from kneejax.cohorts import is_cohort
 from kneejax.files.reading import load_json
 from kneejax.files.results import CLAIM
 from kneejax.inference import Candidate, versions
 from kneejax.mechanics import Knee, load_words
-from kneejax.numerics import check_installed
+from kneejax.numerics import adding_up, check_installed
 from kneejax.studies import stages_on_terminal
 
-_PACKAGES = ("xarray", "h5netcdf", "h5py")
+#: Packages without which no map is written. Better known before the work than after it.
+_OF_MAPS = ("xarray", "h5netcdf", "h5py")
+_COMMENT = """A computation on a model: {}
+Nothing here supports a decision about a patient."""
+
+
+def _installed(*packages: str) -> dict[str, str]:
+    """Versions of these, and of what every number depends on."""
+    return versions() | {name: importlib.metadata.version(name) for name in packages}
+
+
+def calibrate(arguments: options.Calibrate) -> int:
+    """Calibrate, print the answer, write results, the calibrated knee and the report."""
+    if is_cohort(arguments.study):
+        from kneejax.cli import _cohort
+
+        return _cohort.run(arguments)
+    begun = time.perf_counter()
+    for name in ("bootstrap", "blocks", "jobs", "scheduler", "shard"):
+        value = getattr(arguments, name)
+        if is_given(value):
+            expected = (
+                "this option with a cohort alone (a folder, a pattern in quotes or a cohort file), "
+                f"not {arguments.study}"
+            )
+            given = "/".join(map(str, value)) if isinstance(value, tuple) else str(value)
+            raise files.InputProblem("calibrate", f"--{name}", given, expected)
+    study = studies.read_study(arguments.study)
+    for new in ("knee.yaml", "result.json"):
+        files.check_new(arguments.out / new, study.knee_name)
+    arguments.results.check_free(*FILES)
+    reading = time.perf_counter() - begun
+    # XLA compiles without holding Python: what comes last is imported beside the search.
+    threading.Thread(target=importlib.import_module, args=("kneejax.report.calibration",)).start()
+    with stages_on_terminal("calibration") as progress:
+        result = studies.calibrate(study, progress=progress)
+    seconds = {"imports": arguments.results.imports_s, "reading": reading, **result.seconds}
+    result = dataclasses.replace(result, seconds=adding_up(seconds))
+    with stages_on_terminal("figures and report"):
+        answer, missing = write_results(result, arguments.out, svg=arguments.svg)
+    status = say(answer, arguments.out, ["poses.csv", *["knee.yaml"] * (not missing)])
+    if missing:
+        print(f"not written: {arguments.out}/knee.yaml: {missing}")
+    return max(status, int(bool(missing)))
 
 
 def objective_maps(arguments: options.Map) -> int:
     """Compute maps of the objective, write them, draw them."""
-    for package in _PACKAGES:
-        # Better known before the work than after it.
+    for package in _OF_MAPS:
         check_installed(package, "maps")
     question = arguments.question()
     arguments.results.check_free("maps.csv", "result.json", "map.nc")
     study, begun = _study(arguments.study)
     studies.check(study, question)
     about = studies.about_maps(study, question)
-    store = files.Checkpoints(
-        arguments.out, about, studies.fingerprint(study, question),
-        begin=lambda: arguments.results.begin(lambda _: False),
-    )  # fmt: skip
+    store = files.Checkpoints(arguments.out, about, studies.fingerprint(study, question),
+                              begin=lambda: arguments.results.begin(lambda _: False))  # fmt: skip
     with stages_on_terminal() as progress:
         maps = studies.sensitivity_map(study, question, progress=progress, store=store)
     if store.resumed:
         print(f"{store.resumed} finished parts were found in {arguments.out}, and used")
     arguments.results.holds = [CLAIM]
-    packages = versions() | {name: importlib.metadata.version(name) for name in _PACKAGES}
-    written = []
+    packages, written = _installed(*_OF_MAPS), []
     for one in maps:
         tail = "" if len(maps) == 1 else f"-{one.names[0]}-{one.names[1]}"
         written.append(f"map{tail}.nc")
@@ -81,7 +126,7 @@ def what_data_tell(arguments: options.Identify) -> int:
     study = studies.read_study(arguments.study)
     with stages_on_terminal("fit and limits") as show:
         found = studies.identify(study, question, progress=show)
-    from kneejax.report import identification_answer
+    from kneejax.report.identification import identification_answer
 
     asked = {"command": arguments.command, "out": arguments.out, **arguments.options()}
     answer = identification_answer(found, {name: str(value) for name, value in asked.items()})
@@ -124,3 +169,71 @@ def _knees_side_by_side(arguments: options.Sensitivity) -> int:
         progress = functools.partial(show, "knees")
         found = knee_comparison.compare_knees(knees, progress=progress)
     return deliver(knee_comparison_report.comparison_answer(found), arguments)
+
+
+def plan_acl(arguments: options.PlanAcl) -> int:
+    """Carry out a plan; print, write tables, maps and the report."""
+    check_installed("dtaidistance", "planning")
+    plan = studies.read_plan(arguments.plan)
+    if arguments.points is not None:
+        plan = dataclasses.replace(plan, map_points=arguments.points)
+    if arguments.front and not plan.population:
+        if not plan.free:
+            expected = "what is free, for a front to be found"
+            raise files.InputProblem(plan.file, "optimum", False, expected)
+        said = plan.said | {"front": True}
+        plan = dataclasses.replace(plan, population=planning.POPULATION, said=said)
+    if plan.population:
+        check_installed("pymoo", "planning")
+    if plan.map_points:
+        for package in _OF_MAPS:
+            check_installed(package, "maps")
+    with stages_on_terminal(plan.title) as show:
+        result = planning.run_plan(plan, show)
+    from kneejax.report.plan import plan_answer, plan_document
+
+    packages = _installed("dtaidistance", *["pymoo"] * (result.front is not None))
+    document = plan_document(result, packages)
+    files.write_text(arguments.out / "plan.json", json.dumps(document, indent=1) + "\n")
+    written = ["plan.json", *_write_knees(arguments, result)]
+    about = {"title": plan.title, "knee": plan.own.name, "versions": json.dumps(packages)}
+    for one in result.maps:
+        written.append(f"map_{one.bone}.nc")
+        files.write_netcdf(arguments.out / written[-1], one.to_dataset(about))
+    return deliver(plan_answer(result), arguments, written, result.seconds)
+
+
+def _write_knees(arguments: options.PlanAcl, result: planning.PlanResult) -> list[str]:
+    """The reconstructed knees as knee files, which every command takes."""
+    plan, one = result.plan, result.plan.surgery.plan
+    known = {"planned": result.planned}
+    if result.optimum is not None:
+        known["optimum"] = result.optimum.outcome
+    base = files.restated(plan.document, plan.own, f"set by the plan: {plan.title}")
+    written = []
+    for word, outcome in known.items():
+        if not np.isfinite(outcome.slack_mm[0]).all():
+            continue
+        knee = planning.knee_of_outcome(plan.surgery, outcome)
+        tension = " and ".join(f"{x:.4g}" for x in outcome.choices[0, 4 :: len(planning.CHOICES)])
+        about = f"{plan.ligament} replaced by a {plan.graft.name} graft, {word} ({plan.title})"
+        source = (f"{plan.graft.name} graft, {word}: {plan.title}; fixed under {tension} N at "
+                  f"{plan.surgery.fixation_deg:g} degrees; {plan.graft.source}")
+        document = files.reconstructed(base, knee, one.torn, one.bundles, source)
+        document["name"] = f"{plan.own.name} {word}"
+        document["description"] = f"{document['description'].strip()}; {about}"
+        files.write_knee(document, arguments.out / f"{word}.yaml", _COMMENT.format(about))
+        written.append(f"{word}.yaml")
+    return written
+
+
+def reproduce(arguments: options.Reproduce) -> int:
+    """Reproduce one of papers 1 to 5.
+
+    A claim that is not reproduced is an answer like any other: status 0. Status 1 says that
+    something computed on the way is doubtful.
+    """
+    given = {name: getattr(arguments, name) for name in ("knee", "patella")}
+    known = {name: value for name, value in given.items() if value}
+    paper = importlib.import_module(f"kneejax.papers.paper{arguments.paper}")
+    return deliver(paper.reproduce(stages_on_terminal, **known), arguments)

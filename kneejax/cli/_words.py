@@ -1,7 +1,5 @@
 """Words of a command line as values of a field's type, and what the type expects in words."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import re
@@ -18,7 +16,7 @@ from kneejax.files.reading import plain_number, wrong
 _UNITS = ("N", "Nm", "mm", "deg", "s", "ms", "kg", "m")
 _LIMITS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"}
 #: A side in the words of other commands, which say `right` or `r`.
-_SIDES = {"r": "right", "l": "left", "right": "r", "left": "l"}
+SIDES = {"r": "right", "l": "left", "right": "r", "left": "l"}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +85,7 @@ def _as_type(kind: Any, value: Any) -> Any:
         expected = "a number" if kind is float else "a whole number"
         several = "; several have blanks between them, as 0 90" if re.search("[:,]", value) else ""
         raise wrong(value, expected + several)
-    other = _SIDES.get(value)
+    other = SIDES.get(value)
     known = get_args(kind) if origin is Literal else (value,)
     return other if value not in known and other in known else value
 

@@ -4,8 +4,6 @@ Workers are spawned, compute one task at a time on a core of their own, and shar
 on disk. Which worker computes a task changes no number: a task is the same call everywhere.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os
@@ -95,11 +93,9 @@ def _local_cluster(jobs: int) -> Any:
 
     for _ in range(_TRIALS):
         with contextlib.suppress(OSError, RuntimeError, TimeoutError):
-            return LocalCluster(
-                n_workers=jobs, threads_per_worker=1, processes=True, memory_limit=_MEMORY,
-                host=_HERE, dashboard_address=f"{_HERE}:0",
-                worker_dashboard_address=f"{_HERE}:0", silence_logs=50,
-            )  # fmt: skip
+            return LocalCluster(n_workers=jobs, threads_per_worker=1, processes=True,
+                                memory_limit=_MEMORY, host=_HERE, dashboard_address=f"{_HERE}:0",
+                                worker_dashboard_address=f"{_HERE}:0", silence_logs=50)  # fmt: skip
         time.sleep(_PAUSE_S)
     raise InputProblem("--jobs", "workers", str(jobs), "workers that start; they died at once")
 

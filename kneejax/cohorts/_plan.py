@@ -5,8 +5,6 @@ plan: who computes them, in which order and on how many cores, changes no number
 results on disk; however often it is begun, the files are the same.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

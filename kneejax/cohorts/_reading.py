@@ -3,8 +3,6 @@
 All rows are read before a mistake is reported: a person corrects a table once, not once a row.
 """
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import glob

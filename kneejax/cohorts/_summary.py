@@ -1,7 +1,5 @@
 """What became of a cohort: each knee's answer, parameters over knees, outliers, the next prior."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -148,12 +146,9 @@ class CohortSummary(Named):
         }
         if self.draws:
             data["bootstrap"] = (("knee", "draw", "parameter"), redrawn)
-        places = {
-            "knee": ("knee", [one.name for one in answers]), "parameter": ("parameter", names),
-            "other_parameter": ("other_parameter", names),
-            "parameter_unit": ("parameter", list(self.units.values())),
-            **BY_COORDINATE,
-        }  # fmt: skip
+        places = {"knee": ("knee", [one.name for one in answers]),
+                  "parameter": ("parameter", names), "other_parameter": ("other_parameter", names),
+                  "parameter_unit": ("parameter", list(self.units.values())), **BY_COORDINATE}
         return data | places
 
     def _about(self) -> dict[str, Any]:
@@ -251,9 +246,8 @@ def summed_up(
             both = np.isfinite(one) & np.isfinite(other)
             if both.sum() >= _FEWEST_KNEES and np.ptp(one[both]) > 0 and np.ptp(other[both]) > 0:
                 correlation[i, j] = np.corrcoef(one[both], other[both])[0, 1]
-    return CohortSummary(
-        title, tuple(answers), units, populations, correlation, tuple(outliers), dict(draws or {})
-    )
+    return CohortSummary(title, tuple(answers), units, populations, correlation, tuple(outliers),
+                         dict(draws or {}))
 
 
 def _told(estimate: Mapping[str, Any] | None, log: bool, good: bool) -> tuple[float, float]:
@@ -280,8 +274,5 @@ def next_prior(summary: CohortSummary) -> dict[str, Any]:
         structure's stiffness means in it (`kneejax.parameters.MEANING`).
     """
     pairs = {name: found.prior for name, found in summary.populations.items()}
-    return {
-        "start": {name: float(f"{mean:.6g}") for name, (mean, _) in pairs.items()},
-        "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()},
-        **MEANING,
-    }
+    return {"start": {name: float(f"{mean:.6g}") for name, (mean, _) in pairs.items()},
+            "prior": {name: float(f"{sd:.6g}") for name, (_, sd) in pairs.items()}, **MEANING}

@@ -6,8 +6,6 @@ doi 10.1186/s13018-021-02708-8), so 71.6 +- 5.4 mm of both together, or 7.5 %. E
 is a convention that stands in `Spread`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator
 from typing import Any
@@ -78,11 +76,9 @@ class Protocol:
     def tests(self) -> list[LabTest]:
         """The tests under load."""
         path = tuple(np.linspace(-1.0, 1.0, self.steps).round(9).tolist())
-        tests = [
-            *lab_tests("drawer", self.flexion_deg, force_N=self.force_N),
-            *lab_tests("torsion", self.flexion_deg, moment_Nm=self.torque_Nm),
-            *lab_tests("varus-valgus", self.flexion_deg, moment_Nm=self.varus_Nm),
-        ]
+        tests = [*lab_tests("drawer", self.flexion_deg, force_N=self.force_N),
+                 *lab_tests("torsion", self.flexion_deg, moment_Nm=self.torque_Nm),
+                 *lab_tests("varus-valgus", self.flexion_deg, moment_Nm=self.varus_Nm)]
         return [dataclasses.replace(test, path=path) for test in tests]
 
 

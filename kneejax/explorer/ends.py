@@ -12,7 +12,7 @@ from kneejax.explorer.answers import Answer
 from kneejax.explorer.setting import ENDS, Setting, Subject
 from kneejax.geometry import TIBIA
 from kneejax.quantities import AXES
-from kneejax.report.scene import Places
+from kneejax.report.scene.surfaces import Places
 
 
 class Ends:

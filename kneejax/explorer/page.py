@@ -19,7 +19,8 @@ from kneejax.explorer.setting import Setting, Subject
 from kneejax.explorer.solving import Solver
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.report import BoneMesh, scenes
-from kneejax.report.scene import Drawing, Scene, look_at
+from kneejax.report.scene.drawing import Drawing, look_at
+from kneejax.report.scene.scene import Scene
 
 #: Points on each articular surface.
 _POINTS = (28, 28)

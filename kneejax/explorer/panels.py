@@ -20,7 +20,7 @@ from kneejax.report.look.colours import (
     part_styles,
 )
 from kneejax.report.look.tables import NONE, plain
-from kneejax.report.scene import scales
+from kneejax.report.scene.drawing import scales
 from kneejax.report.scene.scene import Fibre
 
 _BARS = 12

@@ -3,14 +3,12 @@
 Figures are in the layout of papers on gait; grafts in several places are as in paper 2, Figure 7.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from kneejax.experiments import Activity, Cycle, Round, with_flips
 from kneejax.geometry import BODIES, COLUMNS, COORDINATES, FEMORAL, FREE_COORDINATES, coordinate
@@ -20,7 +18,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, pa
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, listed
-from kneejax.report.panels import draw_named, mark_edge, panel_grid
+from kneejax.report.panels import draw_named, figure_legend, labelled, mark_edge, panel_grid
 from kneejax.statics import Status
 
 _STYLES = ((BLUE, "-"), (VERMILLION, (0, (4, 1.5))))
@@ -36,19 +34,8 @@ def activity_answer(
     title: str, found: Mapping[str, Activity], cycle: Cycle, *, rounds: Sequence[Round] = (),
     convention: str = FEMORAL,
 ) -> Answer:
-    """A movement of knees, each with or without a ligament or a graft.
-
-    Args:
-        title: the knee and how its record is counted.
-        found: what a knee is called -> its activity; the intact one first.
-        cycle: of the record.
-        rounds: of OpenSim and the knee, in their order.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are activity, forces, contact, residual and, of several knees,
-        places, and of rounds, rounds.
-    """
+    """A movement, its record in a cycle, of knees by what they are called, the intact one first;
+    and rounds of OpenSim and the knee."""
     first = next(iter(found.values()))
     record = first.record
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
@@ -58,9 +45,8 @@ def activity_answer(
         # What is wrong at each instant, or known of another balance there.
         also = [
             "; ".join(filter(None, [lost, faults.second_balance(other, own) if two else ""]))
-            for lost, other, own, two in zip(
-                faults.search_words(one.motion), one.other, here, known, strict=True
-            )
+            for lost, other, own, two in zip(faults.search_words(one.motion), one.other, here,
+                                             known, strict=True)
         ]
         words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
         places = faults.named_places([f"{x:.4g}" for x in time], "s")
@@ -79,15 +65,14 @@ def activity_answer(
             said.append(prose("activity.unexplained", rms=f"{rms:.1f}", most=most))
         doubts += [f"{name}: {x.lstrip()}" if len(found) > 1 else x for x in said]
     tables = _tables(found, status, words, cycle, convention)
-    several, alone = len(found) > 2, len(found) == 1
+    several, alone, drawn = len(found) > 2, len(found) == 1, dict([*found.items()][:2])
     ranges, compared = _ranges(found), place_table(found)
-    drawings = {"activity": Drawing(activity_figure, dict([*found.items()][:2]), cycle, title)}
+    drawings = {"activity": Drawing(activity_figure, drawn, cycle, title)}
     if several:
         tables["places"] = compared
         drawings["places"] = Drawing(places_figure, found, cycle, title)
-    peaks = []
-    for name, one in [*found.items()][:2]:
-        times = np.round(record.time_s, 3)
+    times, peaks = np.round(record.time_s, 3), []
+    for name, one in drawn.items():
         forces = pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s")
         peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
     sections = [Section("Range of each coordinate", tables=[ranges] if not alone else [],
@@ -102,15 +87,14 @@ def activity_answer(
     spoken = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
     spoken = [f"{instants}.", *spoken, *record.notes]
     lost = any((x != Status.BALANCED).any() for x in status.values())
-    return Answer(
-        title=title, asked=f"What the recorded loads and muscles do to the knee at {instants}.",
-        verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
-        pose_tables.verdict_of(np.concatenate([*status.values()])),
-        sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
-        drawings=drawings, picture="places" if several else "activity", doubts=doubts,
-        sections=[*sections, Section("The record", spoken, printed=True)],
-        exit_status=int(bool(record.doubts) or lost or second),
-    )
+    return Answer(title=title,
+                  asked=f"What the recorded loads and muscles do to the knee at {instants}.",
+                  verdict=Verdict.DOUBTFUL if (record.doubts or second) and not lost else
+                  pose_tables.verdict_of(np.concatenate([*status.values()])),
+                  sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
+                  drawings=drawings, picture="places" if several else "activity", doubts=doubts,
+                  sections=[*sections, Section("The record", spoken, printed=True)],
+                  exit_status=int(bool(record.doubts) or lost or second))
 
 
 def _ranges(found: Mapping[str, Activity]) -> Table:
@@ -128,11 +112,9 @@ def _ranges(found: Mapping[str, Activity]) -> Table:
             rms = np.sqrt(np.nanmean(off**2)) if np.isfinite(off).any() else np.nan
             rows.append([name, label, np.nanmin(values), np.nanmax(values), rms])
     same = any(one.record.same_frames for one in found.values())
-    columns = [
-        Column("knee", words=True), Column("coordinate", " ", words=True),
-        Column("least", show=".2f"), Column("most", show=".2f"),
-        Column("rms", "rms from record" if same else "rms", ".2f"),
-    ]  # fmt: skip
+    columns = [Column("knee", words=True), Column("coordinate", " ", words=True),
+               Column("least", show=".2f"), Column("most", show=".2f"),
+               Column("rms", "rms from record" if same else "rms", ".2f")]  # fmt: skip
     return Table(columns, rows, note="Of the moment: rms of itself; nothing known to act holds it.")
 
 
@@ -142,10 +124,8 @@ def _sentence(found: Mapping[str, Activity]) -> str:
         return "The intact knee has no equilibrium at any instant."
     contact = pose_tables.contact_forces(first.mechanics).sum(axis=1)
     row = int(np.nanargmax(contact))
-    words = (
-        f"All contacts together carry up to {contact[row]:.0f} N, at "
-        f"{first.record.time_s[row]:.2f} s, in the intact knee."
-    )
+    words = (f"All contacts together carry up to {contact[row]:.0f} N, at "
+             f"{first.record.time_s[row]:.2f} s, in the intact knee.")
     intact = np.asarray(first.motion.to_table())
     for name, one in [*found.items()][1:3]:
         away = np.abs(np.asarray(one.motion.to_table()) - intact)[:, [_FORWARD, _TURN]]
@@ -236,8 +216,6 @@ def _tables(found, status, words, cycle: Cycle, convention: str) -> dict[str, Ta
 @styled
 def activity_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Figure:
     """Draw a movement of one knee, or of two side by side."""
-    from matplotlib.lines import Line2D
-
     figure, panels = panel_grid(4, 3, 8.6, title, shared=True)
     x, first = cycle.percent, next(iter(found.values()))
     record, legend = first.record, {"columns": 5, "size": 6.0}
@@ -345,20 +323,16 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
     _over_cycle(panels, cycle, panels[2:])
     words = ("Strain of ligament or graft, %", "Force of ligament or graft, N",
              "Forwards of the intact tibia, mm", "Turned inwards of it, deg")  # fmt: skip
-    own: dict[str, Any] = {}
     for axes, label in zip(panels, words, strict=True):
         axes.set_ylabel(label)
-        lines, names = axes.get_legend_handles_labels()
-        own |= zip(names, lines, strict=True)
     # At how many instants a knee balances is said where that is not all of them; four such names
     # are as wide as the figure.
-    lost = {name: "" if one.holds.all() else f" ({int(one.holds.sum())} of {len(one.holds)})"
+    lost = {verbatim(name): "" if one.holds.all() else f" ({one.holds.sum()} of {len(one.holds)})"
             for name, one in found.items()}  # fmt: skip
-    figure.legend(
-        [own[verbatim(name)] for name in found], [verbatim(x) + more for x, more in lost.items()],
-        loc="lower center", ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
-        columnspacing=1.2,
-    )  # fmt: skip
+    drawn = labelled(figure)
+    figure_legend(figure, {name + more: drawn[name] for name, more in lost.items()},
+                  ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
+                  columnspacing=1.2)  # fmt: skip
     return figure
 
 

@@ -1,7 +1,5 @@
 """A calibration as an answer: page, files, and the screen after it."""
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Sequence
@@ -17,10 +15,10 @@ from kneejax.report import calibration_parameters as estimates
 from kneejax.report import calibration_tests as load_tests
 from kneejax.report import calibration_verdict as verdicts
 from kneejax.report.doubts import row_status
+from kneejax.report.flexion import ligament_forces_figure, motion_figure
 from kneejax.report.look.page import Answer, Drawing, Section, prose, write_page
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, change, json_safe, listed, number
-from kneejax.report.motion_figures import ligament_forces_figure, motion_figure
 from kneejax.statics import Status
 
 #: Counts of a whole search; other counts are of its stages.
@@ -250,10 +248,8 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             if len(worse):
                 low, high = number(worse.min()), number(worse.max())
                 among = low if low == high else f"{low} to {high}"
-                words.append(
-                    f"{len(worse)} at worse fits (objective {among}, the answer's is "
-                    f"{number(fit.objective)})"
-                )
+                words.append(f"{len(worse)} at worse fits (objective {among}, the answer's is "
+                             f"{number(fit.objective)})")
             words += [f"{int(lost.sum())} found no balance"] * bool(lost.any())
             where.append(f"Several starts ended: {'; '.join(words)}.")
         counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
@@ -272,11 +268,9 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
     if several:
         first, *others = (one.procedure for one in calibration.fits)
         words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
-        text.append(
-            f"Procedure {first}, the first of the study, is the answer and alone decides "
-            f"the exit status ({words}); {' and '.join(others)} "
-            f"{'are' if len(others) > 1 else 'is'} there to compare."
-        )
+        text.append(f"Procedure {first}, the first of the study, is the answer and alone decides "
+                    f"the exit status ({words}); {' and '.join(others)} "
+                    f"{'are' if len(others) > 1 else 'is'} there to compare.")
     names = ["procedure", "converged", "objective", "accepted steps", "simulated motions",
              "gradients", "poses"]  # fmt: skip
     table = Table([Column(n, words=n in ("procedure", "converged")) for n in names], rows)

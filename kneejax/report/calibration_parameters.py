@@ -1,19 +1,20 @@
 """Estimates of a calibration: table, limits in words, figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import ArrayLike
 
 from kneejax.inference import Calibration, Estimate, IntervalKind
 from kneejax.report.look.colours import BLUE, FITS, GREY, LIGHT, VERMILLION, both_signs
 from kneejax.report.look.style import Figure, readable, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table, number, trimmed, with_error
-from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
+from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 
 #: What a kind of interval says on the line of an estimate.
 _KINDS = {IntervalKind.NOT_DETERMINED: "not determined",
@@ -125,13 +126,14 @@ def parameters_figure(calibration: Calibration) -> Figure:
     figure, panels = grid(rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left,
                           right=0.1, top=0.5, bottom=0.25, apart=(left + 0.1, 0.55),
                           shown=len(groups), height_ratios=depths)  # fmt: skip
-    handles: dict = {}
+    handles: dict[str, Any] = {}
+    hollow: dict[str, Any] = {"markerfacecolor": "none"}
     for axes, ((quantity, unit), group) in zip(panels.flat, groups.items(), strict=False):
         title = quantity.replace(".", " ").replace("_", " ").capitalize()
         axes.set_title(verbatim(f"{title}, {unit}" if unit else title))
         y = np.arange(len(group), dtype=float)
-        names = ("value", "start", "lower", "upper")
-        values, starts, lower, upper = (np.array([getattr(e, n) for e in group]) for n in names)
+        values, starts, lower, upper = np.array([(e.value, e.start, e.lower, e.upper)
+                                                 for e in group]).T
         truth = np.array([calibration.truth.get(e.name, np.nan) for e in group])
         ends = np.concatenate([values, starts, truth, lower, upper])
         ends = ends[np.isfinite(ends)]
@@ -139,9 +141,8 @@ def parameters_figure(calibration: Calibration) -> Figure:
         pad = 0.04 * (high - low) or 1.0
         bounded = np.isfinite(lower) & np.isfinite(upper)
         if bounded.any():
-            bars = axes.barh(y[bounded], (upper - lower)[bounded], left=lower[bounded], height=0.5,
-                             color=LIGHT)  # fmt: skip
-            handles.setdefault("bounds", bars)
+            handles["bounds"] = axes.barh(y[bounded], (upper - lower)[bounded], 0.5, lower[bounded],
+                                          color=LIGHT)  # fmt: skip
         (handles["start"],) = axes.plot(starts, y, "o", color=BLUE, markersize=4.5)
         for row, e in enumerate(group):
             # A cap at each limit; where there is none the line runs to the bound, with an arrow.
@@ -156,9 +157,8 @@ def parameters_figure(calibration: Calibration) -> Figure:
             words += ["not determined"] * (e.interval is IntervalKind.NOT_DETERMINED)
             axes.text(high, row - 0.27, ", ".join(words), fontsize=7, color=VERMILLION, ha="right",
                       va="bottom", style="italic")  # fmt: skip
-        drawn = axes.plot(values, y, "s", color=VERMILLION, markersize=4)
-        handles["estimate and 95 % limits"] = drawn[0]
-        hollow: dict[str, Any] = {"markerfacecolor": "none"}
+        (handles["estimate and 95 % limits"],) = axes.plot(values, y, "s", color=VERMILLION,
+                                                           markersize=4)  # fmt: skip
         for i, fit in enumerate(calibration.fits[1:], 1):
             others = {e.name: e.value for e in fit.estimates}
             (handles[verbatim(f"procedure {fit.procedure}")],) = axes.plot(
@@ -167,13 +167,9 @@ def parameters_figure(calibration: Calibration) -> Figure:
             )  # fmt: skip
         if calibration.truth:
             (handles["truth"],) = axes.plot(truth, y, "D", color="black", markersize=6, **hollow)
-        axes.set_xlim(low - pad, high + pad)
-        axes.set_ylim(len(group) - 0.5, -0.62)
-        axes.set_yticks(y, [verbatim(e.name.partition(".")[0]) for e in group])
-        axes.tick_params(axis="y", length=0)
-        axes.grid(False, axis="y")
-    figure.legend(list(handles.values()), list(handles), loc="upper left",
-                  bbox_to_anchor=(0.06, 1.0), ncols=len(handles), columnspacing=1.5,
+        axes.set(xlim=(low - pad, high + pad), ylim=(len(group) - 0.5, -0.62))
+        name_rows(axes, y, [verbatim(e.name.partition(".")[0]) for e in group])
+    figure_legend(figure, handles, loc="upper left", bbox_to_anchor=(0.06, 1.0), columnspacing=1.5,
                   handletextpad=0.5, handlelength=1.4, fontsize=7.5, borderaxespad=0.2)  # fmt: skip
     return figure
 
@@ -181,8 +177,6 @@ def parameters_figure(calibration: Calibration) -> Figure:
 @styled
 def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
     """Draw a matrix of correlations; parameters without any are hatched."""
-    from matplotlib.patches import Rectangle
-
     matrix = np.array(correlation, float)
     names = [readable(name) for name in parameters]
     n = len(names)
@@ -195,10 +189,9 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
     unknown = np.isnan(matrix).all(axis=1)
     colours = both_signs()
     # Black is the more legible on all but dark blue.
-    draw_matrix(
-        axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1), "{:.2f}".format,
-        lambda value: value < -0.8, names, names, numbers=n <= 16, size=7.5 if n <= 20 else 5.5,
-    )  # fmt: skip
+    draw_matrix(axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1),
+                "{:.2f}".format, lambda value: value < -0.8, names, names, numbers=n <= 16,
+                size=7.5 if n <= 20 else 5.5)  # fmt: skip
     for label in axes.get_xticklabels():
         label.set(rotation=45, ha="right", rotation_mode="anchor")
     for i in np.flatnonzero(unknown):
@@ -216,9 +209,6 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
 @styled
 def convergence_figure(calibration: Calibration) -> Figure:
     """Draw the objective against simulated motions, with a marker shape for each stage."""
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator
-
     figure, ((axes,),) = grid(1, 1, 3.1, left=0.67)
     begun = calibration.start_objective
     objectives = [begun, *(step.objective for fit in calibration.fits for step in fit.history)]
@@ -238,27 +228,19 @@ def convergence_figure(calibration: Calibration) -> Figure:
         every = max(every, stages, key=len)
         for k, step in enumerate(fit.history, 1):
             j = stages.index(step.stage)
-            axes.plot(
-                x[k], y[k], shapes[j % 5], color=color, markersize=4,
-                markerfacecolor="white" if j else color,
-            )  # fmt: skip
+            axes.plot(x[k], y[k], shapes[j % 5], color=color, markersize=4,
+                      markerfacecolor="white" if j else color)  # fmt: skip
         word = verbatim(f"procedure {fit.procedure}") if len(calibration.fits) > 1 else "fit"
         word += "" if fit.success else " (not converged)"
         handles.append(Line2D([], [], color=color, label=word))
     for j in range(len(every) if len(every) > 1 else 0):
-        fill = "white" if j else GREY
-        handles.append(
-            Line2D([], [], color=GREY, marker=shapes[j % 5], ls="none", ms=4,
-                   markerfacecolor=fill, label=f"stage {j + 1}")
-        )  # fmt: skip
-    axes.set_yscale("log")
-    axes.set_ylim(bottom / 1.6, top * 1.6)
+        handles.append(Line2D([], [], color=GREY, marker=shapes[j % 5], ls="none", ms=4,
+                              mfc="white" if j else GREY, label=f"stage {j + 1}"))  # fmt: skip
+    axes.set(yscale="log", ylim=(bottom / 1.6, top * 1.6), xlabel="Simulated motions",
+             title="Objective (weighted sum of squares)")  # fmt: skip
     # Between the powers of ten too where there are few decades.
     subs = (1.0, 2.0, 5.0) if math.log10(top / bottom) < 2.1 else (1.0,)
-    axes.yaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=7))
-    axes.yaxis.set_minor_locator(NullLocator())
-    plain_numbers(axes.yaxis)
-    axes.set_xlabel("Simulated motions")
+    decades(axes.yaxis, 7, subs)
     if reached > 300:
         axes.set_xscale("log")
         axes.xaxis.set_minor_locator(NullLocator())
@@ -267,6 +249,5 @@ def convergence_figure(calibration: Calibration) -> Figure:
         axes.set_xlim(0.9, reached * 1.25)
     else:
         axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.set_title("Objective (weighted sum of squares)")
     axes.legend(handles=handles, loc="best", borderaxespad=0.8, fontsize=7.5, handlelength=1.5)
     return figure

@@ -1,7 +1,5 @@
 """Tests under load beside what the fitted knee does: figure, table rows and doubts."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -45,10 +43,8 @@ def laxity_errors(calibration: Calibration) -> list[dict[str, Any]]:
 
 
 def errors_table(calibration: Calibration) -> Table:
-    """Root mean square errors of each test, coordinate and flexion, as people read them.
-
-    Those of a single reading are left to tests.csv, which has the reading itself.
-    """
+    """Root mean square errors of each test, coordinate and flexion, as people read them; those of a
+    single reading are left to tests.csv, which has the reading itself."""
     columns = [Column("test", "test under load", words=True), Column("coordinate", words=True),
                Column("flexion", "flexion, deg", words=True), Column("readings"),
                Column("start", "start RMSE", "3"), Column("fitted", "fitted", "3"),
@@ -85,13 +81,11 @@ def reading_table(calibration: Calibration) -> Table:
                   for name in NAMED_LOADS]  # fmt: skip
         acting += [test.tensions.get(line, nothing) for line in lines]
         rows += [
-            [
-                test.name, *["" if test.frames is None else test.frames.time_s[row]] * timed,
-                test.flexion_deg[row], *(size[row] for size in acting), name, unit_of(name),
-                test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
-                measured[row], before.compared[name][1][row], fitted[row],
-                Status(int(own.status[row])).word,
-            ]
+            [test.name, *["" if test.frames is None else test.frames.time_s[row]] * timed,
+             test.flexion_deg[row], *(size[row] for size in acting), name, unit_of(name),
+             test.counted_from if name in COORDINATES or counts_like_poses(name) else "absolute",
+             measured[row], before.compared[name][1][row], fitted[row],
+             Status(int(own.status[row])).word]
             for row in range(len(test.flexion_deg))
             for name, (measured, fitted) in own.compared.items()
             if np.isfinite(measured[row])
@@ -159,11 +153,11 @@ def tests_figure(calibration: Calibration) -> Figure:
         loaded = any(np.ptp(size) > 0 for size in test.loads.values())
         along = test.curve_deg if loaded else test.flexion_deg
         seen = np.isfinite(measured)
-        moved = f"{_COMPARED[test.counted_from]}, {unit_of(name) or '-'}"
-        if name.endswith("_N"):
-            moved = f"{label_of(name)}, {unit_of(name) or '-'}"
-        elif name.endswith(".strain"):
-            moved = f"{label_of(name)}{', change' * test.counts_from_rest}, {unit_of(name) or '-'}"
+        moved = _COMPARED[test.counted_from]
+        if name.endswith(("_N", ".strain")):
+            change = test.counts_from_rest and name.endswith(".strain")
+            moved = label_of(name) + ", change" * change
+        moved += f", {unit_of(name) or '-'}"
         across, label = test.flexion_deg, "Flexion, deg"
         if test.frames is not None:
             across, label = test.frames.time_s, "Time, s"
@@ -177,9 +171,7 @@ def tests_figure(calibration: Calibration) -> Figure:
         else:
             flexions, load = np.unique(test.curve_deg), test.loads[test.driven_by]
             step = max(1, -(-len(flexions) // _MOST_NAMED))
-            for k, (flexion, color) in enumerate(
-                zip(flexions, shades(len(flexions)), strict=True)
-            ):
+            for k, (flexion, color) in enumerate(zip(flexions, shades(len(flexions)), strict=True)):
                 rows = np.flatnonzero(test.curve_deg == flexion)
                 rows = rows[np.argsort(load[rows], kind="stable")]
                 named = f"{flexion:g}" if k % step == 0 else None

@@ -1,7 +1,5 @@
 """Whether a calibration worked, what to doubt, and what limits the fit: sentences for everyone."""
 
-from __future__ import annotations
-
 import enum
 import math
 from collections import Counter
@@ -70,10 +68,8 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
     sentences = [] if fit.success else [f"search not converged: {message(fit)}"]
     bound = [e.name for e in fit.estimates if e.at_bound]
     if bound:
-        sentences.append(
-            f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
-            f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}."
-        )
+        sentences.append(f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
+                         f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}.")
     every, starts = (*fit.estimates, *fit.offsets), fit.starts
     failed: dict[str, list[str]] = {}
     lost: dict[str, list[str]] = {}
@@ -128,15 +124,13 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
         label, unit = label_of(one.coordinate), unit_of(one.coordinate)
         test = f"Test {one.test}, {label}" if one.test else f"{label[:1].upper()}{label[1:]}"
         against = f"{number(one.against, 3)} {unit}".strip()
-        why = {
-            Fault.WORSE_THAN_START: f"{change(one.against, one.rmse)} than at the start "
-            f"({against}): the fit gives it up for others. The model lacks something, or the "
-            "weights are wrong.",
-            Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times the stated noise "
-            f"({against}): the model lacks something, or the noise is larger; limits are too "
-            "narrow.",
-            Fault.LARGE: f"more than {against}. Check side, signs and frames.",
-        }[one.fault]
+        why = {Fault.WORSE_THAN_START: f"{change(one.against, one.rmse)} than at the start "
+               f"({against}): the fit gives it up for others. The model lacks something, or the "
+               "weights are wrong.",
+               Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times the stated noise "
+               f"({against}): the model lacks something, or the noise is larger; limits are too "
+               "narrow.",
+               Fault.LARGE: f"more than {against}. Check side, signs and frames."}[one.fault]
         error = f"{number(one.rmse, 3)} {unit}".strip()
         answer.append(f"Poor fit. {test}: RMSE {error}, {why}")
     for sentence, procedures in found.items():
@@ -192,10 +186,8 @@ def verdict(calibration: Calibration) -> str:
              IntervalKind.NOT_DETERMINED: "not at all"}  # fmt: skip
     kinds = [f"{counts[kind]} {said}" for kind, said in words.items() if counts[kind]]
     sentence = f"Of {sum(counts.values())} estimates the data limit {', '.join(kinds) or 'none'}"
-    for kind, said in (
-        (IntervalKind.PRIOR, "known from the prior alone"),
-        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed"),
-    ):
+    for kind, said in ((IntervalKind.PRIOR, "known from the prior alone"),
+                       (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed")):
         verb = "is" if counts[kind] == 1 else "are"
         sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
     sentence += "."
@@ -204,10 +196,8 @@ def verdict(calibration: Calibration) -> str:
               if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
     if shared:
         inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
-        sentence += (
-            " The data are synthetic, so the true values are known: "
-            f"{inside} of {len(shared)} lie within the 95 % limits."
-        )
+        sentence += (" The data are synthetic, so the true values are known: "
+                     f"{inside} of {len(shared)} lie within the 95 % limits.")
     return " ".join([*parts, sentence])
 
 
@@ -251,14 +241,10 @@ def calibration_notes(calibration: Calibration) -> list[str]:
         worst = max(share, key=share.__getitem__)
         unit = "degrees" if COORDINATES[worst].unit == "deg" else "mm"
         error = f" (RMSE {fit.rmse[worst]:.3g} {unit})" if np.isfinite(fit.rmse[worst]) else ""
-        notes.append(
-            f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
-            f"{worst.replace('_', ' ')}{error}."
-        )
+        notes.append(f"{100 * share[worst] / fit.objective:.0f} % of the remaining misfit is in "
+                     f"{worst.replace('_', ' ')}{error}.")
     if calibration.left_out:
         poses = "1 pose was" if calibration.left_out == 1 else f"{calibration.left_out} poses were"
-        notes.append(
-            f"{poses} left out: the start's parameters find no balance there "
-            f"({Status.NOT_CONVERGED.sentence})."
-        )
+        notes.append(f"{poses} left out: the start's parameters find no balance there "
+                     f"({Status.NOT_CONVERGED.sentence}).")
     return notes

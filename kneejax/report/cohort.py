@@ -1,7 +1,5 @@
 """A cohort as an answer."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections import Counter
@@ -18,7 +16,7 @@ from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import NONE, Column, Table, number
-from kneejax.report.panels import grid
+from kneejax.report.panels import figure_legend, grid
 
 #: Panels beside each other, and knees whose names are all written.
 _ACROSS, _NAMED = 4, 40
@@ -45,8 +43,7 @@ def forest_figure(summary: CohortSummary) -> Figure:
         axes.set_yticks(ticks, [knees[row].name for row in ticks], fontsize=5.5 if step == 1 else 7)
         axes.tick_params(axis="y", length=0, labelleft=place % across == 0)
         axes.set_yticks(ticks)
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="upper center", ncols=5, borderaxespad=0.1)
+    figure_legend(figure, loc="upper center", ncols=5, borderaxespad=0.1)
     return figure
 
 
@@ -69,9 +66,8 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         axes.axvline(found.in_own_unit(found.mean), color=GREY, lw=1.0, label="its mean")
     from_, to = np.where(np.isfinite(low), low, left), np.where(np.isfinite(high), high, right)
     good = np.array([one.good for one in summary.fitted], bool)
-    for some, colour, label in (
-        (told & ~good, GREY, "a poor fit"), (told & good, BLUE, "a knee, 95 % limits"),
-    ):  # fmt: skip
+    for some, colour, label in ((told & ~good, GREY, "a poor fit"),
+                                (told & good, BLUE, "a knee, 95 % limits")):  # fmt: skip
         axes.hlines(rows[some], from_[some], to[some], color=colour, lw=0.8)
         shown = label if some.any() else None
         axes.plot(value[some], rows[some], "o", ms=2.4, color=colour, label=shown)
@@ -82,9 +78,8 @@ def _panel(axes, summary: CohortSummary, name: str) -> None:
         shrunk = [found.in_own_unit(x) for x in found.shrunk]
         light = "shrunken towards the mean"
         axes.plot(shrunk, rows, "|", ms=4.0, mew=1.0, color=VERMILLION, label=light)
-    axes.set_xlim(left, right)
     axes.set_title(textwrap.fill(readable(name), 22), fontsize=8)
-    axes.set_xlabel(unit or "strain" if name.endswith("strain") else unit or "-")
+    axes.set(xlim=(left, right), xlabel=unit or ("strain" if name.endswith("strain") else "-"))
     axes.tick_params(axis="x", labelsize=7)
     axes.locator_params(axis="x", nbins=4)
     axes.grid(axis="y", visible=False)

@@ -1,8 +1,8 @@
 """Tests to make next."""
 
-from __future__ import annotations
-
 import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.patches import Rectangle
 
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
 from kneejax.inference import Design
@@ -12,7 +12,8 @@ from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
 from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
 from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
-from kneejax.report.panels import draw_matrix, grid, hatched, plain_numbers
+from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
+from kneejax.report.pose_tables import words_of
 from kneejax.statics import Status
 
 #: What is hatched, by status: hatch, and its legend entry.
@@ -30,9 +31,6 @@ _MOST_COLUMNS = 16
 @styled
 def candidates_figure(design: Design) -> Figure:
     """Draw what each candidate would tell as the next test, over flexion and load."""
-    from matplotlib.colors import LinearSegmentedColormap
-    from matplotlib.patches import Rectangle
-
     angles = sorted({test.flexion_deg for test in design.candidates})
     rows: list[str] = []
     places: list[tuple[int, int]] = []
@@ -59,11 +57,9 @@ def candidates_figure(design: Design) -> Figure:
     every = max(1, -(-len(angles) // 20))
     heads = [f"{angle:g}" if j % every == 0 else "" for j, angle in enumerate(angles)]
     factor, form = (1.0, "{:.1f}") if design.criterion == "D" else (100.0, "{:.0f}")
-    filled = draw_matrix(
-        axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
-        lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
-        numbers=len(angles) <= _MOST_COLUMNS,
-    )  # fmt: skip
+    filled = draw_matrix(axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
+                         lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
+                         numbers=len(angles) <= _MOST_COLUMNS)  # fmt: skip
     handles = {}
     for place, status in zip(places, design.status, strict=True):
         if Status(status) in _HATCHES:
@@ -78,12 +74,11 @@ def candidates_figure(design: Design) -> Figure:
         axes.text(j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
                   color="white", fontweight="bold",
                   bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"})  # fmt: skip
-    axes.set_xlabel("Flexion, deg")
-    axes.set_title(f"What one more test would add: {gain_words(design.criterion)}")
+    axes.set(xlabel="Flexion, deg",
+             title=f"What one more test would add: {gain_words(design.criterion)}")  # fmt: skip
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
-    figure.legend(list(handles.values()), list(handles), loc="lower left",
-                  bbox_to_anchor=((left - 0.08) / wide, 0.0), ncols=4, handlelength=1.5,
-                  handleheight=1.1, columnspacing=1.5)  # fmt: skip
+    figure_legend(figure, handles, loc="lower left", bbox_to_anchor=((left - 0.08) / wide, 0.0),
+                  ncols=4, handlelength=1.5, handleheight=1.1, columnspacing=1.5)  # fmt: skip
     place = (right + 0.12) / wide, 0.74 / height, 0.11 / wide, 0.32 * len(rows) / height
     bar = figure.colorbar(filled, cax=figure.add_axes(place))
     bar.outline.set_visible(False)  # pyright: ignore[reportCallIssue]
@@ -97,8 +92,6 @@ def candidates_figure(design: Design) -> Figure:
 @styled
 def standard_errors_figure(design: Design) -> Figure:
     """Draw the expected standard error of each parameter before and after the chosen tests."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     names = [readable(name) for name in design.names]
     n, last = len(names), len(design.chosen)
     parts = design.standard_errors / design.scale
@@ -106,38 +99,29 @@ def standard_errors_figure(design: Design) -> Figure:
     figure, ((axes,),) = grid(1, 1, 1 + 0.27 * n, left=left, right=right, top=0.55, bottom=0.45)
     y = np.arange(n, dtype=float)
     axes.hlines(y, parts[-1], parts[0], color="#C8CDD2", linewidth=2.2, zorder=1)
-    handles = {}
-    (handles["before"],) = axes.plot(parts[0], y, "o", ms=5, mfc="white", mec=BLACK, zorder=3)
+    axes.plot(parts[0], y, "o", ms=5, mfc="white", mec=BLACK, zorder=3, label="before")
     for step in range(1, last):
-        (handles["after each test"],) = axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2)
+        axes.plot(parts[step], y, "|", ms=6, color=GREY, zorder=2, label="after each test")
     word = f"after {'the test' if last == 1 else f'all {last} tests'}"
-    (handles[word],) = axes.plot(parts[-1], y, "o", ms=5, color=VERMILLION, zorder=4)
+    axes.plot(parts[-1], y, "o", ms=5, color=VERMILLION, zorder=4, label=word)
     prior = "prior SD (spread between knees)"
-    handles[prior] = axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1)
-    axes.set_xscale("log")
+    axes.axvline(1.0, color=GREY, linewidth=0.8, zorder=1, label=prior)
     low, high = parts.min() / 1.3, max(parts.max(), 1.0) * 1.3
-    axes.set_xlim(low, high)
-    subs = (1.0, 2.0, 5.0) if high / low < 200 else (1.0,)
-    axes.xaxis.set_major_locator(LogLocator(base=10, subs=subs, numticks=9))
-    axes.xaxis.set_minor_locator(NullLocator())
-    plain_numbers(axes.xaxis)
-    axes.set_yticks(y, names)
-    axes.set_ylim(n - 0.5, -0.5)
-    axes.tick_params(axis="y", length=0)
-    axes.grid(axis="y", visible=False)
-    axes.set_xlabel("Expected standard error, as a fraction of the prior SD")
+    name_rows(axes, y, names)
+    axes.set(xscale="log", xlim=(low, high), ylim=(n - 0.5, -0.5),
+             xlabel="Expected standard error, as a fraction of the prior SD")  # fmt: skip
+    decades(axes.xaxis, 9, (1.0, 2.0, 5.0) if high / low < 200 else (1.0,))
     edge, inch = axes.get_yaxis_transform(), 1.0 / (WIDTH - left - right)
     before, after = 1.0 + 0.62 * inch, 1.0 + 1.27 * inch
     for x, head in ((before, "before"), (after, "after")):
         axes.text(x, -0.62, head, transform=edge, ha="right", va="bottom", fontsize=7.5, color=GREY)
+    small = {"transform": edge, "va": "center_baseline", "fontsize": 7.5}
     for i, unit in enumerate(quantity_of(name).unit for name in design.names):
         for x, row in ((before, 0), (after, -1)):
-            axes.text(x, i, number(design.standard_errors[row, i], 2), transform=edge, ha="right",
-                      va="center_baseline", fontsize=7.5)  # fmt: skip
-        axes.text(after + 0.07 * inch, i, unit, transform=edge, va="center_baseline", fontsize=7.5)
-    figure.legend(list(handles.values()), list(handles), loc="upper left",
-                  bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4, handlelength=1.2,
-                  columnspacing=1.5)  # fmt: skip
+            axes.text(x, i, number(design.standard_errors[row, i], 2), ha="right", **small)
+        axes.text(after + 0.07 * inch, i, unit, **small)
+    figure_legend(figure, loc="upper left", bbox_to_anchor=((left - 0.1) / WIDTH, 1.0), ncols=4,
+                  handlelength=1.2, columnspacing=1.5)  # fmt: skip
     return figure
 
 
@@ -157,12 +141,11 @@ def candidates_table(design: Design) -> Table:
     """What each candidate would add, the table of candidates.csv."""
     tests = design.candidates
     place = {row: step for step, row in reversed([*enumerate(design.chosen, 1)])}
-    return Table.of({
-        "name": [one.name for one in tests], "flexion_deg": [one.flexion_deg for one in tests],
-        **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
-        "status": [Status(status).word for status in design.status], "gain": design.gains,
-        "chosen": [place.get(row) for row in range(len(tests))],
-    })  # fmt: skip
+    return Table.of({"name": [one.name for one in tests],
+                     "flexion_deg": [one.flexion_deg for one in tests],
+                     **{load: [one.loads[load] for one in tests] for load in NAMED_LOADS},
+                     "status": words_of(design.status), "gain": design.gains,
+                     "chosen": [place.get(row) for row in range(len(tests))]})  # fmt: skip
 
 
 def next_tests_table(design: Design) -> Table:
@@ -189,7 +172,7 @@ def design_notes(design: Design) -> list[str]:
     notes = [prose("design.prior")] if design.prior_assumed else []
     lost = design.status[np.isnan(design.gains)]
     if len(lost):
-        words = sorted({Status(s).word.replace("_", " ") for s in lost})
+        words = sorted({word.replace("_", " ") for word in words_of(lost)})
         verb, them = ("is", "it") if len(lost) == 1 else ("are", "them")
         notes.append(prose("design.lost", lost=len(lost), count=len(design.candidates), verb=verb,
                            them=them, words=", ".join(words)))  # fmt: skip
@@ -210,11 +193,9 @@ def profit_table(design: Design) -> Table:
         before, after = design.standard_errors[step : step + 2]
         i = int(np.argmax(before / after))
         rows.append([str(step + 1), str(test), design.names[i], before[i], after[i]])
-    columns = [
-        Column("step", " ", words=True), Column("test", "test to make next", words=True),
-        Column("parameter", "gains most", words=True), Column("before", "std. error before", "2"),
-        Column("after", show="2"),
-    ]  # fmt: skip
+    columns = [Column("step", " ", words=True), Column("test", "test to make next", words=True),
+               Column("parameter", "gains most", words=True),
+               Column("before", "std. error before", "2"), Column("after", show="2")]  # fmt: skip
     return Table(columns, rows)
 
 

@@ -1,22 +1,17 @@
 """What is wrong with poses, in words and numbers: which part, by how much, against which limit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
 from numpy.typing import ArrayLike
 
+from kneejax import inference
 from kneejax.experiments import Mechanics, Motion, flipped, near_flip, status_of, with_flips
 from kneejax.geometry import COLUMNS, COORDINATES, free_of, scales
 from kneejax.mechanics import LIMITS, OFF_SURFACE_MM, WIDEST_GAP_MM, Knee, load_words
 from kneejax.report.look.tables import listed
 from kneejax.statics import Status, converged
-
-if TYPE_CHECKING:
-    from kneejax import inference
 
 # All compartments farther apart than this: something pulls the bones apart, mm.
 _APART_MM = 0.5
@@ -32,17 +27,10 @@ def status_doubts(
 ) -> Iterator[str]:
     """Say which poses are not simply balanced, what to try next, and what is wrong in numbers.
 
-    Args:
-        status: `Status` values, one a pose.
-        words: one text per pose, of `pose_words`.
-        where: what several poses are called, by their rows.
-        at: what one is called.
-        given: whether the poses were given, not searched for.
-        accepted: statuses of which nothing is said.
-
-    Returns:
-        For each status a sentence, and on lines of their own what is wrong with the first, a
-        middle and the last of its poses; of balanced poses only these lines.
+    For each `Status` that is not `accepted` a sentence, and on lines of their own the `words` of
+    the first, a middle and the last of its poses, called as `where` (several, by their rows) and
+    `at` (one) say; of balanced poses only these lines. `given` says whether poses were not searched
+    for.
 
     Example:
         >>> places = named_places(["0", "30"], "degrees")
@@ -79,11 +67,7 @@ def named_places(places: Sequence[str], unit: str) -> tuple[Callable, Callable]:
 def given_doubts(
     knee: Knee, found: Mechanics, places: Sequence[str]
 ) -> tuple[np.ndarray, list[str]]:
-    """What is wrong with poses that were given, not searched for, each called as in `places`.
-
-    Returns:
-        `Status` values, `(poses,)`, and sentences as of `status_doubts`.
-    """
+    """`Status` of poses that were given, not searched for, `(poses,)`, and sentences on them."""
     status = with_flips(status_of(found, knee), found)
     named = named_places(places, "(row)")
     return status, [*status_doubts(status, pose_words(knee, found), *named, given=True)]
@@ -101,9 +85,8 @@ def pose_doubts(
         return f"{len(rows)} of {len(status)} poses {word} (flexion {angles} deg)"
 
     accepted = (Status.BALANCED, *accepted)
-    found = status_doubts(
-        status, motion_words(motion), where, lambda i: f"At {flexion[i]:g} deg", accepted=accepted
-    )
+    found = status_doubts(status, motion_words(motion), where, lambda i: f"At {flexion[i]:g} deg",
+                          accepted=accepted)
     return [sentence.replace("\n  ", ". ") + "." for sentence in found]
 
 
@@ -224,10 +207,8 @@ def _beyond(found: Mechanics, row: int, k: int) -> str:
     if not np.isfinite([far, share]).all():
         return " off the fitted surfaces"
     counts = "no doubt up to" if found.known[row, k] else "at most"
-    return (
-        f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
-        f"{float(f'{100 * share:.2g}'):g} % of its force"
-    )
+    return (f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
+            f"{float(f'{100 * share:.2g}'):g} % of its force")
 
 
 def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):

@@ -1,28 +1,18 @@
 """The extensor mechanism, as an answer with figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import TENDON, DrivenExtensor, Extensor, with_flips
 from kneejax.geometry import BODIES, COLUMNS, FEMUR, FEMUR_AND_TIBIA, PATELLA
+from kneejax.report import panels as draw
 from kneejax.report import pose_tables
 from kneejax.report.doubts import named_places, pose_words, search_words, status_doubts
 from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Table
-from kneejax.report.panels import (
-    draw_ligaments,
-    draw_named,
-    flexion_axis,
-    grid,
-    mark_status,
-    panel_grid,
-    part_legend,
-)
 from kneejax.statics import Status
 
 _PULL = "Quadriceps force, N"
@@ -34,14 +24,14 @@ _LEFT_NM = 1e-3
 @styled
 def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     """Draw the pull, the ratios of forces, the moment arm, the patella, and the ligaments."""
-    figure, panels = panel_grid(3, 2, 7.8, title)
+    figure, panels = draw.panel_grid(3, 2, 7.8, title)
     flexion, pull, patella = (np.asarray(x) for x in
                               (found.flexion_deg, found.quadriceps_N, found.patella))  # fmt: skip
     angles = np.unique(flexion)
     over_pull = len(angles) < len(flexion)
-    x, rows = (pull if over_pull else flexion), [np.arange(len(flexion))]
+    x, rows = flexion, [np.arange(len(flexion))]
     if over_pull:
-        rows = [np.flatnonzero(flexion == angle) for angle in angles]
+        x, rows = pull, [np.flatnonzero(flexion == angle) for angle in angles]
 
     def by_flexion(axes: Axes, values, label: str) -> None:
         """A line for each flexion where several pulls were tried, else one."""
@@ -54,7 +44,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
         """A colour for each of several quantities."""
         for k, own in enumerate(rows):
             named = {name if k == 0 else f"_{name}": y[own] for name, y in curves.items()}
-            draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
+            draw.draw_named(axes, x[own], named, label, colors=(BLUE, VERMILLION, GREEN), columns=3)
 
     # A quadriceps that nothing asks for is left at rest: its ratios tell of the bands alone.
     extension = np.asarray(found.extension_Nm)
@@ -72,15 +62,15 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     turns = {"flexion": patella[:, 0], "tilt": patella[:, 2], "rotation": patella[:, 1]}
     by_kind(panels[3], turns, "Patella, deg")
     knee = found.motion.knee
-    draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
-                   rows=rows)  # fmt: skip
+    draw.draw_ligaments(panels[4], x, knee, found.mechanics.tension, among=_tibiofemoral(found),
+                        rows=rows)  # fmt: skip
     by_flexion(panels[5], np.asarray(found.motion.to_table())[:, 3], "Tibia, anterior, mm")
     for axes in panels:
         if over_pull:
             axes.set_xlabel(_PULL)
         else:
-            flexion_axis(axes, x)
-        mark_status(axes, x, status, height=0.02)
+            draw.flexion_axis(axes, x)
+        draw.mark_status(axes, x, status, height=0.02)
     if len(rows) > 1:
         panels[2].legend(title="Flexion, deg", title_fontsize=7.5, fontsize=7.5)
     return figure
@@ -92,20 +82,17 @@ def shear_figure(found: Extensor) -> Figure:
     forces = {name: force[:, 0] for name, force in _grouped(found).items()}
     size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
-    figure, ((axes,),) = grid(1, 1, 3.6, left=0.7, right=1.82)
+    figure, ((axes,),) = draw.grid(1, 1, 3.6, left=0.7, right=1.82)
     x = np.asarray(found.flexion_deg)
     for name, style in part_styles(shown).items():
         axes.plot(x, forces[name], label=verbatim(name), **style)
-    rest = [name for name in forces if name not in shown]
-    if rest:
-        axes.plot(x, sum(forces[name] for name in rest), color=GREY, label="all others")
+    if rest := [force for name, force in forces.items() if name not in shown]:
+        axes.plot(x, sum(rest), color=GREY, label="all others")
     axes.plot(x, sum(forces.values()), color="black", linestyle=":", label="sum")
     axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.set_title("Force on the tibia, forwards along its own axis")
-    axes.set_ylabel("N")
-    flexion_axis(axes, x)
-    handles, labels = axes.get_legend_handles_labels()
-    part_legend(axes, dict(zip(labels, handles, strict=True)), (1.02, 1.02))
+    axes.set(title="Force on the tibia, forwards along its own axis", ylabel="N")
+    draw.flexion_axis(axes, x)
+    draw.part_legend(axes, draw.labelled(figure), (1.02, 1.02))
     return figure
 
 
@@ -118,13 +105,11 @@ def _tibiofemoral(found: Extensor) -> list[str]:
 
 def _grouped(found: Extensor) -> dict[str, np.ndarray]:
     """Forces on the tibia: tendon, contact, muscles and weight, ligaments by their bundles."""
-    forces = dict(found.forces_on_tibia)
-    knee = found.motion.knee
+    forces, knee = dict(found.forces_on_tibia), found.motion.knee
     tendon = {TENDON: forces.pop(TENDON)}
     pressed = [forces.pop(name) for name in knee.contact_names if name in forces]
     contact = {"contact": sum(pressed)} if pressed else {}
-    fibres = _tibiofemoral(found)
-    members = pose_tables.bundles(knee, fibres)
+    members = pose_tables.bundles(knee, _tibiofemoral(found))
     pulled = {name: sum(forces.pop(x) for x in own) for name, own in members.items()}
     return {**tendon, **contact, **forces, **pulled}
 
@@ -144,18 +129,8 @@ _BY_LENGTH = (
 def extensor_answer(
     name: str, experiment: str, found: Extensor, *, loads, driven: DrivenExtensor | None = None
 ) -> Answer:
-    """What a knee does while its quadriceps pulls.
-
-    Args:
-        name: of the knee, with what was cut.
-        experiment: patellar-tracking, extension or leg-raise.
-        found: of the experiment.
-        loads: that acted throughout, by name.
-        driven: where the quadriceps was given lengths.
-
-    Returns:
-        The answer; its tables are extensor, forces and tibia_forces.
-    """
+    """What a knee does while its quadriceps pulls, with loads that acted throughout, by name;
+    `driven` where the quadriceps was given lengths."""
     knee, status = found.motion.knee, with_flips(found.motion.status, found.mechanics)
     flexion, pull = np.asarray(found.flexion_deg), np.asarray(found.quadriceps_N)
     words = pose_words(knee, found.mechanics, search_words(found.motion, loads))
@@ -184,12 +159,10 @@ def extensor_answer(
     if experiment != "extension":
         drawings["shear"] = Drawing(shear_figure, found)
         sections.append(Section("What draws the tibia forwards", drawings=["shear"]))
-    return Answer(
-        title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
-        sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
-        drawings=drawings, doubts=doubts,
-        sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)],
-    )
+    return Answer(title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
+                  sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
+                  drawings=drawings, doubts=doubts,
+                  sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)])
 
 
 def extensor_table(

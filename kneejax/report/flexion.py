@@ -1,20 +1,155 @@
-"""Passive flexion, and poses that were given, as answers."""
+"""Motion over flexion and the forces that hold it: passive flexion and given poses as answers, and
+figures, also of what a calibration fitted."""
 
-from __future__ import annotations
-
+import itertools
+import textwrap
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from numpy.typing import ArrayLike
 
 from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_flips
-from kneejax.geometry import CLINICAL, COLUMNS, FEMORAL, convert_table
+from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL
+from kneejax.inference import Calibration
 from kneejax.mechanics import Knee, load_words
 from kneejax.report import doubts as faults
+from kneejax.report import panels as draw
 from kneejax.report import pose_tables
+from kneejax.report.look.colours import BLUE, CONTACT_PARTS, FITS, GREY, VERMILLION, part_styles
 from kneejax.report.look.page import Answer, Drawing, Section
+from kneejax.report.look.style import SHOWN, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
-from kneejax.report.motion_figures import simulation_figure
 from kneejax.statics import Status, converged
+
+_COLUMN = {name: i for i, name in enumerate(COORDINATES)}
+
+
+@styled
+def motion_figure(calibration: Calibration) -> Figure:
+    """Draw measured, started and fitted motion: five coordinates over flexion.
+
+    Args:
+        calibration: what to draw; every procedure is shown, the answer on top.
+
+    Returns:
+        Translations on the left, rotations on the right, the legend in the sixth panel.
+    """
+    measured, several = np.asarray(calibration.measured, float), len(calibration.fits) > 1
+    flexion = measured[:, 0]
+    # A simulated pose depends on flexion alone, so it is drawn as a line over flexion even where
+    # the measurement runs to and fro.
+    order = np.argsort(flexion, kind="stable")
+    motions = {"start": (BLUE, ":", np.asarray(calibration.start.table, float))}
+    for i, fit in reversed(list(enumerate(calibration.fits))):
+        table = np.array(fit.motion.table, float)
+        for offset in fit.offsets:
+            table[:, _COLUMN[offset.name]] += offset.value
+        label = verbatim(f"fitted, procedure {fit.procedure}") if several else "fitted"
+        dashes = "--" if i == 0 else (0, (1 + 3 * i, 1.5, 1, 1.5))
+        motions[label] = FITS[i % len(FITS)], dashes, table
+    figure, panels, words = draw.coordinate_panels(flexion)
+    lines: dict[str, Any] = {}
+    marked: dict[str, Any] = {}
+    for name, axes in panels.items():
+        column = _COLUMN[name]
+        style = draw.measured_curve(flexion)
+        (lines["measured"],) = axes.plot(flexion, measured[:, column], **style)
+        for label, (color, dashes, table) in motions.items():
+            style = {"color": color, **draw.curve_style(flexion[order], dashes)}
+            (lines[label],) = axes.plot(flexion[order], table[order, column], **style)
+        own = [("start", calibration.start, BLUE, 0.10)]
+        own += [("fitted", fit.motion, VERMILLION, 0.03) for fit in calibration.fits[:1]]
+        for kind, motion, color, height in own:
+            marks = draw.mark_status(axes, flexion, faults.row_status(motion), color, height)
+            marked |= {f"{kind}: {entry}": handle for entry, handle in marks.items()}
+    # The answer was drawn last, on top, and is named first.
+    legend = ["measured", "start", *reversed([label for label in motions if label != "start"])]
+    handles = {label: lines[label] for label in legend} | marked
+    draw.part_legend(words, handles, (0.0, 0.84), fontsize=8, ncols=1 if len(handles) <= 8 else 2,
+                     handlelength=2.8, columnspacing=1.2, borderpad=0, labelspacing=0.5,
+                     markerscale=1.2 if len(measured) <= draw.DENSE else 2.0)  # fmt: skip
+    if calibration.fit.offsets:
+        note = "Fitted motions are drawn with their frame offsets."
+        words.text(0.0, 0.0, note, fontsize=7.5, transform=words.transAxes)
+    return figure
+
+
+def _force_lines(
+    axes: Axes, x: np.ndarray, forces: Mapping[str, ArrayLike], contact: bool, dashes: str = "-"
+) -> dict[str, Any]:
+    """Forces over flexion, ligaments in the colours of their structures; lines by their names."""
+    colours = itertools.cycle({"color": one} for one in CONTACT_PARTS)
+    styles = dict(zip(forces, colours, strict=False)) if contact else part_styles(forces)
+    drawn = {}
+    for name, force in forces.items():
+        own = styles[name].get("linestyle", "-") if dashes == "-" else dashes
+        style = {**styles[name], **draw.curve_style(x, own)}
+        label = verbatim(name) if dashes == "-" else None
+        (drawn[verbatim(name)],) = axes.plot(x, np.asarray(force, float), label=label, **style)
+    return drawn
+
+
+@styled
+def ligament_forces_figure(calibration: Calibration) -> Figure:
+    """Draw ligament and contact forces over flexion, at the start and fitted."""
+    flexion = np.asarray(calibration.measured, float)[:, 0]
+    order = np.argsort(flexion, kind="stable")
+    groups = [("Ligament force, N", calibration.ligaments, "ligament_forces"),
+              ("Contact force, N", calibration.contacts, "contact_forces")]  # fmt: skip
+    groups = [group for group in groups if group[1]] or groups[:1]
+    right = 2.38 if max(len(names) for _, names, _ in groups) > 12 else 1.4
+    figure, panels = draw.grid(len(groups), 1, 2.75 * len(groups) + 0.35, right=right, top=0.28,
+                               bottom=0.45, apart=(0, 0.4), sharex=True)  # fmt: skip
+    fitted = calibration.fit.motion
+    for axes, (title, names, field) in zip(panels[:, 0], groups, strict=True):
+        contact, last = field == "contact_forces", axes is panels[-1, 0]
+        axes.set_title(title)
+        before, after = (
+            dict(zip(names, np.asarray(getattr(x, field), float)[order].T, strict=True))
+            for x in (calibration.start, fitted)
+        )
+        _force_lines(axes, flexion[order], before, contact, ":")
+        drawn = _force_lines(axes, flexion[order], after, contact)
+        draw.flexion_axis(axes, flexion, last)
+        axes.tick_params(labelbottom=last)
+        if "marker" not in draw.curve_style(flexion[order], "-") and axes is panels[0, 0]:
+            drawn |= {word: Line2D([], [], color=GREY, linestyle=d)
+                      for word, d in (("fitted", "-"), ("start", ":"))}  # fmt: skip
+        draw.mark_status(axes, flexion, faults.row_status(fitted))
+        columns = 1 if len(drawn) <= 12 else 2
+        draw.part_legend(axes, drawn, (1.01, 1.0), ncols=columns, handlelength=1.4)
+    return figure
+
+
+@styled
+def simulation_figure(
+    flexion_deg: ArrayLike, table: ArrayLike, status: ArrayLike, ligaments: Mapping[str, ArrayLike],
+    contacts: Mapping[str, ArrayLike], convention: str = "femoral",
+) -> Figure:  # fmt: skip
+    """Draw a simulated motion and its forces, by the names of ligaments and of contacts."""
+    x, label = np.asarray(flexion_deg, float), draw.FLEXION
+    if np.ptp(x) == 0:
+        x, label = np.arange(1.0, len(x) + 1), "Step"
+    table, status = np.asarray(table, float), np.asarray(status, int)
+    meaning = f"Convention {convention}: {CONVENTION_WORDS.get(convention, '')}".strip(": ")
+    figure, panels = draw.panel_grid(4, 2, 8.8, "\n".join(textwrap.wrap(meaning, 100)))
+    for name, place in zip(SHOWN, (0, 2, 4, 1, 3), strict=True):
+        panels[place].plot(x, table[:, _COLUMN[name]], color=GREY, **draw.curve_style(x, "-"))
+        panels[place].set_title(COORDINATES[name].axis_label)
+    for place, forces, kind in ((6, ligaments, "Ligament"), (7, contacts, "Contact")):
+        _force_lines(panels[place], x, forces, place == 7)
+        panels[place].set_ylabel(f"{kind} force, N")
+        draw.legend_above(panels[place], 5)
+    marks: dict[str, Any] = {}
+    for place, axes in enumerate(panels):
+        if place != 5:
+            marks |= draw.mark_status(axes, x, status)
+            draw.flexion_axis(axes, x, place in (3, 4, 6, 7), label=label)
+    panels[5].set_axis_off()
+    draw.part_legend(panels[5], marks, (0.0, 0.9))
+    return figure
 
 
 def flexion_answer(
@@ -22,21 +157,8 @@ def flexion_answer(
     loads: Mapping[str, float], unloaded: Motion | None = None,
     branches: Sequence[Branch] | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """Passive flexion of a knee.
-
-    Args:
-        name: of the knee, with what was cut.
-        motion: balances, one a flexion.
-        mechanics: of these.
-        flexion: as it was asked for, degrees, `(n,)`.
-        loads: that acted, by name.
-        unloaded: the same without loads, for how far they moved the tibia.
-        branches: other balances, where they were searched for.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are poses and forces, displacement with loads, and branches.
-    """
+    """Passive flexion of a knee, called with what was cut, at flexions as they were asked for; with
+    loads by name the motion without them says how far they moved the tibia."""
     knee, status = motion.knee, with_flips(motion.status, mechanics)
     table = np.array(motion.to_table())
     table[:, 0] = flexion
@@ -78,26 +200,16 @@ def flexion_answer(
         verdict=pose_tables.verdict_of(status),
         sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
         drawings={
-            "simulation": Drawing(
-                simulation_figure, flexion, convert_table(table, FEMORAL, convention), status,
-                forces, dict(zip(knee.contact_names, contact.T, strict=True)), convention,
-            )
+            "simulation": Drawing(simulation_figure, flexion,
+                                  pose_tables.in_convention(table, convention)[0], status, forces,
+                                  dict(zip(knee.contact_names, contact.T, strict=True)), convention)
         },
         doubts=[*faults.status_doubts(status, words, *places)], sections=sections,
     )  # fmt: skip
 
 
 def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer:
-    """Ligaments and contact at given poses.
-
-    Args:
-        knee: any knee.
-        table: the poses, degrees and mm, `(n, 6)`.
-        found: their mechanics.
-
-    Returns:
-        The answer; its tables are ligaments and contact, and for people a row a pose.
-    """
+    """Ligaments and contact at given poses, `(n, 6)`, degrees and mm."""
     rows, flexion = range(len(table)), table[:, 0]
     status, doubts = faults.given_doubts(knee, found, [str(row) for row in rows])
     states = pose_tables.words_of(status)
@@ -106,13 +218,11 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
                  "way": np.vectorize(words.get, otypes=[object])(ways_of(found)),
                  "wrap_deg": np.rad2deg(np.maximum(np.asarray(found.wrap_angle), 0.0))}
     # Moments are about X, Y, Z of the tibia: adduction, internal rotation, extension.
-    of_contacts = {
-        **pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
-        pose_tables.along("center_{}_mm"): found.center,
-        pose_tables.along("force_{}_N"): found.contact_force,
-        pose_tables.about("moment_{}_Nmm"): found.contact_moment,
-        "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share,
-    }  # fmt: skip
+    of_contacts = {**pose_tables.contact_numbers(knee, found), "max_depth_mm": found.max_depth,
+                   pose_tables.along("center_{}_mm"): found.center,
+                   pose_tables.along("force_{}_N"): found.contact_force,
+                   pose_tables.about("moment_{}_Nmm"): found.contact_moment,
+                   "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share}  # fmt: skip
     forces = pose_tables.bundle_forces(knee, found.tension)
     sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
     most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]
@@ -148,7 +258,7 @@ def displacement(under_load: Motion, without: Motion) -> np.ndarray:
     """How far a load moved the tibia."""
     tables = []
     for motion in (under_load, without):
-        table = convert_table(np.asarray(motion.to_table()), FEMORAL, CLINICAL)
+        table, _ = pose_tables.in_convention(motion.to_table(), CLINICAL)
         table[~converged(np.asarray(motion.status))] = np.nan
         tables.append(table)
     return (tables[0] - tables[1])[:, 1:]

@@ -1,21 +1,12 @@
 """What `kneejax identify` found as an answer: estimates, their limits, the tests to make."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from kneejax.geometry import COLUMNS
-from kneejax.inference import (
-    Identification,
-    IntervalKind,
-    Posterior,
-    Profile,
-    same_ends,
-    versions,
-)
+from kneejax.inference import Identification, IntervalKind, Posterior, Profile, same_ends, versions
 from kneejax.parameters import sums_in_words
 from kneejax.report import design as planned
 from kneejax.report import information as curvature
@@ -27,7 +18,7 @@ from kneejax.report.look.colours import BLUE, GREEN, GREY, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import Figure, readable, styled
 from kneejax.report.look.tables import NONE, Table, json_safe, listed, number
-from kneejax.report.panels import grid
+from kneejax.report.panels import figure_legend, grid
 from kneejax.studies import Identified
 
 #: Chi squared per degree of freedom beyond which the noise that was given is doubted.
@@ -37,16 +28,7 @@ _COLUMNS = 4
 
 
 def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Answer:
-    """What the data of a study determine, what not, and the best tests to make next.
-
-    Args:
-        answer: what was found.
-        options: of the command, recorded as they are.
-
-    Returns:
-        The answer; its tables are parameters, profiles, candidates and, where there are any,
-        next_tests and the draws of the posterior.
-    """
+    """What the data of a study determine, what not, and the best tests to make next."""
     study, found, design, sampled = answer.study, answer.found, answer.design, answer.posterior
     names, information = found.selection.names, found.information
     reasons = _reasons(found)
@@ -78,10 +60,8 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     )
     summed = sums_in_words(found.problem.knee, names)
     text = [fitted, *_agreement(found, sampled), *[summed] * bool(summed)]
-    sections = [
-        Section("Limits by profile", text, drawings=["profiles"], printed=True),
-        curvature.information_section(information), planned.design_section(design),
-    ]  # fmt: skip
+    sections = [Section("Limits by profile", text, drawings=["profiles"], printed=True),
+                curvature.information_section(information), planned.design_section(design)]
     points = [[one.name, value, rise, *others] for one in found.profiles
               for value, rise, others in zip(one.values, one.rise, one.parameters, strict=True)]
     profiles = Table.plain(("parameter", "value", "rise_of_chi2", *names), points)
@@ -97,10 +77,9 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     draws = None
     if sampled is not None:
         chains, count, size = sampled.draws.shape
-        tables["posterior"] = Table.of({
-            "chain": np.repeat(range(chains), count), "draw": [*range(count)] * chains,
-            sampled.names: sampled.draws.reshape(-1, size),
-        })  # fmt: skip
+        tables["posterior"] = Table.of({"chain": np.repeat(range(chains), count),
+                                        "draw": [*range(count)] * chains,
+                                        sampled.names: sampled.draws.reshape(-1, size)})
         drawings |= posterior.posterior_drawings(sampled)
         sections.insert(2, posterior.posterior_section(sampled))
         own = ("divergences", "evaluations", "seconds", "seed")
@@ -163,17 +142,12 @@ def _parameters_table(
 ) -> Table:
     """The table of parameters.csv: limits by curvature, profile and posterior."""
     names, profiles = found.selection.names, {one.name: one for one in found.profiles}
-    moments, ends, quality = (
-        ("posterior_mean", "posterior_sd"), ("posterior_low", "posterior_high"),
-        ("r_hat", "effective_sample_size"),
-    )  # fmt: skip
-    drawn: dict[Any, Any] = dict.fromkeys((*moments, *ends, *quality))
+    drawn = dict.fromkeys(("posterior_mean", "posterior_sd", "posterior_low", "posterior_high",
+                           "r_hat", "effective_sample_size"))  # fmt: skip
     if sampled is not None:
-        drawn = {
-            moments: np.stack([sampled.mean, sampled.sd], axis=1),
-            ends: sampled.quantiles((0.025, 0.975)),
-            quality: np.stack([sampled.r_hat, sampled.effective_sample_size], axis=1),
-        }
+        numbers = (sampled.mean, sampled.sd, *sampled.quantiles((0.025, 0.975)).T, sampled.r_hat,
+                   sampled.effective_sample_size)  # fmt: skip
+        drawn = dict(zip(drawn, numbers, strict=True))
     kinds = [one.kind.value for one in found.intervals] or [None] * len(names)
     return Table.of({
         "name": names, "value": found.values,
@@ -236,11 +210,9 @@ def profiles_figure(
     figure, panels = grid(rows, min(_COLUMNS, len(profiles)), 1.62 * rows + 0.55, right=0.18,
                           bottom=0.7, apart=(0.22, 0.55), shown=len(profiles),
                           sharey=True)  # fmt: skip
-    handles: dict[str, Any] = {}
     for axes, profile in zip(panels.flat, profiles, strict=False):
         known = (truth or {}).get(profile.name)
-        unit = f", {profile.unit}" if profile.unit else ""
-        axes.set_title(readable(profile.name) + unit, fontsize=8)
+        axes.set_title(readable(profile.name, profile.unit), fontsize=8)
         top = 1.75 * profile.threshold
         axes.set_ylim(-0.04 * top, top)
         x, rise = profile.values, profile.rise
@@ -253,23 +225,21 @@ def profiles_figure(
         pad = 0.04 * (right - left) or abs(left) * 0.05 or 1.0
         left, right = left - pad, right + pad
         axes.set_xlim(left, right)
-        handles["95 % confidence"] = axes.axvspan(
-            profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0
-        )
+        axes.axvspan(profile.low, profile.high, color=BLUE, alpha=0.13, linewidth=0,
+                     label="95 % confidence")  # fmt: skip
         if np.isfinite(profile.standard_error) and profile.standard_error > 0:
             line = np.linspace(left, right, 200)
             bowl = ((line - profile.estimate) / profile.standard_error) ** 2
-            (handles["by the standard error"],) = axes.plot(line, bowl, "--", color=GREY,
-                                                            linewidth=1.4)  # fmt: skip
-        (handles["profile"],) = axes.plot(x, rise, color=BLUE)
+            axes.plot(line, bowl, "--", color=GREY, linewidth=1.4, label="by the standard error")
+        axes.plot(x, rise, color=BLUE, label="profile")
         axes.plot(profile.values, profile.rise, ".", color=BLUE, markersize=3.5)
-        limit = f"95 % limit: {profile.threshold:.2f}"
-        handles[limit] = axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":")
-        (handles["estimate"],) = axes.plot([profile.estimate], [0.0], "o", color=VERMILLION,
-                                           markersize=4, clip_on=False, zorder=5)  # fmt: skip
+        axes.axhline(profile.threshold, color=GREY, linewidth=1.0, linestyle=":",
+                     label=f"95 % limit: {profile.threshold:.2f}")  # fmt: skip
+        axes.plot([profile.estimate], [0.0], "o", color=VERMILLION, markersize=4, clip_on=False,
+                  zorder=5, label="estimate")  # fmt: skip
         ends = {"left": 0.03, "right": 0.97}
         if known is not None and left <= known <= right:
-            handles["truth"] = axes.axvline(known, color=GREEN, linewidth=1.2)
+            axes.axvline(known, color=GREEN, linewidth=1.2, label="truth")
         elif known is not None:
             side = "right" if known > right else "left"
             axes.text(ends[side], 0.9, "truth beyond", ha=side, fontsize=6.5, color=GREEN,
@@ -285,6 +255,6 @@ def profiles_figure(
         axes.tick_params(labelsize=7)
     for axes in panels[:, 0]:
         axes.set_ylabel("Rise of $\\chi^2$")
-    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=6, handlelength=1.6,
-                  bbox_to_anchor=(0.5, 0.0), columnspacing=1.0, fontsize=7.5)  # fmt: skip
+    figure_legend(figure, ncols=6, handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.0,
+                  fontsize=7.5)  # fmt: skip
     return figure

@@ -1,7 +1,5 @@
 """A knee in time: motions, energies, a leg that a motor raises."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np
@@ -10,19 +8,13 @@ from kneejax.experiments import RaisedLeg, Transient
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate, table_units
 from kneejax.inference.transients import FittedTransient, Recorded
 from kneejax.mechanics import NAMED_LOADS, load_words
+from kneejax.report import pose_tables
 from kneejax.report.extensor import extensor_table
 from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, PURPLE, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Figure, styled
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import draw_ligaments, draw_named, flexion_axis, panel_grid
-from kneejax.report.pose_tables import (
-    contact_forces,
-    force_table,
-    in_convention,
-    peak_table,
-    words_of,
-)
 from kneejax.statics import Status
 
 _COLORS = (BLUE, VERMILLION, GREEN)
@@ -37,10 +29,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
     motion, time, names = found.trajectory, found.time_s, list(COORDINATES)
     table, knee = motion.to_table(), motion.moving.knee
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    for axes, shown, label in (
-        (panels[0], names[3:], "Change of translation, mm"),
-        (panels[1], names[1:3], "Change of rotation, deg"),
-    ):
+    for axes, shown, label in ((panels[0], names[3:], "Change of translation, mm"),
+                               (panels[1], names[1:3], "Change of rotation, deg")):
         columns = [names.index(name) for name in shown]
         changes = {name.replace("_rotation", ""): table[:, k] - table[0, k]
                    for name, k in zip(shown, columns, strict=True)}  # fmt: skip
@@ -60,7 +50,8 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
         panels[2].plot(time, table[:, 0], color=BLACK)
         panels[2].set_ylabel("Flexion, deg")
     draw_ligaments(panels[3], time, knee, np.asarray(found.mechanics.tension) + found.damping_N)
-    contact = dict(zip(knee.contact_names, contact_forces(found.mechanics).T, strict=True))
+    forces = pose_tables.contact_forces(found.mechanics).T
+    contact = dict(zip(knee.contact_names, forces, strict=True))
     draw_named(panels[4], time, contact, "Contact force, N")
     energies = {kind: getattr(found.account, kind) for kind in _ENERGIES}
     steps = np.concatenate([[0.0], motion.grid.time_s]) + time[0]
@@ -131,19 +122,8 @@ def transient_answer(
     name: str, experiment: str, found: Transient, *, recorded: Recorded | None = None,
     fit: FittedTransient | None = None, convention: str = FEMORAL,
 ) -> Answer:
-    """A motion through time.
-
-    Args:
-        name: of the knee, with what was cut.
-        experiment: settle, drop or a test.
-        found: the motion.
-        recorded: a motion to compare with, where there is one.
-        fit: the dampers that were found from it.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are motion, forces, energy and, of a fit, damping.
-    """
+    """A motion through time, beside a record where there is one, with the dampers that were found
+    from it."""
     last = {load: size[-1] for load, size in found.sizes.items()}
     under = f", {load_words(last)}" if any(last.values()) else ""
     title = f"{name}: {experiment} at {found.trajectory.to_table()[0, 0]:.3g} degrees{under}"
@@ -194,16 +174,7 @@ def transient_answer(
 
 
 def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) -> Answer:
-    """A leg that a motor raises, compared with the leg that is held at each flexion.
-
-    Args:
-        name: of the knee, with what was cut.
-        found: the leg.
-        convention: of the poses.
-
-    Returns:
-        The answer; its tables are motion, forces, energy and, of the leg that is held, extensor.
-    """
+    """A leg that a motor raises, compared with the leg that is held at each flexion."""
     one, motion = found.transient, found.transient.trajectory
     title = f"{name}: leg-raise in {one.time_s[-1]:g} s"
     table, patella = motion.to_table(), motion.names.index("patella_flexion")
@@ -238,7 +209,8 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
 
 
 def _peaks(found: Transient) -> Section:
-    peaks = peak_table(found.trajectory.moving.knee, found.mechanics, found.time_s, "at time, s")
+    knee, times = found.trajectory.moving.knee, found.time_s
+    peaks = pose_tables.peak_table(knee, found.mechanics, times, "at time, s")
     return Section("Largest forces", tables=[peaks])
 
 
@@ -246,19 +218,18 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     """Poses, rates and loads; forces; energies: motion.csv, forces.csv and energy.csv."""
     motion, time_s = found.trajectory, found.time_s
     table, knee = motion.to_table(), motion.moving.knee
-    poses, extra = in_convention(table[:, :6], convention)
+    poses, extra = pose_tables.in_convention(table[:, :6], convention)
     rates = tuple(f"{coordinate(name).column}_per_s" for name in motion.names)
     damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
     damping[:, : len(knee.ligaments.names)] = found.damping_N
     energies = {f"{kind}_Nmm": np.asarray(getattr(found.account, kind))[motion.rows]
                 for kind in ("work", "kinetic", "potential", "dissipated", "missing")}  # fmt: skip
     return {
-        "motion": Table.of({
-            "time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
-            rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
-            "status": words_of(motion.status), **extra,
-        }),
-        "forces": force_table(knee, found.mechanics, {"time_s": time_s}, damping_N=damping),
+        "motion": Table.of({"time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
+                            rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
+                            "status": pose_tables.words_of(motion.status), **extra}),
+        "forces": pose_tables.force_table(knee, found.mechanics, {"time_s": time_s},
+                                          damping_N=damping),
         "energy": Table.of({"time_s": time_s, **energies}),
     }  # fmt: skip
 
@@ -267,10 +238,9 @@ def _moved(found: Transient) -> Table:
     """Where each coordinate began, how far it went, and where it ended."""
     motion, table = found.trajectory, found.trajectory.to_table()
     rest = None if found.rest is None else np.asarray(found.rest.to_table())[0]
-    columns = [
-        Column("coordinate", " ", words=True), Column("start", show=".2f"),
-        Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"), Column("end", show=".2f"),
-    ]  # fmt: skip
+    columns = [Column("coordinate", " ", words=True), Column("start", show=".2f"),
+               Column("peak", show=".2f"), Column("peak_s", "at, s", ".3f"),
+               Column("end", show=".2f")]  # fmt: skip
     if rest is not None:
         columns += [Column("rest", "at rest", ".2f"), Column("overshoot", show=".2f")]
     rows = []
@@ -309,10 +279,8 @@ def _how_exact(found: Transient) -> Iterator[str]:
         values = np.asarray(getattr(account, kind))
         known = values[np.isfinite(values)]
         ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")
-    yield (
-        f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
-        "what changed hands"
-    )
+    yield (f"energy, N mm: {', '.join(ends)}; missing at most {float(account.part_missing):.2g} of "
+           "what changed hands")
 
 
 def _wrong(found: Transient) -> Iterator[str]:

@@ -1,7 +1,5 @@
 """What data determine of parameters by curvature: the spectrum in words, and a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,7 +20,7 @@ from kneejax.report.look.tables import (
     unit_after,
     with_error,
 )
-from kneejax.report.panels import draw_matrix, grid, plain_numbers
+from kneejax.report.panels import decades, draw_matrix, grid
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
 _NAMED, _MOST = 0.3, 3
@@ -254,8 +252,6 @@ def _named(vector: np.ndarray) -> list[int]:
 @styled
 def spectrum_figure(found: Information) -> Figure:
     """Draw how well each combination of parameters is known, and what it is made of."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     free = ~found.at_bound
     names = [readable(name) for name, on in zip(found.names, free, strict=True) if on]
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
@@ -285,22 +281,16 @@ def spectrum_figure(found: Information) -> Figure:
     top.axhline(1.0, color=GREY, linewidth=0.8)
     top.annotate("no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
                  va="center", fontsize=7, color=GREY)  # fmt: skip
-    top.set_yscale("log")
     most = max(better.max(initial=1.0), 2.0)
     # Room for the number above the longest bar.
-    top.set_ylim(floor, most * (most / floor) ** 0.16)
-    top.yaxis.set_major_locator(LogLocator(base=10, numticks=6))
-    top.yaxis.set_minor_locator(NullLocator())
-    plain_numbers(top.yaxis)
-    top.set_xlim(0, n)
-    top.set_xticks([])
+    top.set(yscale="log", ylim=(floor, most * (most / floor) ** 0.16), xlim=(0, n), xticks=[],
+            title="Prior SD over standard error, for each combination of parameters")  # fmt: skip
+    decades(top.yaxis, 6)
     top.grid(axis="x", visible=False)
-    top.set_title("Prior SD over standard error, for each combination of parameters")
-    weights = draw_matrix(
-        table, vectors, both_signs(), (-1, 1), lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "",
-        lambda x: x < -0.8, names, [str(i + 1) for i in range(n)], numbers=n <= 16,
-        size=7.5 if n <= 20 else 5.5,
-    )  # fmt: skip
+    weights = draw_matrix(table, vectors, both_signs(), (-1, 1),
+                          lambda x: f"{x:.1f}" if abs(x) >= 0.095 else "", lambda x: x < -0.8,
+                          names, [str(i + 1) for i in range(n)], numbers=n <= 16,
+                          size=7.5 if n <= 20 else 5.5)  # fmt: skip
     table.set_xlabel("Combination, from best determined to worst")
     scale = figure.colorbar(weights, cax=table.inset_axes((1 + 0.15 / tall, 0, 0.1 / tall, 1)))
     scale.set_ticks([-1, 0, 1], labels=["\u22121", "0", "+1"], fontsize=7)

@@ -1,12 +1,11 @@
 """Simple joints against measured motion, as an answer with tables and figure."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
 
 from kneejax.inference import versions
 from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
@@ -15,9 +14,6 @@ from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.look.tables import NONE, Column, Table
 from kneejax.report.panels import grid
-
-if TYPE_CHECKING:
-    from kneejax.joints import Comparison
 
 _NAMES = {"ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction",
           "AA": "Adduction", "IE": "Internal rotation"}  # fmt: skip
@@ -42,8 +38,6 @@ def joint_comparison_figure(
     Returns:
         The figure; points that models were calibrated on are filled.
     """
-    from matplotlib.lines import Line2D
-
     names = list(curves)[:_MOST_COLUMNS]
     subjects, shown = len(found.measured), subject_flexion_deg
     if shown is None:
@@ -61,8 +55,8 @@ def joint_comparison_figure(
                 axes.set_title(verbatim("\n".join(title[:2])))
             if column == 0:
                 axes.set_ylabel(f"{_NAMES[measure.name]}\n{measure.name}, {measure.unit}")
-            if row == len(MEASURES) - 1:
-                axes.set_xlabel("Flexion, deg")
+    for axes in panels[-1]:
+        axes.set_xlabel("Flexion, deg")
     figure.align_ylabels(panels[:, 0])
     dot = {"marker": "o", "linestyle": "none", "markersize": 4, "color": BLACK}
     handles = [Line2D([], [], color=VERMILLION if subjects == 1 else GREY, label="model"),
@@ -119,11 +113,9 @@ def comparison_answer(
         tests (paper 5, Tables 1 to 5 and supplement).
     """
     count = len(found.measured)
-    head = (
-        f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
-        f"{int(found.compared.sum())} of them compared; "
-        + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES)
-    )
+    head = (f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
+            f"{int(found.compared.sum())} of them compared; "
+            + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES))
     drawings = {}
     if curves is not None:
         drawings["joints"] = Drawing(joint_comparison_figure, found, curve_flexion_deg, curves,
@@ -309,9 +301,8 @@ def _document(found: Comparison, settings, notes, doubts) -> dict[str, Any]:
         "average_differences": {
             f"{one.first} - {one.second}": {
                 name: {"mean": mean, "standard_error": error}
-                for name, mean, error in zip(
-                    names, one.mean[-1], one.standard_error[-1], strict=True
-                )
+                for name, mean, error in zip(names, one.mean[-1], one.standard_error[-1],
+                                             strict=True)
             }
             for one in found.differences
         },

@@ -1,14 +1,13 @@
 """A moving axis and a hinge that were fitted to poses, as an answer."""
 
-from __future__ import annotations
-
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import versions
 from kneejax.joints import CondyleAxes, Joint, JointFit
 from kneejax.report.look import colours
@@ -16,7 +15,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, LIGHT, PURPLE,
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
-from kneejax.report.panels import coordinate_panels, grid, part_legend
+from kneejax.report.panels import coordinate_panels, figure_legend, grid, part_legend
 from kneejax.report.pose_tables import pose_columns
 from kneejax.statics import Status
 
@@ -60,7 +59,6 @@ def joint_axes_figure(
     between = np.asarray(moving.axis_points(angles)[0])
     handles: dict[str, object] = {}
     for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
-        panel.set_title(title)
         if cloud is not None:
             some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
             style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
@@ -94,13 +92,10 @@ def joint_axes_figure(
             line = np.asarray(hinge.femoral[0])
             style = {"color": _HINGE, "marker": "s", "linestyle": "--", "linewidth": 1.2}
             (handles["hinge"],) = panel.plot(line[:, across], line[:, up], **style, markersize=3.5)
-        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N")
-        panel.set_xlim(low[across], high[across])
-        panel.set_ylim(low[up], high[up])
-    figure.legend(
-        list(handles.values()), list(handles), loc="outside lower center",
-        ncols=3 if len(handles) in (3, 5, 6) else 4, markerscale=1.0,
-    )  # fmt: skip
+        panel.set(xlabel=labels[0], ylabel=labels[1], aspect="equal", anchor="N", title=title,
+                  xlim=(low[across], high[across]), ylim=(low[up], high[up]))  # fmt: skip
+    figure_legend(figure, handles, loc="outside lower center", markerscale=1.0,
+                  ncols=3 if len(handles) in (3, 5, 6) else 4)  # fmt: skip
     return figure
 
 
@@ -131,7 +126,6 @@ def joint_motion_figure(
             if low < high:
                 fixed = panel.axvspan(low, high, color=LIGHT, alpha=0.6, linewidth=0, zorder=0)
                 handles["outside: the axis stays"] = fixed
-        panel.set_title(COORDINATES[name].axis_label)
     part_legend(words, handles, (0.0, 0.86), fontsize=8)
     return figure
 
@@ -151,23 +145,11 @@ def joint_fit_answer(
     regions: str = "", surface: np.ndarray | None = None, doubts: Sequence[str] = (),
     document: Mapping[str, Any] | None = None,
 ) -> Answer:
-    """What simple joints keep of a motion, and what they lose.
+    """What simple joints keep of poses of a name, `(n, 6)`, degrees and mm, and what they lose.
 
-    Args:
-        fit: the joints.
-        name: of the poses.
-        table: the poses, degrees and mm, `(n, 6)`; NaN where a contact knee has none.
-        flexion: where the joints' motion is written, degrees.
-        status: of each pose, where they are those of a contact knee.
-        hinge: what the hinge's axis goes through, in words.
-        facets: of the femur, if there are any.
-        regions: how they were chosen, in words.
-        surface: points of the femur, `(n, 3)`, mm.
-        doubts: on poses and facets.
-        document: what result.json says of the input.
-
-    Returns:
-        The answer; its tables are poses, hinge_poses, knee_poses of a contact knee, and facets.
+    Poses of a contact knee have a `status`, and are NaN where it has none; their motion is written
+    over `flexion`. `surface` are points of the femur, `(n, 3)`, mm; `regions` says how its facets
+    were chosen, `document` what result.json says of the input.
     """
     article, kind = "a", "moving axis"
     if len(fit.rows) > 2:
@@ -183,10 +165,7 @@ def joint_fit_answer(
         tables["knee_poses"] = Table.of({heads: table, "status": [one.word for one in status]})
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
-    heads = ("adduction", "int.rot.", "anterior", "superior", "lateral")
-    units = (column.rsplit("_", 1)[1] for column in COLUMNS[1:])
-    pairs = zip(FREE_COORDINATES, heads, units, strict=True)
-    columns = [Column(name, f"{head}, {unit}", ".3f") for name, head, unit in pairs]
+    columns = [dataclasses.replace(one, show=".3f") for one in pose_columns()[1:]]
     errors = Table(
         [Column("joint", " ", words=True), *columns],
         [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],

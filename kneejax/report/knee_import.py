@@ -1,7 +1,5 @@
 """Knees made from an OpenSim model or from meshes: what was read and how well surfaces fit."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -59,8 +57,8 @@ def surface_fit_figure(
             own = placement.turn((1.0, 0.0, 0.0))
             up = int(abs(float(own[1])) > abs(float(own[0])))
             across, along = fit.points[:, 2], fit.points[:, up]
-            axes.set(xlabel="lateral, mm", ylabel=("anterior, mm", "superior, mm")[up])
-            axes.set_aspect("equal")
+            axes.set(xlabel="lateral, mm", ylabel=("anterior, mm", "superior, mm")[up],
+                     aspect="equal")  # fmt: skip
         if not here.all():
             axes.scatter(across[~here], along[~here], c=GREY, s=1.5, alpha=0.35, linewidths=0)
         # Thousands of points are one picture inside the SVG, which keeps the file small.
@@ -89,16 +87,7 @@ _MISSED = "doubtful: a surface misses its target; the report says which"
 
 
 def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtful: bool) -> Answer:
-    """Contacts from meshes of cartilage.
-
-    Args:
-        fits: surface -> its fit, region and quality (`kneejax.files.MeshImport.fits`).
-        findings: sentences on what was found.
-        doubtful: whether a surface misses its target.
-
-    Returns:
-        The answer; its table is fit_report.
-    """
+    """Contacts from meshes of cartilage (`kneejax.files.MeshImport.fits`), and what was found."""
     rows = []
     for name, part in fits.items():
         q = part.quality
@@ -125,15 +114,7 @@ def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtfu
 
 
 def meniscus_import_answer(found: Any, replaced: bool) -> Answer:
-    """A meniscus's mesh as a contact with a ring.
-
-    Args:
-        found: what its mesh states, a `kneejax.files.MeshMeniscus`.
-        replaced: whether the knee had a meniscus of that name.
-
-    Returns:
-        The answer; its tables are fit_report and sections.
-    """
+    """A meniscus's mesh, a `kneejax.files.MeshMeniscus`, as a contact with a ring."""
     name, ring, quality = found.name.replace("_", " "), found.contact["ring"], found.fit.quality
     columns = {x: getattr(found, x)
                for x in ("angle_deg", "inner_mm", "outer_mm", "height_mm", "area_mm2")}  # fmt: skip
@@ -156,18 +137,7 @@ def meniscus_import_answer(found: Any, replaced: bool) -> Answer:
 def band_import_answer(
     name: str, band: Any, modulus_MPa: float, fibres: int, replaced: Sequence[str]
 ) -> Answer:
-    """A ligament's mesh as a band.
-
-    Args:
-        name: of the ligament.
-        band: what its mesh tells, a `kneejax.files.MeshBand`.
-        modulus_MPa: Young's modulus.
-        fibres: as which it is drawn.
-        replaced: fibres of the knee whose place it takes.
-
-    Returns:
-        The answer; its tables are areas and cross_sections.
-    """
+    """A ligament's mesh, a `kneejax.files.MeshBand`, as a band, in the place of fibres."""
     rows = []
     for bone, area in (("femur", band.femoral), ("tibia", band.tibial)):
         half = np.linalg.svd(np.asarray(area.half_axes), compute_uv=False)
@@ -196,16 +166,8 @@ def osim_import_answer(
     name: str, said: Sequence[str], sections: Mapping[str, Sequence[str]],
     ligaments: Mapping[str, Mapping[str, Any]], doubts: Sequence[str], *, missed: bool = False,
 ) -> Answer:
-    """A knee from an OpenSim model.
-
-    Args:
-        name: of the model.
-        said: sentences for the terminal: what was taken as what, how much was read.
-        sections: of the import report: title -> sentences.
-        ligaments: of the knee file: fibre -> entry.
-        doubts: what is not supported or was left out though it acts on the knee.
-        missed: whether a surface misses its target.
-    """
+    """A knee from an OpenSim model: sentences for the terminal, sections of the import report, and
+    the ligaments of the knee file; `missed` says whether a surface misses its target."""
     columns = [Column("fibre", words=True), Column("points"),
                Column("wrap", "wrap object", words=True), Column("stiffness_N", "stiffness, N"),
                Column("slack_length_mm", "slack length, mm"),

@@ -1,7 +1,5 @@
 """A knee in words and tables for a terminal, in plain ASCII."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -197,11 +195,9 @@ def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[s
     thickness = f"{float(contact.layer_thickness):g} mm"
     if contact.layer_variation is not None:
         thickness += " and a field"
-    lines = [
-        f"Contact {name}: {form}, {contact.law} law",
-        f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
-        f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}",
-    ]
+    lines = [f"Contact {name}: {form}, {contact.law} law",
+             f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
+             f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}"]
     for side in ("femoral_surface", "tibial_surface"):
         lines.append(f"  {side.replace('_', ' ')}: {_surface(document[side])}")
     return lines

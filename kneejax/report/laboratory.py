@@ -1,7 +1,5 @@
 """Tests under load: laxity, curves, and where a knee gives way."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -45,9 +43,9 @@ def load_figure(curves: Sequence[Curves], status: Sequence[np.ndarray]) -> Figur
         kind, coordinate = NAMED_LOADS[test.driven_by], COORDINATES[test.observed]
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         axes.axvline(0.0, color=GREY, linewidth=0.5)
-        axes.set_title(verbatim(f"{test.name}: {test.words}"))
-        axes.set_xlabel(f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}")
-        axes.set_ylabel(f"{kind.positive.capitalize()}, {kind.unit}")
+        moved = f"Change {_FROM[one.counted_from]}: {coordinate.phrase}, {coordinate.unit}"
+        axes.set(title=verbatim(f"{test.name}: {test.words}"), xlabel=moved,
+                 ylabel=f"{kind.positive.capitalize()}, {kind.unit}")  # fmt: skip
         part_legend(axes, shown, (1.02, 1.02), title="Flexion, deg", title_fontsize=8,
                     handlelength=1.6)  # fmt: skip
     return figure
@@ -89,10 +87,8 @@ def laxity_figure(
             one_way = band.end in ("positive", "negative")
             if one_way and band.load == test.driven_by and band.size == abs(test.size):
                 spread = np.where(np.isfinite(band.sd), 2 * band.sd, 0.0)
-                points = axes.errorbar(
-                    band.flexion_deg, band.mean, spread, fmt="s", color=GREY, markersize=3,
-                    elinewidth=0.8, capsize=2, zorder=1,
-                )  # fmt: skip
+                points = axes.errorbar(band.flexion_deg, band.mean, spread, fmt="s", color=GREY,
+                                       markersize=3, elinewidth=0.8, capsize=2, zorder=1)
                 counted = f",\n{_FROM[band.counted_from]}" if band.cut else ""
                 drawn[verbatim(f"{band.label}:\nmean, two SD where known{counted}")] = points
         ends = ("positive", "negative") if by_load else ("held_positive", "held_negative")
@@ -103,9 +99,9 @@ def laxity_figure(
                 (drawn[word],) = axes.plot(flexion, y, "o-", color=color, markersize=3)
         drawn |= mark_status(axes, flexion, np.array([int(x.status) for x in rows]))
         axes.axhline(0.0, color=GREY, linewidth=0.5)
-        axes.set_title(verbatim(f"{test.name}: {test.words}"))
         change = f"Change {_FROM[one.counted_from]}:\n{coordinate.phrase}, {coordinate.unit}"
-        axes.set_ylabel(change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
+        axes.set(title=verbatim(f"{test.name}: {test.words}"),
+                 ylabel=change if by_load else f"{kind.positive.capitalize()}, {kind.unit}")
         flexion_axis(axes, flexion)
         part_legend(axes, drawn, (1.02, 1.02), handlelength=1.6)
     return figure
@@ -116,21 +112,11 @@ def laboratory_answer(
     second: Sequence[np.ndarray] = (), bands: Sequence[Any] = (), convention: str = FEMORAL,
     intact: tuple[Knee, Sequence[Curves], Mechanics] | None = None,
 ) -> Answer:
-    """What tests under load tell of a knee.
+    """What tests under load tell of a knee, from a curve each and the mechanics of their motion.
 
-    Args:
-        name: of the knee, with what was cut.
-        knee: that was loaded.
-        curves: one per test.
-        mechanics: of their motion (`kneejax.experiments.mechanics_of`).
-        second: of each test, poses of a second stable balance, NaN where there is none,
-            `(flexions, loads, 6)`; none for tests that were not asked.
-        bands: published laxities (`kneejax.files.bundled_bands`), to be drawn beside.
-        convention: of the poses of the curves.
-        intact: the knee before a meniscus was removed, in the same tests, with its mechanics.
-
-    Returns:
-        The answer; its tables are curves, laxity, poses and forces, and contact of compression.
+    `second` are, of each test, poses of a second stable balance, NaN where there is none,
+    `(flexions, loads, 6)`; `bands` published laxities to be drawn beside; `intact` the knee before
+    a meniscus was removed, in the same tests.
     """
     status = [one.status(mechanics) for one in curves]
     wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
@@ -198,15 +184,13 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
     observed = COORDINATES[test.observed].phrase
     counted = ", from the intact knee" if curves.intact is not None else ""
     to, fro = max(test.path) > 0.0, min(test.path) < 0.0
-    columns = [
-        Column("flexion_deg", "flexion, deg", ".1f"),
-        Column("range", f"range, {ends}", ".2f", shown=to and fro),
-        Column("positive", f"under {load.positive}, {ends}", ".2f", shown=to),
-        Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
-        Column("neutral", f"neutral, {unit}", ".2f"),
-        Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
-        Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True),
-    ]
+    columns = [Column("flexion_deg", "flexion, deg", ".1f"),
+               Column("range", f"range, {ends}", ".2f", shown=to and fro),
+               Column("positive", f"under {load.positive}, {ends}", ".2f", shown=to),
+               Column("negative", f"under {load.negative}, {ends}", ".2f", shown=fro),
+               Column("neutral", f"neutral, {unit}", ".2f"),
+               Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
+               Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True)]
     cells = []
     for x in rows:
         moved = (x.range, x.positive, x.negative)
@@ -233,9 +217,8 @@ def _not_held(test, x: Laxity) -> Iterator[str]:
         return
     load, size = NAMED_LOADS[test.driven_by], test.full[test.driven_by]
     ends = sorted((size * max(*test.path, 0.0), size * min(*test.path, 0.0)))
-    for held, full, word in (
-        (x.held_negative, ends[0], load.negative), (x.held_positive, ends[1], load.positive),
-    ):
+    for held, full, word in ((x.held_negative, ends[0], load.negative),
+                             (x.held_positive, ends[1], load.positive)):
         if np.isfinite(held) and abs(held) < abs(full) * (1 - 1e-9):
             part = f"{abs(held):.3g} of {abs(full):.3g} {load.unit}"
             yield f"beyond {part} of {word}: {x.status.word}"

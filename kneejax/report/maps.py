@@ -1,13 +1,15 @@
 """Maps of the objective over two parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.colors import LogNorm
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Condition, ParameterMap
@@ -15,7 +17,7 @@ from kneejax.report.look.colours import VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, readable, styled
 from kneejax.report.look.tables import Column, Table, number
-from kneejax.report.panels import colour_bar, grid
+from kneejax.report.panels import colour_bar, figure_legend, grid
 
 #: What is not coloured, by condition: hatch, and its legend entry.
 _HATCHES = {2: ("////", "unphysiological"), 3: ("xxxx", "unstable"), 4: ("\\\\\\\\", "no balance")}
@@ -59,8 +61,8 @@ def map_figure(found: ParameterMap, begun: str = "start") -> Figure:
         _axes(axes, found, left=k % 3 == 0, bottom=k > 2)
     order = (begun, _LOWEST, _FADED_LABEL, *(label for _, label in _HATCHES.values()))
     labels = [label for label in order if label in handles]
-    figure.legend([handles[label] for label in labels], labels, loc="lower center",
-                  bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6), handlelength=1.8)
+    figure_legend(figure, {label: handles[label] for label in labels}, handlelength=1.8,
+                  bbox_to_anchor=(0.5, 0.005), ncols=min(len(labels), 6))  # fmt: skip
     return figure
 
 
@@ -102,8 +104,8 @@ def map_matrix_figure(found: Sequence[ParameterMap], begun: str = "start") -> Fi
         place = figure.add_axes((0.62, 0.93, 0.35, 0.016))
         label = "Objective: weighted sum of squared errors"
         _decade_ticks(colour_bar(figure, place, filled, label), limits)
-    figure.legend(handles.values(), handles.keys(), loc="upper right", bbox_to_anchor=(0.985, 0.87),
-                  handlelength=1.6, ncols=1)  # fmt: skip
+    figure_legend(figure, handles, loc="upper right", bbox_to_anchor=(0.985, 0.87), ncols=1,
+                  handlelength=1.6)  # fmt: skip
     return figure
 
 
@@ -113,9 +115,6 @@ def _ends(values: np.ndarray) -> tuple[float, float] | None:
 
 def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
     """Colours where they mean something, hatches elsewhere; the contour set and legend handles."""
-    from matplotlib.colors import LogNorm
-    from matplotlib.patches import Patch
-
     handles, filled = {}, None
     shown = np.where(found.drawn & (values > 0), values, np.nan)
     if np.isfinite(shown).any():
@@ -160,8 +159,6 @@ def _levels(low: float, high: float) -> np.ndarray:
 
 
 def _decade_ticks(bar: Any, limits: tuple[float, float] | None) -> None:
-    from matplotlib.ticker import FuncFormatter, NullLocator
-
     if limits is None:
         return
     levels = _levels(*limits)
@@ -191,8 +188,6 @@ def _marks(
     Of panels that stand close the best point belongs to the figure `above` them: on an edge the
     next panel would cut it.
     """
-    from matplotlib.lines import Line2D
-
     handles = {}
     style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
     dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
@@ -212,26 +207,16 @@ def _marks(
 
 def _axes(axes: Axes, found: ParameterMap, left: bool, bottom: bool, small: bool = False) -> None:
     axes.grid(False)
-    axes.set_xlim(found.x[0], found.x[-1])
-    axes.set_ylim(found.y[0], found.y[-1])
-    if small:
-        from matplotlib.ticker import MaxNLocator
-
-        for along in (axes.xaxis, axes.yaxis):
-            along.set_major_locator(MaxNLocator(3, prune="both"))
-    else:
-        axes.locator_params(nbins=4)
-    x, y = (
-        readable(name).replace(" ", "\n", 1 if small else 0) + (f", {unit}" if unit else "")
-        for name, unit in zip(found.names, found.units, strict=True)
-    )
-    axes.tick_params(labelleft=left, labelbottom=bottom)
+    axes.set(xlim=found.x[[0, -1]], ylim=found.y[[0, -1]])
+    axes.locator_params(nbins=4)
     if small:
         axes.tick_params(labelsize=6.5)
-    if bottom:
-        axes.set_xlabel(x)
-    if left:
-        axes.set_ylabel(y)
+        for along in (axes.xaxis, axes.yaxis):
+            along.set_major_locator(MaxNLocator(3, prune="both"))
+    x, y = (readable(*one).replace(" ", "\n", 1 if small else 0)
+            for one in zip(found.names, found.units, strict=True))  # fmt: skip
+    axes.tick_params(labelleft=left, labelbottom=bottom)
+    axes.set(xlabel=x if bottom else "", ylabel=y if left else "")
 
 
 _COLUMNS = ("x", "y", "x_minimum", "y_minimum", "objective_minimum", "x_start", "y_start",
@@ -324,10 +309,8 @@ def _doubt(one: ParameterMap, begun: str) -> str:
         return "no grid point has a result that counts"
     row, column = _best(one)
     if one.start_objective < one.objective[row, column]:
-        return (
-            f"the {begun} has a lower objective, {number(one.start_objective)}, than any grid "
-            "point; a finer grid shows its valley"
-        )
+        return (f"the {begun} has a lower objective, {number(one.start_objective)}, than any grid "
+                "point; a finer grid shows its valley")
     if row in (0, len(one.y) - 1) or column in (0, len(one.x) - 1):
         return "the lowest point lies on the edge of the map; a wider range may hold a lower one"
     condition = Condition(int(one.condition[row, column]))

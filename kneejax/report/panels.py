@@ -1,23 +1,23 @@
 """Panels of figures: grids in inches, curves over flexion or time, ligaments, matrices, limits."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import Colormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.ticker import FuncFormatter, LogLocator, MultipleLocator, NullLocator
+from numpy.typing import ArrayLike
 
+from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Knee
 from kneejax.report.look.colours import BLACK, PARTS, VERMILLION, part_styles
-from kneejax.report.look.style import SHOWN, WIDTH, Axes, Figure, verbatim, without_frame
+from kneejax.report.look.style import SHOWN, WIDTH, Axes, verbatim, without_frame
 from kneejax.report.pose_tables import bundle_forces
 from kneejax.statics import Status
-
-if TYPE_CHECKING:
-    from matplotlib.collections import QuadMesh
-    from matplotlib.colors import Colormap
-    from numpy.typing import ArrayLike
 
 #: More measured poses than these are drawn smaller.
 DENSE = 40
@@ -47,16 +47,13 @@ def grid(
     `constrained`, Matplotlib finds these itself. Panels beyond those `shown` have no axes. `how`
     goes to its `subplots`.
     """
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(width, height), layout="constrained" if constrained else None)
     if not constrained:
         wide = (width - left - right - (columns - 1) * apart[0]) / columns
         tall = (height - top - bottom - (rows - 1) * apart[1]) / rows
-        figure.subplots_adjust(
-            left=left / width, right=1 - right / width, top=1 - top / height,
-            bottom=bottom / height, wspace=apart[0] / wide, hspace=apart[1] / tall,
-        )  # fmt: skip
+        figure.subplots_adjust(left=left / width, right=1 - right / width, top=1 - top / height,
+                               bottom=bottom / height, wspace=apart[0] / wide,
+                               hspace=apart[1] / tall)  # fmt: skip
     if title:
         figure.suptitle(verbatim(title), x=left / width, ha="left", fontsize=9.5)
     panels = figure.subplots(rows, columns, squeeze=False, **how)
@@ -78,7 +75,8 @@ def panel_grid(
 def coordinate_panels(
     flexion: np.ndarray, height: float = 6.3, **how: Any
 ) -> tuple[Figure, dict[str, Axes], Axes]:
-    """Panels of the five coordinates over flexion, and one without axes for the legend.
+    """Panels of the five coordinates over flexion under their names, and one without axes for the
+    legend.
 
     Translations stand on the left, rotations on the right; `how` goes to `grid`.
     """
@@ -86,10 +84,11 @@ def coordinate_panels(
     figure, panels = grid(3, 2, height, sharex=True, **how)
     panels[2, 1].set_axis_off()
     shown = dict(zip(SHOWN, (*panels[:, 0], *panels[:2, 1]), strict=True))
-    for axes in shown.values():
+    for name, axes in shown.items():
         last = axes in (panels[2, 0], panels[1, 1])
         flexion_axis(axes, flexion, last)
         axes.tick_params(labelbottom=last)
+        axes.set_title(COORDINATES[name].axis_label)
     return figure, shown, panels[2, 1]
 
 
@@ -115,8 +114,6 @@ def flexion_axis(
 
     Where flexion is constant, `flexion` holds steps and `label` says so.
     """
-    from matplotlib.ticker import MultipleLocator
-
     low, high = np.nanmin(flexion), np.nanmax(flexion)
     pad = 0.02 * (high - low) or 1.0
     axes.set_xlim(low - pad, high + pad)
@@ -203,14 +200,12 @@ def draw_matrix(
     letters = 6.8 if max(matrix.shape) < 12 else 5.2
     for (i, j), value in np.ndenumerate(matrix):
         if numbers and np.isfinite(value):
-            axes.text(
-                j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center", va="center",
-                fontsize=letters, color="white" if dark(value) else "black",
-            )  # fmt: skip
-    axes.set_xlim(0, matrix.shape[1])
-    axes.set_ylim(matrix.shape[0], 0)
-    axes.set_xticks(np.arange(matrix.shape[1]) + 0.5, list(columns), fontsize=size)
-    axes.set_yticks(np.arange(matrix.shape[0]) + 0.5, list(rows), fontsize=size)
+            axes.text(j + 0.5, i + 0.5, word(value).replace("-", "\u2212"), ha="center",
+                      va="center", fontsize=letters, color="white" if dark(value) else "black")
+    high, wide = matrix.shape
+    axes.set(xlim=(0, wide), ylim=(high, 0))
+    axes.set_xticks(np.arange(wide) + 0.5, list(columns), fontsize=size)
+    axes.set_yticks(np.arange(high) + 0.5, list(rows), fontsize=size)
     without_frame(axes)
     return cells
 
@@ -223,16 +218,36 @@ def colour_bar(figure: Figure, place: Axes, scale: Any, label: str):
     return bar
 
 
-def plain_numbers(axis: Any) -> None:
-    """Write numbers as they are along an axis, however it is scaled: no powers of ten."""
-    from matplotlib.ticker import FuncFormatter
+def labelled(figure: Figure) -> dict[str, Any]:
+    """What has a label in the panels of a figure, once for each."""
+    drawn: dict[str, Any] = {}
+    for axes in figure.axes:
+        drawn |= zip(*axes.get_legend_handles_labels()[::-1], strict=True)
+    return drawn
 
+
+def figure_legend(figure: Figure, drawn: Mapping[str, Any] | None = None, **layout: Any) -> None:
+    """One legend for all panels: what is `drawn` by its name, by default what has a label."""
+    drawn = labelled(figure) if drawn is None else drawn
+    layout = {"loc": "lower center", "ncols": len(drawn), **layout}
+    figure.legend([*drawn.values()], [*drawn], **layout)
+
+
+def name_rows(axes: Axes, places: ArrayLike, names: Sequence[str]) -> None:
+    """Names of rows along the vertical axis, without ticks or lines of a grid."""
+    axes.set_yticks(places, names)
+    axes.tick_params(axis="y", length=0)
+    axes.grid(visible=False, axis="y")
+
+
+def decades(axis: Any, numticks: int, subs: Sequence[float] = (1.0,)) -> None:
+    """Along a logarithmic axis numbers as they are, at `subs` of each decade: no powers of ten."""
+    axis.set_major_locator(LogLocator(base=10, subs=subs, numticks=numticks))
+    axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
 def hatched(axes: Axes, corner: tuple[float, float], wide: float, high: float, hatch: str) -> Any:
     """A hatched rectangle where there is nothing to draw."""
-    from matplotlib.patches import Rectangle
-
     style = {"hatch": hatch, "fc": "#F4F4F4", "ec": "#A0A0A0", "lw": 0}
     return axes.add_patch(Rectangle(corner, wide, high, **style))

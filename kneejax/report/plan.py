@@ -1,7 +1,5 @@
 """A planned reconstruction as an answer: where to place the graft, how tight, how exact."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -89,10 +87,8 @@ def plan_answer(result: PlanResult) -> Answer:
         places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
     sections += [
         Section("The tension", drawings=["tension"]),
-        Section(
-            "Eight places on the tibia", [places_words], [octagon, eight],
-            ["strains"] if first != "strains" else [],
-        ),
+        Section("Eight places on the tibia", [places_words], [octagon, eight],
+                ["strains"] if first != "strains" else []),
         Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
     facts = [("Knee", plan.own.name), ("Graft", graft)]
@@ -102,21 +98,18 @@ def plan_answer(result: PlanResult) -> Answer:
         facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
     facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
     bundles = len(surgery.plan.bundles)
-    asked = prose(
-        "plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
-        flexion=f"{surgery.fixation_deg:g}",
-        how="one bundle" if bundles == 1 else f"{bundles} bundles",
-        stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
-        tension=", ".join(f"{x:g}" for x in plan.base[4::5]),
-    )  # fmt: skip
+    asked = prose("plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
+                  flexion=f"{surgery.fixation_deg:g}",
+                  how="one bundle" if bundles == 1 else f"{bundles} bundles",
+                  stiffness=f"{sum(surgery.plan.stiffness_N) / 1000:.3g}",
+                  tension=", ".join(f"{x:g}" for x in plan.base[4::5]))  # fmt: skip
     failed = plan_failed(result)
-    return Answer(
-        title=plan.title, asked=f"{asked} {prose('plan.note')}",
-        verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
-        Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
-        sentence=_sentence(result), tables=tables, main=[where, knees], drawings=drawings,
-        picture=first, doubts=doubts, facts=facts, sections=sections, exit_status=int(failed),
-    )  # fmt: skip
+    return Answer(title=plan.title, asked=f"{asked} {prose('plan.note')}",
+                  verdict=Verdict.FAILED if not Status(int(result.best.status[0])).converged else
+                  Verdict.DOUBTFUL if doubts or failed else Verdict.GOOD,
+                  sentence=_sentence(result), tables=tables, main=[where, knees], drawings=drawings,
+                  picture=first, doubts=doubts, facts=facts, sections=sections,
+                  exit_status=int(failed))  # fmt: skip
 
 
 def _sentence(result: PlanResult) -> str:
@@ -209,9 +202,9 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                    "tension_N": surgery.limits.tension_N},
         "knees": knees_table(result).records(), "doubts": plan_doubts(result),
         "tolerances": [
-            _fields(one, bone="bone", bundle="bundle", lachman_deg="lachman_deg",
-                    direction="direction", by_derivative_mm="expected_mm", found_mm="found_mm",
-                    checked_mm="checked_mm", laxity_mm_per_mm="slope")
+            {"bone": one.bone, "bundle": one.bundle, "lachman_deg": one.lachman_deg,
+             "direction": one.direction, "by_derivative_mm": one.expected_mm,
+             "found_mm": one.found_mm, "checked_mm": one.checked_mm, "laxity_mm_per_mm": one.slope}
             for one in result.tolerances
         ],
         "maps": [{"bone": one.bone, "points": [len(one.first), len(one.second)], "least": one.least}
@@ -219,14 +212,12 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
         "settings": plan.said, "seconds": result.seconds, "versions": versions,
     }  # fmt: skip
     if (own := result.intervals) is not None:
-        knees = {}
-        for row, knee in enumerate(own.knees):
-            knees[knee] = {"limits_kept_in": own.kept[row]}
-            for k, name in enumerate(own.quantities):
-                knees[knee] |= {name: own.limits[row, k]}
-            for k, name in enumerate(own.quantities):
-                knees[knee] |= {f"{name}_known_in": own.known[row, k]}
-        parts = [0.025, 0.5, 0.975]
+        knees, parts = {}, [0.025, 0.5, 0.975]
+        for knee, kept, limits, known in zip(own.knees, own.kept, own.limits, own.known,
+                                             strict=True):  # fmt: skip
+            knees[knee] = {"limits_kept_in": kept, **dict(zip(own.quantities, limits, strict=True))}
+            known = zip(own.quantities, known, strict=True)
+            knees[knee] |= {f"{name}_known_in": count for name, count in known}
         document["intervals"] = {"draws": own.draws, "parts": parts, "held": list(plan.held),
                                  "knees": knees}  # fmt: skip
     if result.has_front and (front := result.front) is not None:
@@ -234,15 +225,11 @@ def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any
                              "evaluations": front.evaluations, "least": front.criteria.min(axis=0),
                              "compromise": front.criteria[front.compromise]}  # fmt: skip
     if optimum is not None:
-        document["optimum"] = {"free": list(plan.free)} | _fields(
-            optimum, feasible="feasible", missed="missed", evaluations="evaluations",
-            starts="starts", start_distances="start_totals", followed="followed", ends="ends",
-        )  # fmt: skip
+        document["optimum"] = {"free": list(plan.free), "feasible": optimum.feasible,
+                               "missed": optimum.missed, "evaluations": optimum.evaluations,
+                               "starts": optimum.starts, "start_distances": optimum.start_totals,
+                               "followed": optimum.followed, "ends": optimum.ends}  # fmt: skip
     return json_safe(document)
-
-
-def _fields(one: Any, **names: str) -> dict[str, Any]:
-    return {said: getattr(one, name) for said, name in names.items()}
 
 
 def variants(result: PlanResult) -> Iterator[tuple[str, Outcome, int]]:
@@ -316,10 +303,9 @@ def curves_table(result: PlanResult) -> Table:
         for name, followed, row in knees
         for k, ligament in enumerate(plan.knee.ligaments.names)
         if ligament not in absent.get(name, plan.torn)
-        for angle, strain, tension in zip(
-            surgery.protocol.extension_deg, followed.strain[row, motion, k],
-            followed.tension_N[row, motion, k], strict=True,
-        )
+        for angle, strain, tension in zip(surgery.protocol.extension_deg,
+                                          followed.strain[row, motion, k],
+                                          followed.tension_N[row, motion, k], strict=True)
     ]  # fmt: skip
     return Table.plain(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
 

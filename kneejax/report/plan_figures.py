@@ -1,14 +1,17 @@
 """Figures of a plan."""
 
-from __future__ import annotations
+from collections.abc import Callable
 
 import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from kneejax.geometry import FEMUR, TIBIA
-from kneejax.planning import Footprint, PlanResult, TunnelMap, criteria_of
+from kneejax.planning import Footprint, Outcome, PlanResult, TunnelMap, criteria_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, shades
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
-from kneejax.report.panels import grid
+from kneejax.report.panels import figure_legend, grid, labelled
 from kneejax.report.scene.surfaces import surface_grid
 
 #: Of the first panel, from the middle of the footprint, mm.
@@ -27,8 +30,6 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         The bone with the region, then a panel for each quantity. The tibia is seen from above,
         the notch's lateral wall from its medial side, of a right knee.
     """
-    from matplotlib.patches import Patch
-
     tests = [f"Laxity at {angle:g} deg, mm" for angle in found.lachman_deg]
     shown = [("Strain distance", found.total), *zip(tests, found.laxity_mm, strict=True),
              ("Graft force, N", found.peak_N), ("Length change, mm", found.isometry_mm)]
@@ -39,11 +40,9 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         axes.set_title(title)
         _map_panel(figure, axes, found, values)
         _marks(axes, result, found)
-    handles, labels = panels.flat[1].get_legend_handles_labels()
     hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
-    handles, labels = [*handles, hatched], [*labels, "a limit is missed"]
-    figure.legend(handles, labels, loc="outside lower center", ncols=6, fontsize=7.5,
-                  handlelength=1.4)  # fmt: skip
+    figure_legend(figure, labelled(figure) | {"a limit is missed": hatched}, ncols=6, fontsize=7.5,
+                  loc="outside lower center", handlelength=1.4)  # fmt: skip
     return figure
 
 
@@ -53,8 +52,6 @@ def _across(bone: str) -> tuple[int, int]:
 
 
 def _map_panel(figure: Figure, axes: Axes, found: TunnelMap, values: np.ndarray) -> None:
-    from matplotlib.ticker import MaxNLocator
-
     right, up = _across(found.bone)
     x, y = (found.first, found.second)[right], (found.first, found.second)[up]
     drawn, over = (one if right == 0 else one.T for one in (values, found.excess))
@@ -90,31 +87,34 @@ def _marks(axes: Axes, result: PlanResult, found: TunnelMap, small: bool = False
                 axes.text(corner[right], corner[up], str(number), ha="center", va="center",
                           fontsize=6.5, bbox={"boxstyle": "circle,pad=0.15", "fc": "white",
                                               "ec": GREY, "lw": 0.5})  # fmt: skip
-    first, size = 0 if found.bone == TIBIA else 2, (5, 7) if small else (7, 10)
-    shown = [("planned", result.planned, "P", BLUE, size[0])]
-    if result.optimum is not None:
-        shown.append(("optimum (all choices free)", result.best, "*", VERMILLION, size[1]))
-    for label, outcome, marker, colour, wide in shown:
-        place = outcome.choices[0, first : first + 2]
-        axes.plot(place[right], place[up], marker, color=colour, markersize=wide, label=label,
+    first = 0 if found.bone == TIBIA else 2
+    _mark_outcomes(axes, result, lambda one: one.choices[0, [first + right, first + up]],
+                   (5, 7) if small else (7, 10), "optimum (all choices free)")  # fmt: skip
+
+
+def _mark_outcomes(
+    axes: Axes, result: PlanResult, place: Callable[[Outcome], np.ndarray],
+    sizes: tuple[int, int], optimum: str = "optimum",
+) -> None:  # fmt: skip
+    """Marks of the plan and, where there is one, of the optimum at their places."""
+    shown = [("planned", result.planned, "P", BLUE)]
+    shown += [(optimum, result.best, "*", VERMILLION)] * (result.optimum is not None)
+    for (label, outcome, marker, colour), size in zip(shown, sizes, strict=False):
+        axes.plot(*place(outcome), marker, color=colour, markersize=size, label=label,
                   markeredgecolor="white", markeredgewidth=0.8, linestyle="none")  # fmt: skip
 
 
 def _axes(axes: Axes, found: TunnelMap, x: tuple, y: tuple) -> None:
     right, up = _across(found.bone)
-    axes.set_aspect("equal")
     axes.grid(False)
     # Medial, and in the notch anterior, is on the left.
-    axes.set_xlim(x[1], x[0])
-    axes.set_ylim(*y)
+    axes.set(aspect="equal", xlim=(x[1], x[0]), ylim=y)
     axes.set_xlabel(f"mm {found.names[right]}", labelpad=1)
     axes.set_ylabel(f"mm {found.names[up]}", labelpad=0)
 
 
 def _bone_panel(axes: Axes, result: PlanResult, found: TunnelMap) -> None:
     """The surfaces of the bone in the plane of the footprint, and the region of the map."""
-    from matplotlib.collections import PolyCollection
-
     footprint = result.plan.surgery.footprint(found.bone)
     right, up = _across(found.bone)
     reach = 0.0
@@ -182,23 +182,20 @@ def strain_figure(result: PlanResult) -> Figure:
         for corner, strain in enumerate(result.octagon.followed.strain[:, motion, row]):
             axes.plot(angles, 100 * strain, color=colours[corner], linewidth=0.7,
                       label=f"octagon {corner + 1}")  # fmt: skip
-        planned = result.planned.followed.strain[0, motion, row]
-        axes.plot(angles, 100 * planned, color=BLUE, label="planned")
-        if result.optimum is not None:
-            best = result.optimum.outcome.followed.strain[0, motion, row]
-            axes.plot(angles, 100 * best, color=VERMILLION, label="optimum")
+        known = [("planned", result.planned, BLUE)]
+        known += [("optimum", result.best, VERMILLION)] * (result.optimum is not None)
+        for label, one, colour in known:
+            strain = one.followed.strain[0, motion, row]
+            axes.plot(angles, 100 * strain, color=colour, label=label)
         axes.plot(angles, 100 * surgery.intact_strain[:, k], color=BLACK, linewidth=1.6,
                   linestyle=(0, (4, 1.5)), label="intact")  # fmt: skip
-        axes.set_xlim(angles.max(), angles.min())
-        axes.set_title(verbatim(surgery.ligaments[k]))
+        axes.set(xlim=(angles.max(), angles.min()), title=verbatim(surgery.ligaments[k]))
     for axes in panels[:, 0]:
         axes.set_ylabel("Strain, %")
     for axes in panels.flat[max(len(shown) - columns, 0) : len(shown)]:
         axes.set_xlabel("Flexion, deg")
         axes.tick_params(labelbottom=True)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=6, fontsize=7.5, handlelength=1.6,
-                  columnspacing=1.2)  # fmt: skip
+    figure_legend(figure, ncols=6, fontsize=7.5, handlelength=1.6, columnspacing=1.2)
     return figure
 
 
@@ -209,23 +206,21 @@ def tension_figure(result: PlanResult) -> Figure:
     tension, limits = found.choices[:, 4], surgery.limits
     figure, ((*panels,),) = grid(1, 3, 2.45, left=0.53, bottom=0.47)
     intact = surgery.laxity(surgery.before)[0]
-    for k, (angle, colour) in enumerate(
-        zip(surgery.protocol.lachman_deg, (BLUE, VERMILLION, GREY, BLACK), strict=False)
-    ):
-        panels[0].plot(tension, found.laxity_mm[:, k], color=colour, label=f"{angle:g} deg")
-        panels[0].axhline(intact[k], color=colour, linewidth=0.8, linestyle="--")
-    panels[0].set_title(f"Laxity under {surgery.protocol.force_N:g} N, mm")
+    for angle, colour, laxity, whole in zip(surgery.protocol.lachman_deg,
+                                            (BLUE, VERMILLION, GREY, BLACK), found.laxity_mm.T,
+                                            intact, strict=False):  # fmt: skip
+        panels[0].plot(tension, laxity, color=colour, label=f"{angle:g} deg")
+        panels[0].axhline(whole, color=colour, linewidth=0.8, linestyle="--")
     panels[0].set_ylim(0.0, 1.45 * max(panels[0].get_ylim()))
     panels[0].legend(loc="upper right", title="dashed: intact", title_fontsize=7.5, ncols=2)
     panels[1].plot(tension, found.peak_N, color=BLUE)
     panels[1].axhline(limits.graft_N, color=GREY, linewidth=0.8, linestyle="--")
-    panels[1].set_title("Largest force of the graft, N")
-    panels[1].set_ylim(bottom=0.0)
     panels[2].plot(tension, found.total, color=BLUE)
-    panels[2].set_title("Distance of all strain curves")
-    panels[2].set_ylim(bottom=0.0)
-    for axes in panels:
-        axes.set_xlabel(f"Pretension at {surgery.fixation_deg:g} degrees, N")
+    titles = (f"Laxity under {surgery.protocol.force_N:g} N, mm", "Largest force of the graft, N",
+              "Distance of all strain curves")  # fmt: skip
+    for axes, title in zip(panels, titles, strict=True):
+        axes.set_ylim(bottom=0.0)
+        axes.set(title=title, xlabel=f"Pretension at {surgery.fixation_deg:g} degrees, N")
     return figure
 
 
@@ -246,9 +241,6 @@ def front_figure(result: PlanResult) -> Figure:
     names = [*tests, "Largest graft force, N", "Strain distance"]
     force, strains = len(tests), len(tests) + 1
     panels = [(k, strains) for k in range(len(tests))] + [(strains, 0)]
-    shown = [("planned", result.planned, "P", BLUE, 8)]
-    if result.optimum is not None:
-        shown.append(("optimum", result.optimum.outcome, "*", VERMILLION, 11))
     figure, (every,) = grid(1, len(panels), 2.75, constrained=True)
     for axes, (up, colour) in zip(every, panels, strict=True):
         points = axes.scatter(front.criteria[:, force], front.criteria[:, up],
@@ -256,15 +248,10 @@ def front_figure(result: PlanResult) -> Figure:
         middle = front.criteria[front.compromise]
         axes.plot(middle[force], middle[up], "D", color="none", markeredgecolor=BLACK,
                   markersize=6.5, linestyle="none", label="compromise")  # fmt: skip
-        for label, outcome, marker, edge, size in shown:
-            one = criteria_of(outcome)[0]
-            axes.plot(one[force], one[up], marker, color=edge, markersize=size, label=label,
-                      markeredgecolor="white", markeredgewidth=0.8, linestyle="none")  # fmt: skip
-        axes.set_xlabel(names[force])
-        axes.set_title(names[up])
+        _mark_outcomes(axes, result, lambda one, up=up: criteria_of(one)[0, [force, up]], (8, 11))
+        axes.set(xlabel=names[force], title=names[up])
         bar = figure.colorbar(points, ax=axes, location="bottom", fraction=0.06, pad=0.02)
         bar.set_label(f"colour: {names[colour].lower()}", fontsize=7.5)
         bar.ax.tick_params(labelsize=7)
-    handles, labels = every[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), fontsize=7.5)
+    figure_legend(figure, loc="outside lower center", fontsize=7.5)
     return figure

@@ -1,7 +1,5 @@
 """Poses, what a load moved, and forces as tables."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,20 +7,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.experiments import Mechanics, load_share
-from kneejax.geometry import (
-    COLUMNS,
-    CONVENTION_WORDS,
-    FEMORAL,
-    FREE_COORDINATES,
-    convert_table,
-    coordinate,
-)
+from kneejax.geometry import COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL, convert_table
 from kneejax.mechanics import Knee
 from kneejax.report.look.page import Verdict, prose
 from kneejax.report.look.tables import Column, Table
 from kneejax.statics import Status
 
-_HEADS = ("flexion", "adduction", "int.rot.", "anterior", "superior", "lateral")
+#: Coordinate -> its narrow name, in the order of a table of poses.
+HEADS = {name: name for name in COORDINATES} | {"internal_rotation": "int.rot."}
 #: Parts whose largest force is less than this part of the largest of all are not listed.
 _SMALL = 0.01
 
@@ -40,10 +32,9 @@ def about(column: str) -> tuple[str, ...]:
 
 def pose_columns(names: Sequence[str] = COLUMNS) -> list[Column]:
     """Columns of poses, or of their changes, with the headings that people read."""
-    heads = [f"{head}, {column.rsplit('_', 1)[1]}"
-             for head, column in zip(_HEADS, COLUMNS, strict=True)]  # fmt: skip
-    return [Column(name, head, ".1f" if k == 0 else ".2f")
-            for k, (name, head) in enumerate(zip(names, heads, strict=True))]  # fmt: skip
+    return [Column(name, f"{head}, {column.rsplit('_', 1)[1]}", ".2f" if k else ".1f")
+            for k, (name, head, column) in enumerate(
+                zip(names, HEADS.values(), COLUMNS, strict=True))]  # fmt: skip
 
 
 def in_convention(table: ArrayLike, convention: str) -> tuple[np.ndarray, dict[str, str]]:
@@ -79,7 +70,8 @@ def pose_table(
 
 def change_table(flexion: ArrayLike, moved: ArrayLike) -> Table:
     """How far a load moved the tibia, `displacement.csv`."""
-    names = [COLUMNS[0], *(f"{x}_change_{coordinate(x).unit}" for x in FREE_COORDINATES)]
+    parts = (column.rsplit("_", 1) for column in COLUMNS[1:])
+    names = [COLUMNS[0], *(f"{name}_change_{unit}" for name, unit in parts)]
     columns = {tuple(pose_columns(names)): np.column_stack([flexion, moved])}
     return Table.of(columns, prose("displacement"))
 

@@ -1,11 +1,11 @@
 """Draws from the posterior."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import Any
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 
 from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference import Posterior
@@ -13,7 +13,7 @@ from kneejax.report.look.colours import BLACK, BLUE, GREEN, GREY, ORANGE, VERMIL
 from kneejax.report.look.page import Drawing, Section, prose
 from kneejax.report.look.style import SHOWN, Figure, readable, styled
 from kneejax.report.look.tables import Column, Table, number
-from kneejax.report.panels import flexion_axis, grid
+from kneejax.report.panels import figure_legend, flexion_axis, grid
 
 _COLUMNS = 4
 _BINS = 40
@@ -26,17 +26,14 @@ _ELLIPSE_95 = float(np.sqrt(-2.0 * np.log(0.05)))
 @styled
 def marginals_figure(found: Posterior) -> Figure:
     """Draw the posterior of each parameter beside its prior and the normal approximation."""
-    from matplotlib.ticker import MaxNLocator
-
     rows = -(-len(found.names) // _COLUMNS)
     # Name and unit, broken where a panel is too narrow for them.
-    titles = [textwrap.fill(readable(name) + (f", {unit}" if unit else ""), 24)
-              for name, unit in zip(found.names, found.units, strict=True)]  # fmt: skip
+    pairs = zip(found.names, found.units, strict=True)
+    titles = [textwrap.fill(readable(name, unit), 24) for name, unit in pairs]
     two_lines = 0.13 * any("\n" in title for title in titles)
     figure, panels = grid(rows, min(_COLUMNS, len(found.names)), (1.55 + two_lines) * rows + 0.5,
                           left=0.21, right=0.14, top=0.25 + two_lines, bottom=0.65,
                           apart=(0.28, 0.55 + two_lines), shown=len(titles))  # fmt: skip
-    handles: dict[str, Any] = {}
     for index, axes in enumerate(panels.flat[: len(titles)]):
         name, prior = found.names[index], found.priors[index]
         axes.set_title(titles[index], fontsize=8)
@@ -47,29 +44,26 @@ def marginals_figure(found: Posterior) -> Figure:
         x = np.linspace(low, high, 400)
         edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
         heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
-        handles["posterior"] = axes.patches[0]
+        axes.patches[0].set_label("posterior")
         top = float(np.max(heights))
         if np.isfinite(deviation):
             bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
-            (handles["normal approximation"],) = axes.plot(x, bell, "--", color=GREY,
-                                                           linewidth=1.0)  # fmt: skip
+            axes.plot(x, bell, "--", color=GREY, linewidth=1.0, label="normal approximation")
             top = max(top, float(bell.max()))
-        (handles["prior"],) = axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1)
+        axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1, label="prior")
         if name in found.truth:
-            handles["truth"] = axes.axvline(found.truth[name], color=GREEN, linewidth=1.2)
+            axes.axvline(found.truth[name], color=GREEN, linewidth=1.2, label="truth")
         for bound, side in ((prior.lower, low), (prior.upper, high)):
             if low < bound < high:
-                handles["outside the bounds"] = axes.axvspan(
-                    bound, side, facecolor="none", edgecolor=GREY, hatch="////", linewidth=0
-                )
+                axes.axvspan(bound, side, facecolor="none", edgecolor=GREY, hatch="////",
+                             linewidth=0, label="outside the bounds")  # fmt: skip
         axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
                  yticks=[])  # fmt: skip
         axes.spines["left"].set_visible(False)
         axes.tick_params(labelsize=7)
         axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
         axes.xaxis.set_major_formatter(_short)
-    figure.legend(handles.values(), handles, loc="lower center", ncols=len(handles),
-                  handlelength=1.8, bbox_to_anchor=(0.5, 0.0), columnspacing=1.4)  # fmt: skip
+    figure_legend(figure, handlelength=1.8, bbox_to_anchor=(0.5, 0.0), columnspacing=1.4)
     return figure
 
 
@@ -90,9 +84,6 @@ def _range(found: Posterior, index: int) -> tuple[float, float]:
 @styled
 def pairs_figure(found: Posterior) -> Figure:
     """Draw the posterior of each pair of parameters."""
-    from matplotlib.lines import Line2D
-    from matplotlib.ticker import MaxNLocator
-
     strongest = np.abs(found.correlation) - np.eye(len(found.names))
     chosen = np.argsort(-strongest.max(axis=0), kind="stable")[:_MOST_PAIRED]
     chosen, count = sorted(chosen.tolist()), len(chosen)
@@ -140,11 +131,10 @@ def pairs_figure(found: Posterior) -> Figure:
             value = found.correlation[row, column]
             axes.set(xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
-            axes.text(
-                0.5, 0.5, f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
-                ha="center", va="center", transform=axes.transAxes,
-                fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY,
-            )  # fmt: skip
+            axes.text(0.5, 0.5,
+                      f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
+                      ha="center", va="center", transform=axes.transAxes,
+                      fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY)
         axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
         if i == count - 1:
             axes.tick_params(axis="x", rotation=50, labelsize=5.5)
@@ -155,9 +145,8 @@ def pairs_figure(found: Posterior) -> Figure:
             axes.set_ylabel(narrow[row], fontsize=6.5, labelpad=2)
     figure.align_labels()
     if handles:
-        figure.legend(handles.values(), handles.keys(), loc="upper left", ncols=len(handles),
-                      handlelength=1.6, bbox_to_anchor=(0.1, 1.0), columnspacing=1.4,
-                      borderaxespad=0.2)  # fmt: skip
+        figure_legend(figure, handles, loc="upper left", handlelength=1.6, columnspacing=1.4,
+                      bbox_to_anchor=(0.1, 1.0), borderaxespad=0.2)  # fmt: skip
     return figure
 
 
@@ -167,7 +156,6 @@ def predictive_figure(found: Posterior) -> Figure:
     figure, panels = grid(5, 2, 8.2, left=0.53, bottom=0.7, apart=(0.5, 0.45), sharex=True)
     order = np.argsort(found.measured[:, 0], kind="stable")
     flexion = found.measured[order, 0]
-    handles: dict[str, Any] = {}
     for (left, right), name in zip(panels, SHOWN, strict=True):
         index = FREE_COORDINATES.index(name)
         measured = found.measured[order, 1 + index]
@@ -180,17 +168,14 @@ def predictive_figure(found: Posterior) -> Figure:
         for axes, base in ((left, 0.0), (right, median)):
             for label, ends, alpha in (("new measurement, 95 %", wide, 0.18),
                                        ("motion, 95 %", bands, 0.55)):  # fmt: skip
-                low, high = ends[:, 0] - base, ends[:, -1] - base
-                shade = {"color": BLUE, "alpha": alpha, "linewidth": 0}
-                handles[label] = axes.fill_between(flexion, low, high, **shade)
-            (handles["median"],) = axes.plot(flexion, median - base, color=BLUE, linewidth=1.0)
-            (handles["measured"],) = axes.plot(
-                flexion, measured - base, "o", color=BLACK, markersize=2.6, markeredgewidth=0
-            )
+                axes.fill_between(flexion, ends[:, 0] - base, ends[:, -1] - base, color=BLUE,
+                                  alpha=alpha, linewidth=0, label=label)  # fmt: skip
+            axes.plot(flexion, median - base, color=BLUE, linewidth=1.0, label="median")
+            axes.plot(flexion, measured - base, "o", color=BLACK, markersize=2.6, mew=0,
+                      label="measured")  # fmt: skip
     for axes in panels[-1]:
         flexion_axis(axes, flexion)
-    figure.legend(handles.values(), handles.keys(), loc="lower center", ncols=len(handles),
-                  handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.6)  # fmt: skip
+    figure_legend(figure, handlelength=1.6, bbox_to_anchor=(0.5, 0.0), columnspacing=1.6)
     return figure
 
 
@@ -223,12 +208,10 @@ def posterior_section(found: Posterior) -> Section:
         Column("effective_sample_size", "eff.", ".0f"): found.effective_sample_size,
     })  # fmt: skip
     chains, draws, _ = found.draws.shape
-    sampled = (
-        f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
-        f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
-        f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
-        f"({number(found.seconds['compile'], 3)} s until the first draws)."
-    )
+    sampled = (f"Posterior by NUTS: {chains} chains of {draws} draws, noise "
+               f"{found.settings['noise_mm']:g} mm and {found.settings['noise_deg']:g} degrees, "
+               f"{found.divergences} divergent, {number(found.seconds['total'], 3)} s "
+               f"({number(found.seconds['compile'], 3)} s until the first draws).")
     return Section("Posterior", [sampled], [table], [*posterior_drawings(found)], printed=True)
 
 

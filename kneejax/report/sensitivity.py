@@ -1,7 +1,5 @@
 """What each parameter of a study does to the motion, as an answer: who matters first."""
 
-from __future__ import annotations
-
 import importlib.metadata
 from collections.abc import Mapping
 from typing import Any
@@ -14,11 +12,10 @@ from kneejax.report import sensitivity_figures as figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
 from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed
+from kneejax.report.pose_tables import HEADS, words_of
 from kneejax.statics import Status, converged
 from kneejax.studies import Sensitivities
 
-#: Narrow names of the coordinates, in the order of `SHOWN`.
-_HEADS = ("lateral", "anterior", "superior", "adduction", "int.rot.")
 #: Scale -> one step of it in words.
 _STEP = {"prior": "one standard deviation of its prior", "percent": "one per cent of its value"}
 _MOST_ROWS = 24
@@ -72,7 +69,7 @@ def sensitivity_answer(found: Sensitivities, options: Mapping[str, Any]) -> Answ
     document = {
         "title": study.title, "knee": study.knee.name, "study": study.settings(),
         "truth": study.truth, "options": {**options, "samples": found.question.samples},
-        "own_motion": [Status(s).word for s in sweeps.status],
+        "own_motion": words_of(sweeps.status),
         "steps": dict(zip(local.names, local.widths, strict=True)),
         "sweeps": {
             one.name: {"own": one.own, "unit": one.unit, "from": one.values[0],
@@ -186,8 +183,7 @@ def _ranked_table(local: LocalSensitivity) -> Table:
             at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
             row.append(at + ("*" if most[c] == i else " "))
         cells.append(row)
-    pairs = zip(SHOWN, _HEADS, strict=True)
-    heads = [Column(name, f"{head}, {COORDINATES[name].unit}") for name, head in pairs]
+    heads = [Column(name, f"{HEADS[name]}, {COORDINATES[name].unit}") for name in SHOWN]
     hidden = len(local.names) - len(cells)
     return Table(
         [Column("parameter", words=True), Column("step"), *heads],
@@ -212,11 +208,9 @@ def swept_table(sweeps: Sweeps) -> Table:
             first = bad[bad < at].max(initial=-1) + 1
             last = bad[bad > at].min(initial=len(sound)) - 1
             sound_over = f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
-        faults = (
-            one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
-            one.unphysiological | (one.status == Status.DISLOCATED),
-            one.status == Status.UNSTABLE, ~converged(one.status),
-        )  # fmt: skip
+        faults = (one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
+                  one.unphysiological | (one.status == Status.DISLOCATED),
+                  one.status == Status.UNSTABLE, ~converged(one.status))  # fmt: skip
         rows.append([one.name, sound_over, *(int(poses.sum()) for poses in faults)])
     poses = sum(one.status.size for one in sweeps.sweeps)
     count = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}, {poses} poses"
@@ -243,7 +237,7 @@ def _index_table(found: MotionIndices) -> Table:
     order = np.argsort(-np.nan_to_num(indices.measures[main][row]), kind="stable")
     for i in order[:_MOST_ROWS]:
         best = [name for name, values in of_errors if values.any() and values.argmax() == i]
-        names = [head for head, name in zip(_HEADS, SHOWN, strict=True) if name in best]
+        names = [HEADS[name] for name in SHOWN if name in best]
         limits = f"{number(indices.lower[i], 3)} to {number(indices.upper[i], 3)}"
         shown = [indices.measures[main][row, i], half[row, i], indices.measures[other][row, i]]
         decides = "all errors" if len(names) == len(SHOWN) else ", ".join(names)

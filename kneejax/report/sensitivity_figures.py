@@ -1,13 +1,15 @@
 """Sweeps (paper 1, Figures 3 to 10), derivatives, Sobol and Morris indices as figures."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.lines import Line2D
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
+from kneejax.report import panels as draw
 from kneejax.report.look.colours import (
     BLACK,
     BLUE,
@@ -18,15 +20,6 @@ from kneejax.report.look.colours import (
 )
 from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
 from kneejax.report.look.tables import trimmed
-from kneejax.report.panels import (
-    colour_bar,
-    coordinate_panels,
-    grid,
-    mark_edge,
-    mark_status,
-    measured_curve,
-    part_legend,
-)
 from kneejax.statics import Status, converged
 
 #: Free coordinate -> column of a table without flexion.
@@ -69,12 +62,8 @@ def sweep_figure(
         Poses that are not balanced, not stable or not those of a knee are dashed, dotted or left
         out, marked, and counted in the legend.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.lines import Line2D
-
     sweep, flexion = sweeps[name], sweeps.flexion_deg
-    figure, panels, words = coordinate_panels(flexion)
+    figure, panels, words = draw.coordinate_panels(flexion)
     scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), uniform_colours())
     handles: dict[str, Any] = {}
     # Legend entry -> poses, the worst that applies to each.
@@ -90,7 +79,6 @@ def sweep_figure(
     own = f"the knee itself ({f'{trimmed(sweep.own)} {sweep.unit}'.strip()})"
     for coordinate, axes in panels.items():
         column = FREE_COLUMN[coordinate]
-        axes.set_title(COORDINATES[coordinate].axis_label)
         for i, value in enumerate(sweep.values):
             # Solid where it is sound, otherwise in the dashes of what is wrong.
             y, colour = sweep.table[i, :, column], scale.to_rgba(value)
@@ -105,11 +93,11 @@ def sweep_figure(
                     axes.plot(flexion[rows], y[rows], marker=marker or "none", color=colour,
                               markersize=3, markeredgewidth=0.8, linestyle="none")  # fmt: skip
         if lost.any():
-            mark_edge(axes, flexion[lost], "x", GREY)
+            draw.mark_edge(axes, flexion[lost], "x", GREY)
         seen = [sweep.table[..., column][sweep.sound], sweeps.table[:, column]]
         (line,) = axes.plot(flexion, seen[1], "--", color=VERMILLION, linewidth=1.8)
         if measured is not None:
-            style = {**measured_curve(measured[:, 0]), "markersize": 2.2}
+            style = {**draw.measured_curve(measured[:, 0]), "markersize": 2.2}
             (handles[given],) = axes.plot(measured[:, 0], measured[:, column + 1], **style)
             seen.append(measured[:, column + 1])
         handles[own] = line
@@ -124,9 +112,9 @@ def sweep_figure(
             style = {"color": GREY, "linewidth": 0.8, "linestyle": dashes, "markersize": 3.5}
             label = f"{entry}: {rows.sum()} of {rows.size} poses"
             handles[label] = Line2D([], [], marker=marker or "none", **style)
-    part_legend(words, handles, (0.0, 0.86), fontsize=8, handlelength=2.6, labelspacing=0.35)
-    label = readable(sweep.name) + (f", {sweep.unit}" if sweep.unit else "")
-    bar = colour_bar(figure, words.inset_axes((0.0, 0.06, 0.97, 0.075)), scale, label)
+    draw.part_legend(words, handles, (0.0, 0.86), fontsize=8, handlelength=2.6, labelspacing=0.35)
+    bar = draw.colour_bar(figure, words.inset_axes((0.0, 0.06, 0.97, 0.075)), scale,
+                          readable(sweep.name, sweep.unit))  # fmt: skip
     if sweep.values[0] <= sweep.own <= sweep.values[-1]:
         place = {"clip_on": False, "transform": bar.ax.get_xaxis_transform()}
         bar.ax.plot([sweep.own], [1.12], "v", color=VERMILLION, markersize=5, **place)
@@ -151,7 +139,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
         Translations on the left, rotations on the right, a line per parameter: the colour is its
         ligament's, the dashes are its quantity's.
     """
-    figure, panels, words = coordinate_panels(local.flexion_deg)
+    figure, panels, words = draw.coordinate_panels(local.flexion_deg)
     shown = _largest_shares(local.largest()[0], _MOST_PARAMETERS)
     styles = parameter_styles([local.names[i] for i in shown])
     drawn, marks = {}, {}
@@ -163,12 +151,10 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
             (drawn[readable(local.names[i])],) = axes.plot(
                 local.flexion_deg, slope, color=colour, linestyle=_DASHES[quantity % len(_DASHES)]
             )
-        marks |= mark_status(axes, local.flexion_deg, local.status)
+        marks |= draw.mark_status(axes, local.flexion_deg, local.status)
     drawn |= marks
-    part_legend(
-        words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6,
-        labelspacing=0.5 if len(drawn) <= 10 else 0.22,
-    )  # fmt: skip
+    draw.part_legend(words, drawn, (0.0, 0.84), ncols=2 if len(drawn) > 5 else 1, handlelength=2.6,
+                     labelspacing=0.5 if len(drawn) <= 10 else 0.22)  # fmt: skip
     left_out = len(local.names) - len(shown)
     note = f"; {left_out} that move it less are not shown" if left_out else ""
     words.text(0.0, 0.02, f"Change of the pose by {_STEP[local.scale]}{note}", fontsize=7.5,
@@ -190,7 +176,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     shown, flexion = _largest_shares(local.largest()[0], _MOST_ROWS), local.flexion_deg
     rows, pitch = len(shown), 0.145 if len(local.names) <= 16 else 0.1
     height = 3 * (0.55 + pitch * max(rows, 6)) + 0.3
-    figure, panels, words = coordinate_panels(flexion, height, left=1.65, apart=(0.15, 0.42))
+    figure, panels, words = draw.coordinate_panels(flexion, height, left=1.65, apart=(0.15, 0.42))
     middle = (flexion[1:] + flexion[:-1]) / 2
     edges = flexion[0] + np.array([-0.5, 0.5])
     if len(flexion) > 1:
@@ -207,15 +193,14 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):
             axes.fill_between(edges[i : i + 2], 0, rows, facecolor="none", edgecolor=GREY,
                               hatch="////", linewidth=0)  # fmt: skip
-        axes.set_title(COORDINATES[coordinate].label)
         axes.set_yticks(np.arange(rows) + 0.5, names)
         axes.tick_params(axis="y", labelsize=min(8.0, 60 * pitch), length=0, labelleft=unit == "mm")
-        axes.set(ylim=(rows, 0), xlim=(edges[0], edges[-1]))
+        axes.set(title=COORDINATES[coordinate].label, ylim=(rows, 0), xlim=edges[[0, -1]])
         axes.grid(False)
     inch = 1 / (height * words.get_position().height)
     for place, unit, kind in ((0.4, "mm", "translations, mm"), (0.95, "deg", "rotations, deg")):
         at = words.inset_axes((0.05, 1 - place * inch, 0.9, 0.13 * inch))
-        colour_bar(figure, at, colours[unit], f"{kind} {_PER[local.scale]}")
+        draw.colour_bar(figure, at, colours[unit], f"{kind} {_PER[local.scale]}")
     if len(local.names) > rows:
         note = f"{len(local.names) - rows} parameters that move\nthe knee less are not shown"
         words.text(0.05, 1 - 1.8 * inch, note, fontsize=7.5, transform=words.transAxes)
@@ -230,9 +215,9 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
     shown = _largest_shares(indices.measures[main], _MOST_PARAMETERS)
     height = 3 * (0.62 + 0.21 * len(shown)) + 0.7
     # Morris' effects have units: each panel has its own axis then, which takes room.
-    figure, panels = grid(3, 2, height, left=1.4, bottom=1.05,
-                          apart=(0.21, 0.42 if sobol else 0.58), sharey=True, sharex=sobol)
-    handles, places = {}, np.arange(len(shown))
+    figure, panels = draw.grid(3, 2, height, left=1.4, bottom=1.05,
+                               apart=(0.21, 0.42 if sobol else 0.58), sharey=True, sharex=sobol)
+    places = np.arange(len(shown))
     for k, (axes, name) in enumerate(zip(panels.flat, ("", *SHOWN), strict=True)):
         row, title = found.row(name), "Objective"
         if name:
@@ -242,24 +227,20 @@ def fit_indices_figure(found: MotionIndices) -> Figure:
         bars = zip(pair.items(), ((BLUE, -0.22), ("#9CC6E0", 0.22)), strict=True)
         for (measure, label), (colour, shift) in bars:
             values = indices.measures[measure][row, shown]
-            handles[label] = axes.barh(places + shift, values, 0.44, color=colour)
+            axes.barh(places + shift, values, 0.44, color=colour, label=label)
             if measure in indices.half_widths:
                 half = indices.half_widths[measure][row, shown]
-                handles[f"{100 * indices.confidence:g} % interval"] = _interval(
-                    axes, values, places + shift, 0.8, xerr=half
-                )
-        axes.set_yticks(places, [readable(indices.names[i]) for i in shown])
+                one = _interval(axes, values, places + shift, 0.8, xerr=half)
+                one.set_label(f"{100 * indices.confidence:g} % interval")
+        draw.name_rows(axes, places, [readable(indices.names[i]) for i in shown])
         axes.set_ylim(len(shown) - 0.4, -0.6)
         axes.axvline(0.0, color=GREY, linewidth=0.7)
-        axes.grid(axis="y", visible=False)
-        axes.tick_params(axis="y", length=0)
         _say_if_empty(axes, indices.measures[main][row])
         if sobol:
             axes.tick_params(labelbottom=k > 3)
         if k > 3:
             axes.set_xlabel(_AXIS[indices.method])
-    figure.legend(handles.values(), handles, loc="lower center",
-                  bbox_to_anchor=(0.59, 0.36 / height), ncols=3, borderaxespad=0)  # fmt: skip
+    draw.figure_legend(figure, bbox_to_anchor=(0.59, 0.36 / height), ncols=3, borderaxespad=0)
     _say_what_is_left_out(figure, found)
     return figure
 
@@ -270,30 +251,26 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     indices, angles, sobol = found.indices, found.flexion_deg, found.indices.method == "sobol"
     measure, words = next(iter(_MEASURES[indices.method].items()))
     shown = _largest_shares(indices.measures[measure], _MOST_PARAMETERS)
-    figure, panels = grid(5, 1, 7.9, bottom=1.4, apart=(0, 0.4), sharex=True, sharey=sobol)
-    width, handles = 0.92 / len(shown), {}
+    figure, panels = draw.grid(5, 1, 7.9, bottom=1.4, apart=(0, 0.4), sharex=True, sharey=sobol)
+    width = 0.92 / len(shown)
     styles = parameter_styles([indices.names[i] for i in shown])
     for axes, name in zip(panels[:, 0], SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
         for k, (i, (colour, quantity)) in enumerate(zip(shown, styles, strict=True)):
             places = np.arange(len(angles)) + (k - (len(shown) - 1) / 2) * width
             values = indices.measures[measure][rows, i]
-            handles[readable(indices.names[i])] = axes.bar(
-                places, values, 0.96 * width, facecolor=colour, edgecolor="white",
-                hatch=_HATCHES[quantity % len(_HATCHES)], linewidth=0,
-            )  # fmt: skip
+            axes.bar(places, values, 0.96 * width, facecolor=colour, edgecolor="white", linewidth=0,
+                     hatch=_HATCHES[quantity % len(_HATCHES)], label=readable(indices.names[i]))
             _interval(axes, places, values, 0.7, yerr=indices.half_widths[measure][rows, i])
         unit = "" if sobol else f", {COORDINATES[name].unit}"
-        axes.set_title(f"{COORDINATES[name].label}: {words}{unit}")
-        axes.set_ylabel("Share" if sobol else "Change")
+        axes.set(title=f"{COORDINATES[name].label}: {words}{unit}",
+                 ylabel="Share" if sobol else "Change")  # fmt: skip
         axes.set_ylim(bottom=0)
         axes.grid(axis="x", visible=False)
         _say_if_empty(axes, indices.measures[measure][rows])
-    last = panels[-1, 0]
-    last.set_xticks(range(len(angles)), [f"{angle:g}" for angle in angles])
-    last.set_xlabel("Flexion, deg")
-    last.legend(handles.values(), handles, loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=4,
-                borderaxespad=0)  # fmt: skip
+    axes.set_xticks(range(len(angles)), [f"{angle:g}" for angle in angles])
+    axes.set_xlabel("Flexion, deg")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.42), ncols=4, borderaxespad=0)
     _say_what_is_left_out(figure, found)
     return figure
 

@@ -1,10 +1,8 @@
 """A planned reconstruction from its file: checked whole before a knee moves."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator, ValidationInfo, model_validator
@@ -125,14 +123,13 @@ class Map(Part):
 class Optimum(Part):
     """The search for the best choices."""
 
-    free: Annotated[
-        tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"), reading.Distinct
-    ] = meaning("what may change", tuple(FREE))
+    free: Annotated[tuple[Annotated[str, one_of(FREE)], ...], reading.entries("names"),
+                    reading.Distinct] = meaning("what may change", tuple(FREE))
     starts: Annotated[int, reads(whole, 1, 64)] = meaning("of the search", planning.STARTS)
     evaluations: Annotated[int, reads(whole, 2, 10_000)] | None = meaning("in all", None)
 
     @model_validator(mode="after")
-    def _check_count(self) -> Optimum:
+    def _check_count(self) -> Self:
         if self.evaluations is not None and self.evaluations <= self.starts:
             expected = f"a whole number from {self.starts + 1} to 10000"
             raise wrong(self.evaluations, expected, at="evaluations")
@@ -173,7 +170,7 @@ class PlanFields(Part):
     )
 
     @model_validator(mode="after")
-    def _check_together(self) -> PlanFields:
+    def _check_together(self) -> Self:
         graft, mistakes = GRAFTS[self.graft.type], Mistakes()
         count, tension = self.graft.bundles, self.fixation.tension_N
         with mistakes.gathered("fixation.tension_N"):
@@ -240,9 +237,8 @@ def read_plan(name_or_path: str | os.PathLike[str], *, patella: bool = False) ->
     mistakes.check()
     graft, count = GRAFTS[plan.graft.type], plan.graft.bundles
     stiffness = plan.graft.stiffness_N or graft.stiffness_N
-    reconstruction = planning.reconstruction_of(
-        knee, plan.ligament, count, stiffness, graft.failure_N
-    )
+    reconstruction = planning.reconstruction_of(knee, plan.ligament, count, stiffness,
+                                                graft.failure_N)
     tibia, femur = (
         planning.footprint_of(knee, plan.ligament, bone, getattr(plan.footprints, f"{bone}_mm"),
                      mesh and files.bone_surface(mesh))

@@ -1,7 +1,5 @@
 """Answers of a study: what its commands compute after they have read their words."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import time
@@ -205,10 +203,9 @@ def identify(
             )  # fmt: skip
         if show is not None:
             show("tests to make next", 0, 0)
-        design = inference.design_tests(
-            found.selection, study.knee_at_start, found.information, found.noise,
-            options.candidates, count=options.next_tests, criterion=options.criterion,
-        )  # fmt: skip
+        design = inference.design_tests(found.selection, study.knee_at_start, found.information,
+                                        found.noise, options.candidates, count=options.next_tests,
+                                        criterion=options.criterion)  # fmt: skip
     return Identified(study, options, found, sampled, design, time.perf_counter() - begun)
 
 
@@ -245,15 +242,13 @@ def sensitivity(
     flexion, seconds, begun = np.unique(measured[:, 0]), {}, time.perf_counter()
     indices = None
     with progress_of(progress, "slopes") as show:
-        local = inference.local_sensitivity(
-            knee, parameters, flexion, scale=options.scale, given=options.prior
-        )
+        local = inference.local_sensitivity(knee, parameters, flexion, scale=options.scale,
+                                            given=options.prior)
         seconds["local"] = time.perf_counter() - begun
         begun = time.perf_counter()
-        sweeps = inference.sweep(
-            knee, _swept(study, options), flexion, failures=study.counted_failures,
-            progress=show and functools.partial(show, "sweeps"),
-        )  # fmt: skip
+        sweeps = inference.sweep(knee, _swept(study, options), flexion,
+                                 failures=study.counted_failures,
+                                 progress=show and functools.partial(show, "sweeps"))  # fmt: skip
         seconds["sweeps"] = time.perf_counter() - begun
         if options.indices is not None:
             options, begun = options.replace(samples=_samples(options)), time.perf_counter()
@@ -309,10 +304,8 @@ def check(study: Study, options: Identify | Map | Sensitivity | None = None) -> 
             step_widths(selection, width, options.scale, options.prior)
             if options.indices is not None:
                 check_installed("SALib", "sensitivity")
-                index_ranges(
-                    knee, selection, study.limits, options.range, options.prior,
-                    method=options.indices, samples=_samples(options),
-                )  # fmt: skip
+                index_ranges(knee, selection, study.limits, options.range, options.prior,
+                             method=options.indices, samples=_samples(options))  # fmt: skip
 
 
 def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:
@@ -326,10 +319,8 @@ def _passive_alone(study: Study, fields: Sequence[str], what: str) -> None:
 
 def _a_study(study: Study) -> Study:
     if not isinstance(study, Study):
-        raise TypeError(
-            f"expected a kneejax.Study, not {type(study).__name__}: "
-            "kj.Study(title=..., knee=knee, measured=poses, parameters=[...])"
-        )
+        raise TypeError(f"expected a kneejax.Study, not {type(study).__name__}: "
+                        "kj.Study(title=..., knee=knee, measured=poses, parameters=[...])")
     return study
 
 

@@ -1,7 +1,5 @@
 """Types of the fields of studies, plans and questions: parameters, angles, loads, objects."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -124,10 +122,7 @@ Parameter = Annotated[str, reads(reading.parameter_name)]
 Angles = Annotated[ndarray, reads(angles)]
 Values = Annotated[dict[str, float], PlainValidator(by_parameter(reading.number))]
 Interval = Annotated[tuple[float, float], reads(interval)]
-Intervals = Annotated[
-    dict[str, tuple[float, float]], PlainValidator(by_parameter(interval))
-]
-Convention = Annotated[
-    Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"], reading.Choice()
-]
+Intervals = Annotated[dict[str, tuple[float, float]], PlainValidator(by_parameter(interval))]
+Convention = Annotated[Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"],
+                       reading.Choice()]
 LoadName = Literal["lateral_N", "anterior_N", "compression_N", "varus_Nm", "internal_Nm"]

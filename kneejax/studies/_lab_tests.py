@@ -21,21 +21,16 @@ if TYPE_CHECKING:
 
 PATELLA = ("flexion", "rotation", "tilt", "anterior", "superior", "lateral")
 COORDINATES = (*UNITS, *(f"patella_{name}" for name in PATELLA))
-CountedFrom = Literal[
-    "unloaded", "intact", "least_load", "opposite", "offset", "offset_each_flexion", "absolute",
-    "extension",
-]  # fmt: skip
+CountedFrom = Literal["unloaded", "intact", "least_load", "opposite", "offset",
+                      "offset_each_flexion", "absolute", "extension"]  # fmt: skip
 Axes = Literal["femur", "tibia", "grood_suntay"]
-_loads = reading.mapping_of(
-    lambda value, name: reading.number(value, RANGES[name]),
-    f"a mapping with the fields {', '.join(get_args(LoadName))}",
-    get_args(LoadName),
-)
+_loads = reading.mapping_of(lambda value, name: reading.number(value, RANGES[name]),
+                            f"a mapping with the fields {', '.join(get_args(LoadName))}",
+                            get_args(LoadName))
 
 
-_columns = reading.mapping_of(
-    lambda value, _: reading.text(value), "a mapping from a name to a column of the file"
-)
+_columns = reading.mapping_of(lambda value, _: reading.text(value),
+                              "a mapping from a name to a column of the file")
 
 
 class InTime(Part):
@@ -105,9 +100,8 @@ class StudyTest(Part):
     )
     ignore: Annotated[tuple[Text, ...], entries("columns")] = meaning("columns left out", ())
     convention: Convention = meaning("what coordinates mean", "grood-suntay")
-    mirror: reading.Flag = meaning(
-        "whether a left knee was measured in axes with Z to the right", False
-    )
+    mirror: reading.Flag = meaning("whether a left knee was measured in axes with Z to the right",
+                                   False)
     flexion_deg: Angles | None = meaning("flexions that count", None)
     at_deg: Annotated[float, within("flexion_deg")] | None = meaning(
         "flexion of a table without a column of it", None

@@ -1,7 +1,5 @@
 """The objective of a study over pairs of parameters."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools
@@ -21,9 +19,7 @@ from kneejax.studies._progress import Asked, progress_of
 from kneejax.studies._study import Study
 
 #: Settings of a study on which its misfit depends, besides knee, poses and tests.
-_OF_MISFIT = (
-    "synthetic", "weights", "frame_offset", "failures", "loads", "noise_mm", "noise_deg",
-)  # fmt: skip
+_OF_MISFIT = ("synthetic", "weights", "frame_offset", "failures", "loads", "noise_mm", "noise_deg")
 
 
 def sensitivity_map(study: Study, options: Map | None = None, *, progress: Asked = None,
@@ -64,13 +60,12 @@ def sensitivity_map(study: Study, options: Map | None = None, *, progress: Asked
         # As in a calibration: what was read of parts counts in its own standard deviation.
         noise = noise.as_stated()
     with progress_of(progress, "map") as show:
-        return sensitivity_maps(
-            study.knee_at_start, study.poses(), _pairs(study, options), grid=options.grid,
-            bounds=study.bounds | options.range, weights=noise.first**-2.0,
-            offsets=study.frame_offset, loads=study.acting, tests=study.tests,
-            known=noise.stated, store=store,
-            progress=show and functools.partial(show, "map"), failures=study.counted_failures,
-        )  # fmt: skip
+        return sensitivity_maps(study.knee_at_start, study.poses(), _pairs(study, options),
+                                grid=options.grid, bounds=study.bounds | options.range,
+                                weights=noise.first**-2.0, offsets=study.frame_offset,
+                                loads=study.acting, tests=study.tests, known=noise.stated,
+                                store=store, progress=show and functools.partial(show, "map"),
+                                failures=study.counted_failures)  # fmt: skip
 
 
 def _pairs(study: Study, options: Map) -> list[tuple[str, str]]:

@@ -3,8 +3,6 @@
 An option has the name of its field, but for `indices`, which is `--global`. No JAX is imported.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
@@ -70,9 +68,8 @@ class Identify(Options):
     noise_deg: Annotated[float, _noise("noise_deg")] | None = meaning(
         "standard deviation of measured rotations; the study's otherwise", None
     )
-    prior: Annotated[
-        dict[str, tuple[float, float]], PlainValidator(reading.by_parameter(_normal))
-    ] = meaning(
+    prior: Annotated[dict[str, tuple[float, float]],
+                     PlainValidator(reading.by_parameter(_normal))] = meaning(
         "mean and standard deviation, which may be infinite, of a normal prior of a parameter or "
         "wildcard, for the posterior", dict,
     )  # fmt: skip
@@ -122,9 +119,8 @@ class Sensitivity(Options):
         'percent'
     """
 
-    sweep: Annotated[
-        dict[str, tuple[float, ...] | None], PlainValidator(reading.by_parameter(_line))
-    ] = meaning(
+    sweep: Annotated[dict[str, tuple[float, ...] | None],
+                     PlainValidator(reading.by_parameter(_line))] = meaning(
         "name or wildcard -> first and last value, and how many if not as many as usual; all of "
         "the study's parameters otherwise", dict,
     )  # fmt: skip
@@ -141,9 +137,8 @@ class Sensitivity(Options):
         "points of Sobol's sequence, a power of two, or Morris trajectories; 256 or 64 otherwise",
         None,
     )  # fmt: skip
-    range: Intervals = meaning(
-        "of a parameter, for global indices; as wide as its prior otherwise", dict
-    )
+    range: Intervals = meaning("of a parameter, for global indices; as wide as its prior otherwise",
+                               dict)
     seed: Seed = meaning("of the random numbers", 0)
 
     @model_validator(mode="after")

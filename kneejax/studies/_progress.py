@@ -1,7 +1,5 @@
 """What a person waits for: a line on a terminal or in a notebook, nothing in a pipe."""
 
-from __future__ import annotations
-
 import contextlib
 import sys
 import threading

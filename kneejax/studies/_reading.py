@@ -32,9 +32,8 @@ if TYPE_CHECKING:
     from kneejax.mechanics import Knee
 
 #: Words for the negative sense of a load or a coordinate.
-_OTHER_SENSE = re.compile(
-    r"posterior|medial|inferior|distal|distraction|valgus|abduction|external", re.IGNORECASE
-)
+_OTHER_SENSE = re.compile(r"posterior|medial|inferior|distal|distraction|valgus|abduction|external",
+                          re.IGNORECASE)
 #: Fields of a test that say what stands in a table of one's own.
 _OF_OWN_TABLES = ("columns", "ignore", "convention", "mirror", "at_deg")
 
@@ -228,11 +227,10 @@ def measured_test_of(test: StudyTest, lines: Sequence[str] = ()) -> MeasuredTest
     frames = None if test.in_time is None else _frames(test, test.in_time, table)
     own = {"point_mm", "axes", "sd_mm", "sd_deg", "sd_N", "sd_strain", "cut", "within_deg"}
     counted_from = test.counted_from or counted_from or "unloaded"
-    made = MeasuredTest(
-        test.name, flexion, loads, observed, counted_from=counted_from, constant=constant,
-        tensions=tensions, readings=readings, weight=table.weight, frames=frames,
-        **test.model_dump(include=own & test.model_fields_set),
-    )  # fmt: skip
+    made = MeasuredTest(test.name, flexion, loads, observed, counted_from=counted_from,
+                        constant=constant, tensions=tensions, readings=readings,
+                        weight=table.weight, frames=frames,
+                        **test.model_dump(include=own & test.model_fields_set))  # fmt: skip
     if test.weight:
         made = dataclasses.replace(made, weight=weights_by_load(made.loads[made.driven_by]))
     if (found := against_load(made)) is not None:
@@ -319,10 +317,8 @@ def _table_of(test: StudyTest) -> tuple[LabTable, str | None]:
         if "load" in given:
             raise test.wrong("load", "no load of a published table: this one has columns of loads")
         unloaded = test.counted_from in WITHOUT_LOADS
-        return read_lab_table(
-            name, test.columns, test.at_deg, test.convention, test.ignore, unloaded=unloaded,
-            about=test.name,
-        ), None  # fmt: skip
+        return read_lab_table(name, test.columns, test.at_deg, test.convention, test.ignore,
+                              unloaded=unloaded, about=test.name), None  # fmt: skip
     published = published_motions()
     for field in _OF_OWN_TABLES:
         if field in given and not (field == "ignore" and name in published):

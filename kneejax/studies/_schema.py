@@ -1,7 +1,5 @@
 """The fields of a study: what may stand in each, its unit, its default and what it means."""
 
-from __future__ import annotations
-
 import os
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
@@ -40,10 +38,8 @@ Names = (entries("names", empty=True), reading.Distinct)
 #: Weights of squared errors per degree^2 and per mm^2 where nobody says so: those of paper 1.
 _WEIGHTS = {"deg": 8.0, "mm": 1.0}
 Procedure = Literal["I", "II", "III", "S"]
-Fault = Literal[
-    "outside_region", "overstretched", "way_flipped", "past_wrap", "wrap_inside", "unstable",
-    "dislocated",
-]  # fmt: skip
+Fault = Literal["outside_region", "overstretched", "way_flipped", "past_wrap", "wrap_inside",
+                "unstable", "dislocated"]  # fmt: skip
 
 
 def _table(value: Any, info: ValidationInfo) -> str:
@@ -165,10 +161,8 @@ def _offset(value: Any) -> str:
     return reading.choice(value, UNITS)
 
 
-_columns = reading.mapping_of(
-    lambda value, _: reading.text(value),
-    f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS,
-)
+_columns = reading.mapping_of(lambda value, _: reading.text(value),
+                              f"a mapping with the fields {', '.join(_COLUMNS)}", _COLUMNS)
 _loads = reading.mapping_of(
     _sizes, f"a mapping from one of {', '.join(get_args(LoadName))} to its sizes", _load_name
 )
@@ -185,9 +179,8 @@ class Measured(Part):
     columns: Annotated[dict[str, str], PlainValidator(_columns)] = meaning(
         "column of a pose -> what the table calls it", dict
     )
-    mirror: reading.Flag = meaning(
-        "whether a left knee was measured in axes with Z to the right", False
-    )
+    mirror: reading.Flag = meaning("whether a left knee was measured in axes with Z to the right",
+                                   False)
 
 
 class Synthetic(Part):
@@ -265,9 +258,8 @@ class StudyFields(Part):
     procedures: Annotated[tuple[Annotated[Procedure, reading.Choice()], ...], *Names] = meaning(
         "the first is the answer, others are there to compare; `S` alone where there are stages", ()
     )
-    stages: Annotated[
-        tuple[Annotated[Stage, OrObject(StudyStage)], ...], entries("stages", empty=True)
-    ] = meaning("of procedure S, in turn", ())
+    stages: Annotated[tuple[Annotated[Stage, OrObject(StudyStage)], ...],
+                      entries("stages", empty=True)] = meaning("of procedure S, in turn", ())
     starts: Annotated[int, reads(reading.whole, 1, 1000)] = meaning(
         "of procedure III: the knee's own, then draws from the prior, or between the bounds where "
         "there is none", 1,
@@ -280,9 +272,8 @@ class StudyFields(Part):
     noise_deg: Annotated[float | None, reads(_noise, "noise_deg")] = meaning(
         "standard deviation of measured rotations; likewise", None
     )
-    frame_offset: Annotated[
-        tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset), reading.Distinct
-    ] = meaning(
+    frame_offset: Annotated[tuple[Annotated[str, reads(_offset)], ...], reads(_frame_offset),
+                            reading.Distinct] = meaning(
         "free coordinates whose constant offset between measured and model frames is free too; "
         "true for all five", (),
     )  # fmt: skip

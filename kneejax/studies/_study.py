@@ -196,10 +196,9 @@ class Study(StudyFields):
             return np.empty((0, 6)) if self.measured is None else self.measured
         from kneejax.inference import synthetic_motion
 
-        return synthetic_motion(
-            self.knee, made.parameters, made.flexion_deg, noise_mm=made.noise_mm,
-            noise_deg=made.noise_deg, loads=self.acting, seed=made.seed,
-        )  # fmt: skip
+        return synthetic_motion(self.knee, made.parameters, made.flexion_deg,
+                                noise_mm=made.noise_mm, noise_deg=made.noise_deg, loads=self.acting,
+                                seed=made.seed)  # fmt: skip
 
     def problem(self, *, nameless: bool = False) -> CalibrationProblem:
         """The study as arrays: what `kneejax.calibrate` solves; synthetic poses take a motion.

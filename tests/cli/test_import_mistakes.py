@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from kneejax.cli import main
-from kneejax.cli.options import ImportOsim, JointFit
+from kneejax.cli.options.joints import JointFit
+from kneejax.cli.options.knees import ImportOsim
 from tests.files.meshes import meshed_knee as made
 
 MODELS = Path(__file__).parents[1] / "files" / "opensim" / "models"

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kneejax.cli import main
-from kneejax.cli.options import TESTS
+from kneejax.cli.options.simulate import TESTS
 from kneejax.experiments import READY
 from kneejax.files import bundled_path, read_knee, write_knee
 

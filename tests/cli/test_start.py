@@ -17,7 +17,8 @@ from kneejax.cli._command import Place, Written, is_given, marks
 from kneejax.cli._main import line
 from kneejax.cli._settings import asked_for, command_again
 from kneejax.cli._words import choices_of, plain_type
-from kneejax.cli.options import ABOVE, EXAMPLE, Evaluate
+from kneejax.cli.options import ABOVE, EXAMPLE
+from kneejax.cli.options.knees import Evaluate
 from kneejax.files import bundled_path
 
 HEAVY = {

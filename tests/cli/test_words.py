@@ -2,7 +2,7 @@
 
 import pytest
 
-from kneejax.cli import options
+from kneejax.cli.options import studies as options
 from kneejax.files import InputProblem
 from kneejax.studies import Identify
 

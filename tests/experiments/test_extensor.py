@@ -22,6 +22,7 @@ from kneejax.experiments import (
 from kneejax.experiments.extensor import held_leg, weight_of
 from kneejax.mechanics import add_lane_axis
 from kneejax.report.extensor import extensor_figure, extensor_table, shear_figure
+from kneejax.report.in_time import raised_leg_answer
 from kneejax.statics import Guess, solve_equilibrium
 
 #: Each compiles a search of its own.
@@ -312,7 +313,7 @@ def test_a_leg_that_a_motor_raises_slowly_is_one_that_is_held(knee):
     assert 5.0 * slow.farthest < quick.farthest < 5.0
     pulls = slow.transient.quadriceps["quadriceps_N"]
     np.testing.assert_allclose(pulls[slow.rows], slow.held.quadriceps_N, rtol=5e-3)
-    said = " ".join(report.raised_leg_answer("a ball", slow).terminal().split())
+    said = " ".join(raised_leg_answer("a ball", slow).terminal().split())
     assert "Farthest from a leg that is held" in said
     data = slow.transient.to_dataset()
     np.testing.assert_allclose(data["quadriceps_force"], pulls)

@@ -17,7 +17,7 @@ import kneejax as kj
 pytest.importorskip("viser", reason="viser is not installed: kneejax[explore]")
 from kneejax import report
 from kneejax.cli._explore import _subject, begin
-from kneejax.cli.options import Explore
+from kneejax.cli.options.knees import Explore
 from kneejax.explorer import Setting, Solver
 from tests.explore.waiting import settled, until
 

@@ -1,7 +1,5 @@
 """Compare simple joints, knees and measured motion."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -9,10 +7,8 @@ import numpy as np
 
 from kneejax import files, joints
 from kneejax.cli._deliver import deliver
-from kneejax.cli._given import check_columns
-from kneejax.cli.joint._axes import problem
-from kneejax.cli.joint._fit import passive_motion, read_contact_knee
-from kneejax.cli.options import JointCompare
+from kneejax.cli.joint._fit import check_columns, passive_motion, problem, read_contact_knee
+from kneejax.cli.options.joints import JointCompare
 from kneejax.parameters import UnsuitableData
 from kneejax.report import comparison_answer
 
@@ -139,16 +135,13 @@ def run(arguments: JointCompare) -> int:
     settings = arguments.options() | {"sources": sources}
     settings["measured"] = [str(file) for file in arguments.measured]
     try:
-        compared = joints.compare_motions(
-            at, joints.clinical_measures(tables), found, calibrated_at_deg=tuple(at[known]),
-            anova=arguments.anova, alpha=arguments.alpha,
-        )  # fmt: skip
+        compared = joints.compare_motions(at, joints.clinical_measures(tables), found,
+                                          calibrated_at_deg=tuple(at[known]), anova=arguments.anova,
+                                          alpha=arguments.alpha)  # fmt: skip
     except joints.UnsuitableMotions as error:
         named = ", ".join(str(file) for file in arguments.measured)
         raise UnsuitableData(f"{named}: {error}") from error
-    answer = comparison_answer(
-        compared, curves, over, flexion, doubts=doubts, settings=settings
-    )
+    answer = comparison_answer(compared, curves, over, flexion, doubts=doubts, settings=settings)
     return deliver(answer, arguments)
 
 
@@ -167,10 +160,8 @@ def _measured(arguments: JointCompare) -> np.ndarray:
         apart = np.abs(table[:, 0] - first[:, 0])
         if apart.max() > arguments.spread:
             i = int(apart.argmax())
-            expected = (
-                f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
-                f"{arguments.measured[0]}"
-            )
+            expected = (f"{first[i, 0]:g} within {arguments.spread:g} degrees (--spread), as "
+                        f"{arguments.measured[0]}")
             raise files.InputProblem(file, "flexion_deg", f"{table[i, 0]:g}", expected)
     return np.array(tables)
 

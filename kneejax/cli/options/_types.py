@@ -3,13 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Literal
 
-from kneejax.cli._command import Bundled, File, Form, Group, Parameters
+from kneejax.cli._command import Angles, Bundled, File, Form, Group, Parameters
 
 #: As `kneejax.geometry.CONVENTIONS`, which would bring in JAX.
 Convention = Literal["femoral", "grood-suntay", "tibial", "femur-in-tibia"]
 #: What stands for a knee, wherever one is expected.
 KNEE = "bundled name, knee file, or the result.json of a calibration"
 Knee = Annotated[str, Bundled("knees")]
+Flexion = Annotated[str, Angles()]
 Table = Annotated[Path, File("a CSV table")]
 Model = Annotated[Path, File("an OpenSim model")]
 Mesh = Annotated[Path, File("a triangle mesh")]

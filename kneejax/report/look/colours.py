@@ -62,11 +62,8 @@ def shades(count: int, last: float = 0.92) -> Any:
 
 
 def uniform_colours():
-    """A scale of colours from dark (low) to bright (high) whose steps look equally large.
-
-    It stays ordered for colour-blind readers and in grey, and ends before the yellow that is lost
-    on white paper: a Matplotlib `ListedColormap`, part of viridis.
-    """
+    """A scale from dark (low) to bright (high) in steps that look alike, also in grey and to the
+    colour-blind: part of viridis, which ends before the yellow that is lost on white paper."""
     from matplotlib.colors import ListedColormap
 
     return ListedColormap(shades(256, 0.9))

@@ -1,7 +1,5 @@
 """What a command answers, as a person meets it: on the screen, in files and on a page."""
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import functools
@@ -14,13 +12,10 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from kneejax.report.look.style import picture_svg, save_figure, write_whole
+from kneejax.report.look.style import Figure, picture_svg, save_figure, write_whole
 from kneejax.report.look.tables import Table, json_safe, number, wrapped
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _TEMPLATES = resources.files("kneejax.report.look") / "templates"
 

@@ -1,7 +1,5 @@
 """One look for every figure, and figures as files that are complete or absent."""
 
-from __future__ import annotations
-
 import functools
 import io
 import os
@@ -27,16 +25,15 @@ SHOWN = ("lateral", "anterior", "superior", "adduction", "internal_rotation")
 
 WIDTH = 7.0  # inches: the text width of a page
 
-_SETTINGS = {
-    "font.family": "DejaVu Sans", "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 9,
-    "axes.titlelocation": "left", "axes.titlepad": 4, "axes.linewidth": 0.7,
-    "axes.edgecolor": "#444444", "axes.spines.top": False, "axes.spines.right": False,
-    "axes.grid": True, "axes.axisbelow": True, "axes.unicode_minus": True, "grid.color": "#E6E6E6",
-    "grid.linewidth": 0.6, "xtick.labelsize": 8, "ytick.labelsize": 8, "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7, "xtick.minor.visible": False, "ytick.minor.visible": False,
-    "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.3, "hatch.linewidth": 0.5,
-    "svg.fonttype": "none",
-}
+_SETTINGS = {"font.family": "DejaVu Sans", "font.size": 8, "axes.labelsize": 8, "axes.titlesize": 9,
+             "axes.titlelocation": "left", "axes.titlepad": 4, "axes.linewidth": 0.7,
+             "axes.edgecolor": "#444444", "axes.spines.top": False, "axes.spines.right": False,
+             "axes.grid": True, "axes.axisbelow": True, "axes.unicode_minus": True,
+             "grid.color": "#E6E6E6", "grid.linewidth": 0.6, "xtick.labelsize": 8,
+             "ytick.labelsize": 8, "xtick.major.width": 0.7, "ytick.major.width": 0.7,
+             "xtick.minor.visible": False, "ytick.minor.visible": False, "legend.frameon": False,
+             "legend.fontsize": 8, "lines.linewidth": 1.3, "hatch.linewidth": 0.5,
+             "svg.fonttype": "none"}
 
 
 def styled(draw: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -71,9 +68,9 @@ def verbatim(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def readable(name: str) -> str:
-    """A parameter's name for labels: `ACL.stiffness` becomes `ACL stiffness`."""
-    return verbatim(name.replace(".", " ").replace("_", " "))
+def readable(name: str, unit: str = "") -> str:
+    """A parameter's name for labels: `ACL.stiffness` in N becomes `ACL stiffness, N`."""
+    return verbatim(name.replace(".", " ").replace("_", " ")) + (f", {unit}" if unit else "")
 
 
 _DPI = 200

@@ -3,8 +3,6 @@
 A table becomes lines of a terminal, rows of a CSV file, a piece of a page, and records of JSON.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 import itertools
@@ -12,7 +10,7 @@ import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -153,10 +151,8 @@ def wrapped(text: str, first: str = "") -> list[str]:
         >>> wrapped("Every pose is balanced.", "note: ")
         ['note: Every pose is balanced.']
     """
-    return textwrap.wrap(
-        text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
-        break_on_hyphens=False,
-    )  # fmt: skip
+    return textwrap.wrap(text, LINE_WIDTH, initial_indent=first, subsequent_indent=" " * len(first),
+                         break_on_hyphens=False)  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -240,7 +236,7 @@ class Table:
     def of(
         cls, columns: Mapping[str | Column | Sequence[str], Any], title: str = "", note: str = "",
         *, show: Mapping[str, tuple[str, ...]] | None = None, spare: Sequence[str] = (),
-    ) -> Table:  # fmt: skip
+    ) -> Self:  # fmt: skip
         """A table by its columns.
 
         Args:
@@ -276,7 +272,7 @@ class Table:
                    spare)  # fmt: skip
 
     @classmethod
-    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Table:
+    def plain(cls, names: Iterable[str], rows: Sequence[Sequence[Any]], *about: str) -> Self:
         """A table by its rows, under the names of its columns; `about` are title and note."""
         return cls([*map(Column, names)], rows, *about)
 

@@ -1,26 +1,22 @@
-"""A scene in viser (three.js): nodes are made once, then only moved, bent and coloured."""
+"""A scene in viser (three.js), whose nodes are made once, then only moved, bent and coloured; and
+as one HTML page that turns and bends, and needs no network."""
 
-from __future__ import annotations
-
+import html
+import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import to_hex
 from scipy.spatial.transform import Rotation
 
 from kneejax.geometry import TIBIA
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.report.scene.rendering import (
-    BONE,
-    BONE_OPACITY,
-    FEW_FIBRES,
-    GROUND,
-    MUSCLE,
-    OBSTACLE,
-    SLACK,
-    fibre_colour,
-    pressure_bands,
-)
+from kneejax.numerics import imported
+from kneejax.report.scene import rendering
+from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees
 from kneejax.report.scene.scene import Scene
 from kneejax.report.scene.surfaces import grid_triangles, tube
 
@@ -57,21 +53,10 @@ class Drawing:
         pressure: likewise, MPa.
     """
 
-    def __init__(
-        self,
-        viser_scene: Any,
-        clicked: Callable[[str], None] | None = None,
-        strain: float = 0.08,
-        pressure: float = 8.0,
-    ):
-        """An empty view with lights.
-
-        Args:
-            viser_scene: of a `viser.ViserServer`.
-            clicked: called with the name of a ligament's fibre that is clicked.
-            strain: at the end of the colours.
-            pressure: likewise, MPa.
-        """
+    def __init__(self, viser_scene: Any, clicked: Callable[[str], None] | None = None,
+                 strain: float = 0.08, pressure: float = 8.0):  # fmt: skip
+        """An empty view with lights, of a `viser.ViserServer`'s scene; `clicked` is called with the
+        name of a ligament's fibre."""
         self.words, self.strain, self.pressure = True, strain, pressure
         self._scene, self._clicked = viser_scene, clicked
         self._made: dict[str, tuple[Any, dict[str, Any]]] = {}
@@ -81,42 +66,31 @@ class Drawing:
         viser_scene.configure_default_lights(cast_shadow=False)
 
     def show(
-        self,
-        scene: Scene,
-        loads: Mapping[str, float] | None = None,
-        ghost: Scene | None = None,
-        stale: bool = False,
-        gone: Collection[str] = (),
-    ) -> None:
-        """Draw a pose.
-
-        Args:
-            scene: of the pose.
-            loads: what acts, by name.
-            ghost: another pose, in thin blue lines.
-            stale: whether this is a pose that another setting had: everything is grey.
-            gone: fibres that are cut.
-        """
+        self, scene: Scene, loads: Mapping[str, float] | None = None, ghost: Scene | None = None,
+        stale: bool = False, gone: Collection[str] = (),
+    ) -> None:  # fmt: skip
+        """Draw a pose under loads by name, its `ghost` in thin blue lines; all in grey where it is
+        `stale`, of another setting; fibres that are `gone` are cut."""
         self._shown, self._grey = set(), stale
         for bone, (turn, shift) in scene.places.items():
             w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
             self._keep(f"/{bone}", self._frame, wxyz=w, position=tuple(shift))
         for i, bone in enumerate(scene.bones):
-            self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces, BONE,
-                          BONE_OPACITY[bone.bone])  # fmt: skip
-        for kind, sheets, colour, opacity in (
-            ("cartilage", scene.condyles, _CONDYLE, 0.6), ("wrap", scene.obstacles, OBSTACLE, 0.13),
-        ):  # fmt: skip
+            self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces,
+                          rendering.BONE, rendering.BONE_OPACITY[bone.bone])  # fmt: skip
+        for kind, sheets, colour, opacity in (("cartilage", scene.condyles, _CONDYLE, 0.6),
+                                              ("wrap", scene.obstacles, rendering.OBSTACLE, 0.13)):
             for i, sheet in enumerate(sheets):
                 faces = grid_triangles(*sheet.points_mm.shape[:2])
                 self._surface(scene, sheet.bone, f"{kind} {sheet.name or i + 1}", sheet.points_mm,
                               faces, colour, opacity)  # fmt: skip
         for plateau in scene.plateaus:
-            for i, (colour, faces) in enumerate(pressure_bands(plateau, self.pressure, BANDS)):
-                own = _GROUND if colour == GROUND else colour
+            bands = rendering.pressure_bands(plateau, self.pressure, BANDS)
+            for i, (colour, faces) in enumerate(bands):
+                own = _GROUND if colour == rendering.GROUND else colour
                 self._surface(scene, plateau.bone, f"pressure {plateau.name}/{i}",
                               plateau.points_mm, faces, own)  # fmt: skip
-        many = len(scene.fibres) > FEW_FIBRES
+        many = len(scene.fibres) > rendering.FEW_FIBRES
         for i, (name, fibres) in enumerate(scene.groups.items()):
             self._ligament(name, fibres, gone, many, _SHARES[i % len(_SHARES)])
         for fibre in () if ghost is None else ghost.fibres:
@@ -175,8 +149,9 @@ class Drawing:
         known = self._made[name][1]["vertices"] if name in self._made else own[:0]
         if known.shape == own.shape and np.allclose(known, own, rtol=0.0, atol=_SAME_MM):
             own = known
-        self._keep(name, self._mesh, vertices=own, faces=faces.astype(np.uint32),
-                   color=rgb(SLACK if self._grey else colour), opacity=opacity)  # fmt: skip
+        shown = rendering.SLACK if self._grey else colour
+        self._keep(name, self._mesh, vertices=own, faces=faces.astype(np.uint32), color=rgb(shown),
+                   opacity=opacity)  # fmt: skip
 
     def _ligament(
         self, name: str, fibres: Sequence[Any], gone: Collection[str], many: bool, share: float
@@ -186,7 +161,8 @@ class Drawing:
             torn = fibre.name in gone
             thick = _THIN if torn else _SLACK if fibre.slack else _PULLED
             points, faces = tube(fibre.points_mm, thick * (_OF_MANY if many else 1.0))
-            colour = SLACK if self._grey or torn else fibre_colour(fibre, self.strain)
+            pale = self._grey or torn
+            colour = rendering.SLACK if pale else rendering.fibre_colour(fibre, self.strain)
             place = f"/ligaments/{name}/{fibre.name}"
             known = place in self._made
             handle = self._keep(place, self._mesh, vertices=points, faces=faces, color=rgb(colour),
@@ -231,7 +207,83 @@ class Drawing:
             long = np.clip(_PER_100_MM * size / unit, -_LONGEST_MM, _LONGEST_MM)
             start = middle - (way * long if axis == 1 and unit == 100.0 else 0.0)
             arrow = np.array([[start, start + way * long]], np.float32)
-            colour = MUSCLE if unit == 10.0 else _LOAD
+            colour = rendering.MUSCLE if unit == 10.0 else _LOAD
             self._keep(f"/loads/{name}", self._arrow, points=arrow, colors=rgb(colour))
             self._keep(f"/loads/{name} words", self._label, text=NAMED_LOADS[name].words(size),
                        position=tuple(map(float, arrow[0, 1])))  # fmt: skip
+
+
+#: What a pose of several is shown for, s.
+_POSE_S = 0.25
+_ROW = "display:flex;justify-content:space-between"
+_CORNER = ("position:fixed;left:0.8em;bottom:3.2em;width:min(23em,calc(100vw - 1.6em));z-index:2;"
+           "pointer-events:none;font:0.8em/1.35 system-ui,sans-serif;color:#555")  # fmt: skip
+
+
+def scene_page(every: Sequence[Scene], most: int = 41) -> str:
+    """A page that shows a knee in space; with several poses it bends, and has a bar to stop it.
+
+    It can be turned and enlarged, and its tree switches bones and ligaments off; each ligament is
+    labelled with its force and its largest strain. Everything is inside, the drawing library too.
+
+    Args:
+        every: scenes of one knee, from `scenes`.
+        most: poses at most; of more, evenly spaced ones are shown.
+
+    Returns:
+        The page.
+
+    Raises:
+        MissingPackage: viser is not installed.
+        ValueError: there are no scenes.
+    """
+    shown, limits = rendering.chosen(every, most)
+    viser = imported("viser", "viser", "view")
+    with patch("rich.print"):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        look_at(server, shown[0])
+        server.scene.world_axes.visible = False
+        drawing, record = Drawing(server.scene, None, *limits), server.get_scene_serializer()
+        above = shown[0].points_mm.max(axis=0) * [0.0, 1.0, 0.0] + [0.0, 8.0, 0.0]
+        for scene in shown:
+            drawing.show(scene)
+            drawing.tell(f"{degrees(scene.flexion_deg)} flexion", above)
+            if len(shown) > 1:
+                record.insert_sleep(_POSE_S)
+        page = record.as_html()
+    finally:
+        server.stop()
+    title = html.escape(f"{shown[0].title} (the tibia held still)")
+    words = f"<div style='{_CORNER}'><b>{title}</b>{scales(*limits)}</div>"
+    # In the head: what viser has in its body is packed.
+    words = json.dumps(words).replace("<", "\\u003c")
+    add = ("<script>addEventListener('load', () => document.body.insertAdjacentHTML('beforeend', "
+           f"{words}))</script>")  # fmt: skip
+    page = page.replace("<title>Viser</title>", f"<title>{title}</title>", 1)
+    return page.replace("</head>", f"{add}</head>", 1)
+
+
+def look_at(server, scene: Scene) -> None:
+    """Begin where the whole knee is seen, from the front and its lateral side."""
+    points = scene.points_mm
+    middle, size = points.mean(axis=0), float(np.ptp(points, axis=0).max())
+    way = np.array([1.0, 0.35, 0.55 * scene.lateral])
+    place = middle + 2.9 * size * way / np.linalg.norm(way)
+    server.initial_camera.look_at = tuple(map(float, middle))
+    server.initial_camera.position = tuple(map(float, place))
+    server.initial_camera.fov = 0.6
+
+
+def scales(strain: float, pressure: float) -> str:
+    """The scales of colours of strain and pressure, MPa, to their ends, as HTML."""
+    parts = []
+    for title, shades, low, high in (
+        ("Strain, %", rendering.strain_colours(), "0 (grey: slack)", 100 * strain),
+        ("Pressure, MPa", colormaps[PRESSURE_COLOURS], "0", pressure),
+    ):
+        colours = ",".join(to_hex(shades(x)) for x in np.linspace(0.0, 1.0, 9))
+        strip = f"height:7px;background:linear-gradient(to right,{colours})"
+        ends = f"<div style='{_ROW}'><span>{low}</span><span>{high:.3g}</span></div>"
+        parts.append(f"<div style='flex:1'>{title}<div style='{strip}'></div>{ends}</div>")
+    return f"<div style='display:flex;gap:1.5em;margin-top:0.4em'>{''.join(parts)}</div>"

@@ -1,16 +1,19 @@
 """Rendered scenes with words around them: one pose from several sides, several poses, a film."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from scipy.optimize import isotonic_regression
 
 from kneejax.report.look.colours import BLACK, GREY
-from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim, without_frame
+from kneejax.report.look.style import WIDTH, Axes, styled, verbatim, without_frame
 from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene.scene import Fibre, Scene
@@ -47,10 +50,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         CannotRender: PyVista finds nothing to draw with.
         ValueError: a view has no such name.
     """
-    from matplotlib.figure import Figure
-
-    _check(views)
-    limits = rendering.strain_limit([scene]), rendering.pressure_limit([scene])
+    _, limits = rendering.chosen([scene], 1)
     cameras = [rendering.camera(view, [scene]) for view in views]
     page = _PAGE_WIDTH
     room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
@@ -65,7 +65,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
         axes = _panel(figure, left, bottom, width, height)
         left += width + room
         _show(axes, rendering.render(scene, view, *limits), view)
-        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, _sentence(name),
+        axes.text(0.5, 1 + (tallest + 0.1 - 0.5 * (tallest + height)) / height, name.capitalize(),
                   transform=axes.transAxes, ha="center", va="bottom", fontsize=9)  # fmt: skip
         _name_groups(axes, scene, view)
         _triad(axes, scene, view)
@@ -94,13 +94,7 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
         CannotRender: PyVista finds nothing to draw with.
         ValueError: there are no scenes, or a view has no such name.
     """
-    from matplotlib.figure import Figure
-
-    _check(views)
-    if not every:
-        raise ValueError("no scenes to draw")
-    shown = [every[row] for row in spread(len(every), most)]
-    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    shown, limits = rendering.chosen(every, most)
     cameras = [rendering.camera(view, shown) for view in views]
     widest = max(2 * c.half_mm[0] for c in cameras)
     scale = min((_PAGE_WIDTH - _SIDE) / len(shown) - _GAP, 2.2) / widest
@@ -117,10 +111,10 @@ def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: i
             axes = _panel(figure, left, bottom, width, heights[row] - _GAP)
             _show(axes, rendering.render(scene, view, *limits, height=600), view)
             if row == 0:
-                axes.set_title(f"{degrees(scene.flexion_deg)}", loc="center")
+                axes.set_title(degrees(scene.flexion_deg), loc="center")
             if number == 0:
                 middle = (bottom + 0.5 * heights[row]) / figure.get_figheight()
-                words = _sentence(name).replace(", ", ",\n")
+                words = name.capitalize().replace(", ", ",\n")
                 figure.text(0.08 / page, middle, words, rotation=90, va="center", ha="left")
                 _triad(axes, scene, view)
     _ruler(figure.axes[-1], cameras[-1])
@@ -146,15 +140,9 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
         CannotRender: PyVista finds nothing to draw with.
         ValueError: there are no scenes, or the view has no such name.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
     from PIL import Image
 
-    _check([view])
-    if not every:
-        raise ValueError("no scenes to draw")
-    shown = [every[row] for row in spread(len(every), most)]
-    limits = rendering.strain_limit(shown), rendering.pressure_limit(shown)
+    shown, limits = rendering.chosen(every, most)
     seen = rendering.camera(view, shown)
     width = 3.8
     height = width * seen.half_mm[1] / seen.half_mm[0]
@@ -184,7 +172,6 @@ def _one_palette(pictures: list[Any]) -> Any:
 
     A palette of one picture alone gives the others bands.
     """
-    from matplotlib import colormaps
     from PIL import Image
 
     scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
@@ -199,16 +186,6 @@ def _one_palette(pictures: list[Any]) -> Any:
     palette = Image.new("P", (1, 1))
     palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
     return palette
-
-
-def _check(views: Sequence[str]) -> None:
-    for view in views:
-        if view not in rendering.VIEWS:
-            raise ValueError(f"a view {view!r}; expected one of {', '.join(rendering.VIEWS)}")
-
-
-def _sentence(name: str) -> str:
-    return name[0].upper() + name[1:]
 
 
 def _show(axes: Axes, image: np.ndarray, view: rendering.Camera) -> None:
@@ -234,11 +211,9 @@ def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
         places = _apart([float(target[name][1]) for name in names], low, h, 2 * h / 22.0)
         for name, y in zip(names, places, strict=True):
             line = {"arrowstyle": "-", "lw": 0.5, "color": GREY, "shrinkA": 1, "shrinkB": 0}
-            axes.annotate(
-                verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y), va="center",
-                ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE, annotation_clip=False,
-                arrowprops=line,
-            )  # fmt: skip
+            axes.annotate(verbatim(name), xy=tuple(target[name]), xytext=(side * (w + 1.0), y),
+                          va="center", ha="right" if side < 0 else "left", fontsize=_LABEL_SIZE,
+                          annotation_clip=False, arrowprops=line)  # fmt: skip
 
 
 def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[float]:
@@ -291,9 +266,6 @@ def _ruler(axes: Axes, view: rendering.Camera) -> None:
 
 def _bars(figure: Figure, strain: float, pressure: float) -> None:
     """One scale of strain and one of pressure, side by side at the foot."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     page = figure.get_figwidth()
     width = min(0.5 * page - 0.5, 2.6)
     for middle, scale, colours, label in (

@@ -1,7 +1,5 @@
 """Pressure on the tibial plateaux, seen from above."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 
@@ -10,6 +8,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.path import Path
 from scipy import ndimage
 
 from kneejax.geometry import TIBIA, Pose, State, Surface, Vector
@@ -17,13 +18,12 @@ from kneejax.mechanics import QUADRATURE, Contact, Knee, add_lane_axis
 from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
 from kneejax.report.panels import grid
-from kneejax.report.scene.surfaces import remembered, surface_grid
+from kneejax.report.scene.surfaces import lots, remembered, state_of, surface_grid
 
 #: Colours of pressure, pale where it is small.
 PRESSURE_COLOURS = "YlOrRd"
 _GROUND = "#ECEEF0"
 _MOST_PANELS = 12
-_LOT = 8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,30 +108,6 @@ def plateau_pressures(
     return tuple(fields)
 
 
-def state_of(poses: Pose | State) -> State:
-    """Where all bones are at poses of the tibia, or of all bones; fields of shape `(poses,)`."""
-    state = poses if isinstance(poses, State) else State({TIBIA: poses})
-    return jax.tree.map(jnp.atleast_1d, state)
-
-
-def lots(state: State) -> list[State]:
-    """Poses in lots of one size, the last one filled up with its last pose.
-
-    Whatever the number of poses, the same program computes them: it is compiled once. A single pose
-    has a program of its own, which takes an eighth of the time.
-
-    Example:
-        >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
-        [(8,), (8,)]
-    """
-    count, state = state.shape[0], jax.tree.map(np.asarray, state)
-    if count == 1:
-        return [state]
-    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
-    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
-            for i in range(0, len(rows), _LOT)]  # fmt: skip
-
-
 def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
     return Contact(contact.femoral, contact.tibial, contact.youngs_modulus, contact.poisson_ratio,
                    contact.layer_thickness, contact.onset_width, law=contact.law, form=QUADRATURE,
@@ -205,8 +181,6 @@ def rim_of(surface: Surface, points: tuple[int, int] = (48, 48)) -> np.ndarray:
 @remembered
 def _inside(surface: Surface, rim: np.ndarray, points_mm: np.ndarray) -> np.ndarray:
     """Which points lie within a border, seen from where the surface faces."""
-    from matplotlib.path import Path
-
     def above(of_bone: np.ndarray) -> np.ndarray:
         x, _, z = surface.frame.placement.apply_inverse(Vector.of(of_bone.T))
         return np.stack([np.asarray(z), np.asarray(x)], axis=-1)
@@ -258,9 +232,6 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
     Raises:
         ValueError: the knee has no contacts.
     """
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     if not knee.contacts:
         raise ValueError(f"the knee {knee.name!r} has no contacts: there is no pressure to draw")
     state = state_of(poses)
@@ -292,13 +263,8 @@ def pressure_figure(knee: Knee, poses: Pose | State, most: int = 8) -> Figure:
         bar.ax.axhline(level, color=BLACK, linewidth=0.6)
     bar.outline.set_visible(False)
     between = "    " if columns > 2 else "\n"
-    figure.suptitle(
-        f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
-        "+ centre of pressure, lines as on the scale",
-        fontsize=9,
-        x=0.01,
-        ha="left",
-    )
+    figure.suptitle(f"{verbatim(knee.name)}, {knee.side} knee: tibial plateaux from above{between}"
+                    "+ centre of pressure, lines as on the scale", fontsize=9, x=0.01, ha="left")
     return figure
 
 
@@ -320,9 +286,7 @@ def _draw(axes: Axes, fields: Sequence[PlateauPressure], pose: int, scale, box) 
             axes.contour(z, x, shown, _lines(scale.vmax), colors=BLACK, linewidths=0.3, zorder=2)
             axes.plot(field.center_mm[pose, 2], field.center_mm[pose, 0], "+", color=BLACK,
                       markersize=6, markeredgewidth=1.1, zorder=3)  # fmt: skip
-    axes.set_xlim(box[0], box[1])
-    axes.set_ylim(box[2], box[3])
-    axes.set_aspect("equal")
+    axes.set(xlim=box[:2], ylim=box[2:], aspect="equal")
 
 
 def _compass(axes: Axes, knee: Knee, box: tuple[float, float, float, float]) -> None:

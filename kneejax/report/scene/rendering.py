@@ -1,17 +1,16 @@
 """Scenes rendered."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
+from matplotlib.colors import ListedColormap, to_hex, to_rgb
 
 from kneejax.numerics import imported
-from kneejax.report.scene.pressure import PRESSURE_COLOURS
+from kneejax.report.scene.pressure import PRESSURE_COLOURS, spread
 from kneejax.report.scene.scene import Fibre, Plateau, Scene
 from kneejax.report.scene.surfaces import grid_triangles, tube
 
@@ -37,12 +36,18 @@ def pressure_limit(every: Sequence[Scene]) -> float:
     return peak if peak > 0 else 1.0
 
 
+def chosen(every: Sequence[Scene], most: int) -> tuple[list[Scene], tuple[float, float]]:
+    """At most so many scenes of a motion, evenly apart, and the ends of both scales of colours;
+    refuses a motion without scenes."""
+    if not every:
+        raise ValueError("no scenes to draw")
+    shown = [every[row] for row in spread(len(every), most)]
+    return shown, (strain_limit(shown), pressure_limit(shown))
+
+
 @functools.cache
 def strain_colours():
     """The scale of colours of strained fibres, from no strain to the largest."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
     return ListedColormap(colormaps[_REDS](np.linspace(_PALEST, 1.0, 256)))
 
 
@@ -63,25 +68,17 @@ def strain_colour(strain: float, limit: float) -> str:
 
 @functools.cache
 def _shades() -> list[str]:
-    from matplotlib.colors import to_hex
-
     return [to_hex(one) for one in strain_colours()(np.arange(256))]
 
 
 @functools.cache
 def _bands(count: int) -> list[str]:
     """Colours of so many equal bands of pressure; the ground's before them."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_hex
-
     return [GROUND, *map(to_hex, colormaps[PRESSURE_COLOURS](np.linspace(0.12, 1.0, count)))]
 
 
 def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
     """Colour of each point of a plateau, `(m, n, 3)`, 0 to 1; the ground's where not pressed."""
-    from matplotlib import colormaps
-    from matplotlib.colors import to_rgb
-
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit)
     colours = colormaps[PRESSURE_COLOURS](np.clip(pressure / limit, 0.0, 1.0))[..., :3]
     # A quick fade at the rim instead of the teeth of the grid.
@@ -90,13 +87,8 @@ def pressure_colours(plateau: Plateau, limit: float) -> np.ndarray:
 
 
 def pressure_bands(plateau: Plateau, limit: float, count: int) -> list[tuple[str, np.ndarray]]:
-    """Triangles of a plateau by the pressure on them: colour and faces of each band.
-
-    Args:
-        plateau: of a scene.
-        limit: pressure at the end of the colours, MPa.
-        count: of equal bands; one for what is not pressed comes before them.
-    """
+    """Colour and triangles of each of so many equal bands of pressure up to a limit, MPa; before
+    them one of what is not pressed."""
     pressure = np.nan_to_num(plateau.pressure_MPa, nan=limit).ravel()[plateau.faces].mean(axis=1)
     level = np.where(pressure > 0.02 * limit, np.ceil(pressure / limit * count), 0.0)
     level = np.minimum(level, count).astype(int)
@@ -147,6 +139,8 @@ class Camera:
 
 def camera(view: str, every: Sequence[Scene]) -> Camera:
     """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
+    if view not in VIEWS:
+        raise ValueError(f"a view {view!r}; expected one of {', '.join(VIEWS)}")
     anterior, superior, lateral = VIEWS[view]
     towards = np.array([anterior, superior, lateral * every[0].lateral])
     towards /= np.linalg.norm(towards)
@@ -172,13 +166,8 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
 def render(
     scene: Scene, view: Camera, strain_limit: float, pressure_limit: float, height: int = 900
 ) -> np.ndarray:
-    """Draw a scene without words.
-
-    Raises:
-        MissingPackage: PyVista is not installed.
-        CannotRender: PyVista finds nothing to draw with.
-    """
-    pv = pyvista()
+    """Draw a scene without words; raises `MissingPackage` without PyVista, and `CannotRender`."""
+    pv = imported("pyvista", "PyVista", "view")  # it takes half a second and is optional
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
     with _quiet():
         try:
@@ -199,11 +188,6 @@ def render(
 
 
 _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt install libegl1)"
-
-
-def pyvista() -> Any:
-    """The module, imported where it is used: it takes half a second and is optional."""
-    return imported("pyvista", "PyVista", "view")
 
 
 @contextlib.contextmanager
@@ -242,8 +226,6 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
 
 def _fibres(pv, scene: Scene, limit: float):
     """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
-    from matplotlib.colors import to_rgb
-
     radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
     parts = []
     for fibre in scene.fibres:
@@ -271,7 +253,6 @@ def _aim(pv, plotter, view: Camera) -> None:
     sides = ((0.8, view.towards), (0.55, view.up), (0.4, -view.up), (0.45, -view.right),
              (0.35, view.right))  # fmt: skip
     for share, place in sides:
-        plotter.add_light(pv.Light(
-            position=tuple(view.center_mm + 500.0 * place), focal_point=tuple(view.center_mm),
-            light_type="scene light", intensity=share,
-        ))  # fmt: skip
+        plotter.add_light(pv.Light(position=tuple(view.center_mm + 500.0 * place),
+                                   focal_point=tuple(view.center_mm), light_type="scene light",
+                                   intensity=share))  # fmt: skip

@@ -1,7 +1,5 @@
 """A knee in space as plain arrays: what the pictures and the page draw."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 
@@ -9,9 +7,8 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
-from kneejax.report.scene.lines import Line, Places, ligament_lines, obstacles, quadriceps_lines
-from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures, state_of
-from kneejax.report.scene.surfaces import grid_triangles, remembered, surface_grid
+from kneejax.report.scene import surfaces
+from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures
 
 #: Bones whose meshes may be shown.
 BONES = (FEMUR, TIBIA, PATELLA)
@@ -185,15 +182,15 @@ def scenes(
         if mesh.bone not in (FEMUR, *knee.bodies):
             known = f"expected one of {FEMUR!r}, {', '.join(map(repr, knee.bodies))}"
             raise ValueError(f"a mesh belongs to {mesh.bone!r}; {known}")
-    state = state_of(poses)
-    places, sign = Places.of(state), lateral_sign(knee)
+    state = surfaces.state_of(poses)
+    places, sign = surfaces.Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
-    condyles = [Sheet(name, FEMUR, surface_grid(contact.femoral, points))
+    condyles = [Sheet(name, FEMUR, surfaces.surface_grid(contact.femoral, points))
                 for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
     pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
     drawn = [_to_the_rim(x.covered, x.points_mm, x.rim_mm) for x in pressures]
-    courses, muscles = ligament_lines(knee, state), quadriceps_lines(knee, state)
-    grids = obstacles(knee, courses, places)
+    courses, muscles = surfaces.ligament_lines(knee, state), surfaces.quadriceps_lines(knee, state)
+    grids = surfaces.obstacles(knee, courses, places)
 
     def at(i: int) -> Scene:
         def seen(points_mm: np.ndarray, bone: str) -> np.ndarray:
@@ -214,7 +211,7 @@ def scenes(
             there, center = (seen(x, field.bone) for x in own)
             return dataclasses.replace(plateau, points_mm=there, center_mm=center)
 
-        def line(course: Line) -> Fibre:
+        def line(course: surfaces.Line) -> Fibre:
             points_mm = seen(course.points_mm[:, :, i], course.bone)
             numbers = float(course.strain[i]), float(course.tension_N[i])
             return Fibre(course.name, course.group, points_mm, *numbers)
@@ -256,7 +253,7 @@ def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
     return tuple(answer)
 
 
-@remembered
+@surfaces.remembered
 def _to_the_rim(
     covered: np.ndarray, points_mm: np.ndarray, rim_mm: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -265,7 +262,7 @@ def _to_the_rim(
     Points of the grid just outside are moved to the border, which would else have teeth.
     """
     shape, covered = points_mm.shape, covered.ravel()
-    faces = grid_triangles(*shape[:2])
+    faces = surfaces.grid_triangles(*shape[:2])
     faces = faces[covered[faces].any(axis=1)]
     points, own = points_mm.reshape(-1, 3).copy(), np.arange(len(covered))
     outside = np.unique(faces[~covered[faces]])

@@ -1,18 +1,23 @@
-"""Grids of points on surfaces and obstacles, for pictures."""
+"""What pictures of a knee are made of, at poses: surfaces, obstacles, and courses of fibres."""
 
-from __future__ import annotations
-
+import dataclasses
 import functools
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import Any, Self
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.geometry import Frame, Obstacle, Surface, Vector, WrapCylinder
+from kneejax import geometry
+from kneejax.geometry import FEMUR, TIBIA, Obstacle, Pose, State, Surface, Vector, WrapCylinder
+from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis
+from kneejax.mechanics.ligaments import Fibres, Ligaments
 
 _ROUND = 48
+#: Poses that are computed together; points on a piece of a fibre that goes around an obstacle.
+_LOT, _AROUND = 8, 14
 #: Surfaces whose points are kept: a knee has four to eight, and is drawn again at every pose.
 _REMEMBERED = 64
 #: A long cylinder is drawn this far beyond the fibres that pass it, in steps of, mm.
@@ -125,7 +130,7 @@ def _closed(obstacle: Obstacle) -> np.ndarray:
 
 
 @remembered
-def _placed(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+def _placed(frame: geometry.Frame) -> tuple[np.ndarray, np.ndarray]:
     """Rotation and translation of a frame."""
     origin, *ends = (np.stack([np.asarray(x, float) for x in frame.placement.apply(Vector(*point))])
                      for point in np.vstack([np.zeros(3), np.eye(3)]))  # fmt: skip
@@ -134,3 +139,153 @@ def _placed(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:
     return np.stack([np.broadcast_to(np.asarray(x), shape) for x in point], axis=-1)
+
+
+def state_of(poses: Pose | State) -> State:
+    """Where all bones are at poses of the tibia, or of all bones; fields of shape `(poses,)`."""
+    state = poses if isinstance(poses, State) else State({TIBIA: poses})
+    return jax.tree.map(jnp.atleast_1d, state)
+
+
+def lots(state: State) -> list[State]:
+    """Poses in lots of one size, the last one filled up with its last pose.
+
+    Whatever the number of poses, the same program computes them: it is compiled once. A single pose
+    has a program of its own, which takes an eighth of the time.
+
+    Example:
+        >>> [lot.shape for lot in lots(state_of(Pose.from_table(np.zeros((9, 6)))))]
+        [(8,), (8,)]
+    """
+    count, state = state.shape[0], jax.tree.map(np.asarray, state)
+    if count == 1:
+        return [state]
+    rows = np.minimum(np.arange(-(-count // _LOT) * _LOT), count - 1)
+    return [jax.tree.map(lambda x, own=rows[i : i + _LOT]: x[own], state)
+            for i in range(0, len(rows), _LOT)]  # fmt: skip
+
+
+@dataclasses.dataclass(frozen=True)
+class Places:
+    """Where bones are at poses: bone -> rotations into the femur's axes, `(poses, 3, 3)`, and
+    translations, `(poses, 3)`; the femur, which stands still, is not among them."""
+
+    rigid: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @classmethod
+    def of(cls, state: State) -> Self:
+        """Where each bone is in a state."""
+        found = {}
+        for bone, pose in state.poses.items():
+            place = pose.placement
+            turn = [np.stack([np.asarray(x) for x in row], axis=-1) for row in place.rotation or ()]
+            shift = np.stack([np.asarray(x) for x in place.translation], axis=-1)
+            found[bone] = np.stack(turn, axis=-2), shift
+        return cls(found)
+
+    def moved(self, points_mm: np.ndarray, bone: str, to: str, i: int) -> np.ndarray:
+        """Points of a bone, `(..., 3)`, in the frame of another at a pose."""
+        if bone == to:
+            return points_mm
+        if bone != FEMUR:
+            turn, shift = (x[i] for x in self.rigid[bone])
+            points_mm = points_mm @ turn.T + shift
+        if to != FEMUR:
+            turn, shift = (x[i] for x in self.rigid[to])
+            points_mm = (points_mm - shift) @ turn
+        return points_mm
+
+
+@dataclasses.dataclass(frozen=True)
+class Line:
+    """The course of a fibre at all poses: points in a bone's frame, `(k, 3, poses)`."""
+
+    name: str
+    group: str
+    bone: str
+    points_mm: np.ndarray
+    strain: np.ndarray
+    tension_N: np.ndarray
+
+
+def ligament_lines(knee: Knee, state: State) -> list[Line]:
+    """All fibres of the ligaments."""
+    fibres = knee.ligaments
+    if not fibres.names:
+        return []
+    lines, length, tension = _courses(fibres, state)
+    strain = length / np.asarray(fibres.slack_length)[:, None] - 1.0
+    groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
+    return [Line(name, groups.get(name, name), pair[0], lines[i], strain[i], tension[i])
+            for i, (name, pair) in enumerate(zip(fibres.names, fibres.bodies, strict=True))]
+
+
+def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
+    """The heads of the quadriceps."""
+    muscles = knee.muscles
+    if muscles is None or not muscles.quadriceps:
+        return []
+    lines, *_ = _courses(muscles, state)
+    nothing = np.zeros(state.shape)
+    return [
+        Line(muscles.names[row], QUADRICEPS, muscles.bodies[row][0], lines[row], nothing + np.nan,
+             nothing + float(muscles.tension[row]))
+        for row in muscles.quadriceps
+    ]  # fmt: skip
+
+
+def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
+    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, and tensions of ligaments,
+    `(fibres, poses)`."""
+    parts = [_drawn(fibres, some) for some in lots(state)]
+    count = state.shape[0]
+
+    def joined(arrays) -> np.ndarray:
+        return np.concatenate([np.asarray(x) for x in arrays], axis=-1)[..., :count]
+
+    lines = {}
+    for rows, *drawn in zip(parts[0][3], *(part[0] for part in parts), strict=True):
+        points = joined(drawn)
+        lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
+    of_all = (joined(part[i] for part in parts) for i in (1, 2))
+    return [lines[row] for row in range(len(lines))], *of_all
+
+
+@eqx.filter_jit
+def _drawn(fibres: Fibres, state: State):
+    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths and tensions; the
+    rows of each kind.
+
+    One array a kind: each point as a result of its own would take minutes to compile.
+    """
+    fibres = add_lane_axis(fibres)
+    drawn, kinds = [], fibres.kinds
+    for course in kinds:
+        rows = np.array(course.rows)
+        ends = fibres.femoral_attachment[rows], fibres.tibial_attachment[rows]
+        shape = (len(rows), *state.shape)
+        points = []
+        for piece in course.polylines(*ends, state.between(course.bodies), _AROUND):
+            points += piece[1:] if points else piece
+        stacked = [jnp.stack([jnp.broadcast_to(jnp.asarray(c), shape) for c in point])
+                   for point in points]  # fmt: skip
+        drawn.append(jnp.stack(stacked))
+    length = fibres.length(state)
+    tension = fibres.tension_at(length) if isinstance(fibres, Ligaments) else length
+    return drawn, length, tension, [course.rows for course in kinds]
+
+
+def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:
+    """Grids of what ligaments go around, in their bones' frames, each once, with their bones."""
+    found: dict[tuple, tuple[np.ndarray, str]] = {}
+    passing: dict[tuple, list[np.ndarray]] = {}
+    for course in knee.ligaments.courses:
+        if course.obstacle is None:
+            continue
+        bone, leaves = course.obstacle_bone, jax.tree.leaves(course.obstacle)
+        key = type(course.obstacle), bone, *(np.asarray(x).tobytes() for x in leaves)
+        passing.setdefault(key, []).extend(places.moved(line.points_mm[:, :, i], line.bone, bone, i)
+                                           for line in (every[row] for row in course.rows)
+                                           for i in range(line.points_mm.shape[-1]))  # fmt: skip
+        found[key] = obstacle_grid(course.obstacle, np.concatenate(passing[key])), bone
+    return list(found.values())

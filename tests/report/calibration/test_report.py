@@ -16,8 +16,8 @@ from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.report.calibration_parameters import PARAMETER_COLUMNS, parameters_table
 from kneejax.report.calibration_verdict import calibration_notes, verdict, warnings
+from kneejax.report.flexion import simulation_figure
 from kneejax.report.look import SHOWN
-from kneejax.report.motion_figures import simulation_figure
 from kneejax.statics._status import Status
 from tests.report import made_up
 

@@ -38,7 +38,7 @@ class Calibrate(Drawn):
 
     command: ClassVar = "calibrate"
     example: ClassVar = "kneejax calibrate passive_flexion"
-    body: ClassVar = "kneejax.cli._calibrate"
+    body: ClassVar = "kneejax.cli._studies:calibrate"
     folder: ClassVar = "kneejax-calibration"
 
     study: Annotated[str, Place("STUDY"), Bundled("studies", others=True)] = meaning(
@@ -62,10 +62,8 @@ class Calibrate(Drawn):
     scheduler: Annotated[
         str | None,
         Form("ADDRESS"),
-        Only(
-            lambda asked: asked.jobs is None and asked.shard is None,
-            "one of --scheduler, and --jobs or --shard",
-        ),
+        Only(lambda asked: asked.jobs is None and asked.shard is None,
+             "one of --scheduler, and --jobs or --shard"),
     ] = meaning("of a cohort: the workers of a Dask cluster, e.g. tcp://10.0.0.1:8786", None)
     shard: Annotated[tuple[int, int] | None, Split("/", PART, "I/N")] = meaning(
         "of a cohort: only the I-th of N parts, for job arrays; the last part to finish writes the "
@@ -109,9 +107,7 @@ class Asked(Drawn):
         if not isinstance(problem, InputProblem) or problem.file not in self.asks.model_fields:
             return super().said(problem)
         option = shown_name(type(self).model_fields[problem.file])
-        return InputProblem(
-            option, problem.field, problem.value, problem.expected, problem.nearest
-        )
+        return InputProblem(option, problem.field, problem.value, problem.expected, problem.nearest)
 
 
 def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
@@ -146,10 +142,8 @@ class Map(
         studies.Map,
         pair=(list[tuple[str, str]], Form("X Y"),
               "two parameters, e.g. PCL.stiffness PCL.reference_strain; may be repeated"),
-        grid=(
-            Split("x", "points a side, as in 41 or 41x61", "NxM", single=True),
-            "points a side, or as in 41x61",
-        ),
+        grid=(Split("x", "points a side, as in 41 or 41x61", "NxM", single=True),
+              "points a side, or as in 41x61"),
         range=(Form("NAME=LOW:HIGH"), "of a parameter; the study's bounds otherwise"),
     )
 ):  # fmt: skip
@@ -194,9 +188,8 @@ class Identify(
         studies.Identify,
         prior=(Form("NAME=MEAN:SD, e.g. ACL.stiffness=4500:900"),),
         next_tests=(Form("K"),),
-        candidates=(
-            Path, File("a CSV table"), "CSV of tests to choose from; a usual set otherwise"
-        ),
+        candidates=(Path, File("a CSV table"),
+                    "CSV of tests to choose from; a usual set otherwise"),
     )
 ):
     """Report what the data of a study determine, and what to measure next."""
@@ -229,7 +222,7 @@ class PlanAcl(Drawn):
 
     command: ClassVar = "plan acl"
     example: ClassVar = "kneejax plan acl ten_bundle --points 11"
-    body: ClassVar = "kneejax.cli._plan"
+    body: ClassVar = "kneejax.cli._studies:plan_acl"
     folder: ClassVar = "kneejax-plan"
 
     plan: Annotated[str, Place("PLAN"), Bundled("plans")] = meaning(
@@ -253,7 +246,7 @@ class Reproduce(Drawn):
 
     command: ClassVar = "reproduce"
     example: ClassVar = "kneejax reproduce 1"
-    body: ClassVar = "kneejax.cli._reproduce"
+    body: ClassVar = "kneejax.cli._studies:reproduce"
     folder: ClassVar = "kneejax-reproduction"
 
     paper: Annotated[Literal["1", "2", "3", "4", "5"], Place("PAPER")] = meaning(

@@ -4,16 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
-from kneejax.cli._command import (
-    Bundled,
-    Command,
-    Drawn,
-    File,
-    Form,
-    Group,
-    Only,
-    Place,
-)
+from kneejax.cli._command import Bundled, Command, Drawn, File, Form, Group, Only, Place
 from kneejax.cli._words import Split
 from kneejax.cli.options._types import KNEE, SET, Convention, Knee, Mesh, Model, Table, Values
 from kneejax.files import InputProblem
@@ -24,15 +15,11 @@ Bone = Annotated[Mesh | None, Form("FILE")]
 ALL_DATA = "kneejax.cli._knees"
 BY_OPENSIM = Group("Forces by OpenSim")
 #: What OpenSim is to compute, for an activity.
-COMPUTED = Only(
-    lambda asked: asked.motion is not None,
-    "--motion with it: coordinates that OpenSim computes forces for",
-)
+COMPUTED = Only(lambda asked: asked.motion is not None,
+                "--motion with it: coordinates that OpenSim computes forces for")
 RECORDED = Only(lambda asked: asked.motion is None, "FILES with it; OpenSim reads --motion itself")
-PLANNED = Only(
-    lambda asked: asked.plan is None,
-    "no --plan with it: a plan states its knee, and which ligament is torn",
-)
+PLANNED = Only(lambda asked: asked.plan is None,
+               "no --plan with it: a plan states its knee, and which ligament is torn")
 
 
 def _to_show(bone: str) -> Any:
@@ -85,10 +72,8 @@ class Evaluate(Drawn):
     """Compute ligaments and contact at given poses; nothing is solved."""
 
     command: ClassVar = "evaluate"
-    example: ClassVar = (
-        "kneejax simulate passive-flexion && "
-        "kneejax evaluate average_knee kneejax-passive-flexion/poses.csv"
-    )
+    example: ClassVar = ("kneejax simulate passive-flexion && "
+                         "kneejax evaluate average_knee kneejax-passive-flexion/poses.csv")
     body: ClassVar = "kneejax.cli._look:evaluate_poses"
 
     knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
@@ -100,10 +85,8 @@ class View(Drawn):
     """Draw a knee in space at poses: pictures, a film, and a page to turn it."""
 
     command: ClassVar = "view"
-    example: ClassVar = (
-        "kneejax simulate passive-flexion && "
-        "kneejax view average_knee kneejax-passive-flexion/poses.csv"
-    )
+    example: ClassVar = ("kneejax simulate passive-flexion && "
+                         "kneejax view average_knee kneejax-passive-flexion/poses.csv")
     body: ClassVar = "kneejax.cli._look:view_knee"
 
     knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
@@ -221,10 +204,8 @@ class ImportLigament(Drawn):
     """Make a band of a ligament's mesh between the bones of a knee."""
 
     command: ClassVar = "import ligament"
-    example: ClassVar = (
-        "kneejax import ligament ACL.stl --knee knee.yaml --femur-bone FEMUR.stl "
-        "--tibia-bone TIBIA.stl --modulus 120"
-    )
+    example: ClassVar = ("kneejax import ligament ACL.stl --knee knee.yaml --femur-bone FEMUR.stl "
+                         "--tibia-bone TIBIA.stl --modulus 120")
     body: ClassVar = "kneejax.cli._exchange:import_ligament"
     folder: ClassVar = "kneejax-import"
 
@@ -286,10 +267,8 @@ class ExportOsim(Command):
     """Write a knee's numbers into the OpenSim model that it came from."""
 
     command: ClassVar = "export osim"
-    example: ClassVar = (
-        "kneejax import osim MODEL.osim --side r && "
-        "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim"
-    )
+    example: ClassVar = ("kneejax import osim MODEL.osim --side r && "
+                         "kneejax export osim kneejax-import/knee.yaml MODEL.osim --out NEW.osim")
     body: ClassVar = "kneejax.cli._exchange:export_model"
 
     knee: Annotated[Knee, Place("KNEE")] = meaning(KNEE)
@@ -310,15 +289,12 @@ class Activity(Drawn):
     """Balance a knee at each instant of a movement that OpenSim recorded."""
 
     command: ClassVar = "activity"
-    example: ClassVar = (
-        "kneejax activity coordinates.sto muscle_forces.sto external_loads.xml "
-        "--model MODEL.osim --side r"
-    )
+    example: ClassVar = ("kneejax activity coordinates.sto muscle_forces.sto external_loads.xml "
+                         "--model MODEL.osim --side r")
     body: ClassVar = "kneejax.cli._activity"
 
-    files: Annotated[
-        list[Path], File("a table of OpenSim, or external loads"), Place("FILES")
-    ] = meaning(
+    files: Annotated[list[Path], File("a table of OpenSim, or external loads"),
+                     Place("FILES")] = meaning(
         "OpenSim's tables (.sto, .mot) of coordinates, and of muscle forces with the external "
         "loads (.xml), if some act, or of joint reactions; each is known by its columns", [],
     )  # fmt: skip
@@ -334,12 +310,9 @@ class Activity(Drawn):
     actuators: Annotated[Path | None, COMPUTED, File("a ForceSet"), BY_OPENSIM] = meaning(
         "with --motion: reserves and residuals, a ForceSet (.xml); weak ones otherwise", None
     )
-    time_s: Annotated[
-        tuple[float, float] | None,
-        COMPUTED,
-        Split(":", "BEGIN:END, two numbers of seconds", "BEGIN:END"),
-        BY_OPENSIM,
-    ] = meaning("with --motion: a part of it (default: all)", None)
+    time_s: Annotated[tuple[float, float] | None, COMPUTED,
+                      Split(":", "BEGIN:END, two numbers of seconds", "BEGIN:END"),
+                      BY_OPENSIM] = meaning("with --motion: a part of it (default: all)", None)
     rounds: Annotated[int, COMPUTED, BY_OPENSIM] = meaning(
         "with --motion: how often the knee's secondary motion goes back into the model, as splines "
         "of flexion, for OpenSim to find the forces again", 0, ge=0, le=20,
@@ -365,9 +338,8 @@ class Activity(Drawn):
     patella: Annotated[bool, Group("Knee")] = meaning(
         "with the patella, on which the quadriceps pulls", False
     )
-    instants: int | None = meaning(
-        "so many, evenly spaced; the coarsest table's rows otherwise", None, ge=4, le=20_000
-    )
+    instants: int | None = meaning("so many, evenly spaced; the coarsest table's rows otherwise",
+                                   None, ge=4, le=20_000)
     values: Annotated[Values, PLANNED] = meaning(SET, {}, alias="set")
     cut: Annotated[list[str], PLANNED, Form("LIGAMENT"), Group("Knee")] = meaning(
         "compare with the knee in which a ligament, or a group of them, does not act, or without a "

@@ -6,19 +6,8 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from kneejax.cli._command import (
-    Angles,
-    Bundled,
-    Drawn,
-    File,
-    Form,
-    Group,
-    Only,
-    Place,
-    Several,
-    Written,
-)
-from kneejax.cli.options._types import KNEE, Convention, Knee, Mesh, Table
+from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
+from kneejax.cli.options._types import KNEE, Convention, Flexion, Knee, Mesh, Table
 from kneejax.files import InputProblem
 from kneejax.files.reading import meaning
 
@@ -35,9 +24,8 @@ Columns = Annotated[dict[str, str], Form("NAME=COLUMN")]
 COLUMN = (
     "the table's column for one of the package's, as flexion_deg=knee_flex_deg; may be repeated"
 )
-FITTED_HERE = Only(
-    lambda asked: asked.axes and asked.calibrate_at, "--calibrate-at and --axes with it"
-)
+FITTED_HERE = Only(lambda asked: asked.axes and asked.calibrate_at,
+                   "--calibrate-at and --axes with it")
 ANATOMY = Group("Axes of the femur")
 
 
@@ -78,9 +66,8 @@ class JointFit(Drawn):
     touching_within: Annotated[
         float | None, Form("MM"), _needs("tibia", "--tibia"), ANATOMY
     ] = meaning("how near that is (default: 4)", None, gt=0, allow_inf_nan=False)
-    unit: Annotated[
-        Literal["auto", "m", "mm", "cm"] | None, _needs("femur", "--femur"), ANATOMY
-    ] = meaning("of the meshes (default: auto)", None)
+    unit: Annotated[Literal["auto", "m", "mm", "cm"] | None, _needs("femur", "--femur"),
+                    ANATOMY] = meaning("of the meshes (default: auto)", None)
     side: Annotated[Side | None, ANATOMY] = meaning(
         "of the knee (default: right, or that of --knee)", None
     )
@@ -96,9 +83,7 @@ class JointFit(Drawn):
     interpolation: Literal["linear", "monotone"] | None = meaning(
         "between the poses (default: monotone from three poses on)", None
     )
-    flexion: Annotated[str, Angles()] = meaning(
-        "of the tables: first:last:step or a,b,c", "0:120:5"
-    )
+    flexion: Flexion = meaning("of the tables: first:last:step or a,b,c", "0:120:5")
 
     def problems(self) -> Iterator[InputProblem]:
         """Poses of one origin, and axes of at most one."""

@@ -9,10 +9,8 @@ from kneejax.files import InputProblem
 from kneejax.files.reading import Number, meaning, within
 
 #: As `kneejax.experiments.READY`, which would bring in JAX, and two more.
-Test = Literal[
-    "drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction", "pivot",
-    "envelope", "load",
-]  # fmt: skip
+Test = Literal["drawer", "lachman", "torsion", "varus-valgus", "compression", "distraction",
+               "pivot", "envelope", "load"]  # fmt: skip
 #: Experiments in which the quadriceps pulls on a patella, and those through time.
 Extensor = Literal["patellar-tracking", "extension", "leg-raise"]
 InTime = Literal["settle", "drop"]
@@ -28,17 +26,13 @@ def _only(where, expected: str) -> Only:
 BY_LOAD = _only(lambda asked: asked.experiment in TESTS, "a test under load")
 AT_REST = _only(lambda asked: not asked.dynamic, "a test without --dynamic")
 PASSIVE = _only(lambda asked: asked.experiment == "passive-flexion", "passive-flexion")
-LEG = _only(
-    lambda asked: asked.experiment == "leg-raise" or asked.in_time, "leg-raise, or a motion in time"
-)
-PULLED = _only(
-    lambda asked: asked.experiment in EXTENSOR[:2] and not asked.in_time,
-    f"{' or '.join(EXTENSOR[:2])}",
-)
+LEG = _only(lambda asked: asked.experiment == "leg-raise" or asked.in_time,
+            "leg-raise, or a motion in time")
+PULLED = _only(lambda asked: asked.experiment in EXTENSOR[:2] and not asked.in_time,
+               f"{' or '.join(EXTENSOR[:2])}")
 DRIVEN = _only(lambda asked: asked.experiment in EXTENSOR[1:], "extension or leg-raise")
-HELD = Only(
-    lambda asked: not asked.in_time, "one at rest; in time --loads gives lengths", "experiment"
-)
+HELD = Only(lambda asked: not asked.in_time, "one at rest; in time --loads gives lengths",
+            "experiment")
 TIME = _only(lambda asked: asked.in_time, f"--dynamic, or {' or '.join(IN_TIME)},")
 NOT_RAISED = _only(lambda asked: asked.experiment != "leg-raise", "a test under load")
 LOAD, QUADRICEPS = Group("Tests under load"), Group("Pull of the quadriceps")
@@ -56,9 +50,8 @@ class Simulate(Drawn):
     folder: ClassVar = "kneejax-EXPERIMENT"
     renamed: ClassVar = {"flexion_deg": "flexion", "held": "hold"}
 
-    experiment: Annotated[
-        Literal["passive-flexion", Test, Extensor, InTime], Place("EXPERIMENT")
-    ] = meaning(
+    experiment: Annotated[Literal["passive-flexion", Test, Extensor, InTime],
+                          Place("EXPERIMENT")] = meaning(
         f"passive-flexion, or a test under load: {', '.join(TESTS)}; `load` makes the "
         "load that --load says grow from nothing, `envelope` is drawer, varus-valgus and torsion; "
         f"or with the patella, {', '.join(EXTENSOR)}; or through time, {', '.join(IN_TIME)}, or a "
@@ -98,10 +91,8 @@ class Simulate(Drawn):
     )
     hold: Annotated[
         list[Literal["adduction", "internal_rotation"]], BY_LOAD, AT_REST, Form("ROTATION"), LOAD
-    ] = meaning(
-        "a rotation that a machine holds where it is without the test's load: adduction or "
-        "internal_rotation; once for each", [],
-    )  # fmt: skip
+    ] = meaning("a rotation that a machine holds where it is without the test's load: adduction or "
+                "internal_rotation; once for each", [])  # fmt: skip
     counted_from: Annotated[Literal["unloaded", "intact"] | None, BY_LOAD, AT_REST, LOAD] = meaning(
         "what displacements of a cut knee are counted from: its own unloaded pose (default), or "
         "that of the intact knee, from which a machine moves it too; as in a study", None,
@@ -167,9 +158,8 @@ class Simulate(Drawn):
         None,
     )
     recorded: Annotated[
-        Table | None, TIME, _only(
-            lambda asked: asked.experiment != "leg-raise", "settle, drop or a test under load"
-        ), Form("FILE.csv"), MOTION,
+        Table | None, TIME, _only(lambda asked: asked.experiment != "leg-raise",
+                                  "settle, drop or a test under load"), Form("FILE.csv"), MOTION,
     ] = meaning(
         "a recorded motion, columns time_s and some like anterior_mm, of which changes from the "
         "first row count: finds the damping that --free names", None,
