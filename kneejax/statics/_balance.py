@@ -15,14 +15,7 @@ from jax import Array
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Prescribed, State, free_of
-from kneejax.mechanics import (
-    OFF_SURFACE_MM,
-    FibreFaults,
-    Held,
-    Knee,
-    PointFaults,
-    Wrenches,
-)
+from kneejax.mechanics import OFF_SURFACE_MM, FibreFaults, Held, Knee, PointFaults, Wrenches
 from kneejax.numerics import identity, jvp_of_moved
 
 
@@ -80,15 +73,13 @@ def rows_of_force(
     knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None
 ) -> tuple[tuple[Array, ...], Forces]:
     """As `force`, the residual in rows of lanes; below, the reactions in the order of names."""
-    state, free = _where(knee, prescribed, q)
+    state, free = State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
     held = knee.press(state, near)
     every = *free, *sorted(prescribed)
     return _unbalanced(knee, state, held.wrenches, every), _forces(knee, state, held, free)
 
 
-def force_along(
-    knee: Knee, state: State, near: Array | None, names: tuple[str, ...]
-) -> Array:
+def force_along(knee: Knee, state: State, near: Array | None, names: tuple[str, ...]) -> Array:
     """Unbalanced generalised force along any coordinates, `(names, lanes)`.
 
     Args:
@@ -99,9 +90,7 @@ def force_along(
     return jnp.stack(_unbalanced(knee, state, knee.press(state, near).wrenches, names))
 
 
-def balance(
-    knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None
-) -> Balance:
+def balance(knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
     return linearised(lambda x: rows_of_force(knee, prescribed, x, near), q)
 
@@ -134,7 +123,7 @@ def force_derivative(
     Returns:
         Change of the residual, `(free, lanes)`.
     """
-    state, free = _where(knee, prescribed, q)
+    state, free = State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
     of_contacts = jax.tree.leaves((knee_tangent.contacts, prescribed_tangent))
     contacts_stay = all(isinstance(x, SymbolicZero) for x in of_contacts)
 
@@ -146,11 +135,6 @@ def force_derivative(
         return force(knee_, prescribed_, q, near)[0]
 
     return jvp_of_moved(residual, (knee, prescribed), (knee_tangent, prescribed_tangent))[1]
-
-
-def _where(knee: Knee, prescribed: Prescribed, q: Array) -> tuple[State, tuple[str, ...]]:
-    """Where the bones are, and the names of the free coordinates."""
-    return State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
 
 
 def _unbalanced(

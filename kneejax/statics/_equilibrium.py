@@ -144,14 +144,8 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Eq
 
 
 def with_tangent(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Equilibrium:
-    """A balance with the tangent exactly there: that of its search is a last step away, which is
-    too far for a cable that becomes taut within 0.1 micrometre.
-
-    Args:
-        knee: with which it was found; leaves end in a lane axis.
-        prescribed: with which it was found.
-        found: the balance; NaN stays NaN.
-    """
+    """A balance with the tangent exactly there, arguments as `differentiable`: that of its search
+    is a last step away, too far for a cable that becomes taut within 0.1 micrometre."""
     knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
     tangent = balance(knee, prescribed, found.q, found.contact_points).tangent
     return dataclasses.replace(found, tangent=tangent)

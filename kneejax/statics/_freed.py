@@ -29,17 +29,9 @@ _SOFT = 0.1
 
 
 def freed(variants: Variants, load_cases: LoadCases, before: Equilibria) -> Equilibria:
-    """Move balances under flexion alone to another choice of prescribed coordinates.
-
-    Args:
-        variants: of one knee.
-        load_cases: what is wanted.
-        before: balances of the same variants at `load_cases.loaded()`.
-
-    Returns:
-        The balances, with forces and stiffness; where `before` has none, there is none. `reached`
-        is the part of the way that the knee followed.
-    """
+    """Move balances of the same variants at `load_cases.loaded()` to these load cases, with forces
+    and stiffness; where there is none before, there is none. `reached` is the part of the way that
+    the knee followed."""
     free, knee = load_cases.free, variants.knee
     found = Equilibria.nothing(before.status.shape, load_cases, knee.patch_count, True)
     found.status[:], found.fault[:] = before.status, before.fault

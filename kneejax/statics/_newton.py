@@ -92,24 +92,8 @@ def damped_step(
 def newton_step_left(
     tangent: Array, residual: Sequence[Array] | Array, scales: Sequence[float]
 ) -> tuple[Array, Array]:
-    """How far a pose is from a balance.
-
-    Args:
-        tangent: stiffness, `(free, free, lanes)`.
-        residual: unbalanced force, rows of lanes.
-        scales: rad and mm of each free coordinate that count as 1 mm.
-
-    Returns:
-        The largest part of the Newton step that is left, mm, `(lanes,)`; and the pivots of the
-        scaled symmetric tangent, `(free, lanes)`.
-
-    Example:
-        >>> left, pivots = newton_step_left(
-        ...     jnp.array([[[10.0]]]), [jnp.array([0.05])], (1.0,)
-        ... )
-        >>> round(float(left[0]), 6)
-        0.005
-    """
+    """The largest part of the Newton step that is left to a balance, mm, `(lanes,)`; and the pivots
+    of the scaled symmetric tangent, `(free, lanes)`."""
     stiffness = _scaled_tangent(symmetric(tangent), scales)
     step, pivots = map(jnp.stack, solve(stiffness, _scaled(residual, scales)))
     return jnp.max(jnp.abs(step), axis=0), pivots
@@ -188,11 +172,6 @@ class SearchState(eqx.Module):
         return self.phase == Phase.SEARCHING
 
     @property
-    def compares(self) -> Array:
-        """Lanes whose best point is one that energies can be compared with."""
-        return jnp.isfinite(self.there.forces.energy)
-
-    @property
     def done(self) -> Array:
         """Lanes that have found one."""
         return self.phase == Phase.FOUND
@@ -245,16 +224,29 @@ class EnergyNewton(optx.AbstractRootFinder):
     def step(self, fn, y, args, options, state, tags):
         (knee, prescribed, _), near = args, state.best.contact_points
         here = linearised(lambda q: fn(q, (knee, prescribed, near)), y)
-        accept = state.searches & (~state.compares | self._is_lower(y, here, state))
+        # Only where a search has a best point can energies be compared with it.
+        first = ~jnp.isfinite(state.there.forces.energy)
+        accept = state.searches & (first | self._is_lower(y, here, state))
         seen = Guess(y, here.forces.contact_points), here
         best, there = jax.tree.map(
             lambda new, old: jnp.where(accept, new, old), seen, (state.best, state.there)
         )
         damping = jnp.where(accept, 0.1 * state.damping, jnp.maximum(8.0 * state.damping, 1.0))
         damping = jnp.where(damping < 1e-3, 0.0, damping)
-        best = dataclasses.replace(state, best=best, there=there, damping=damping)
-        ahead = self._ahead(best, state, accept)
-        return self._next(ahead), ahead, ahead.there.forces
+        step, added = damped_step(there.tangent, there.residual, damping, state.scales)
+        size, last = size_of(step), size_of(state.step)
+        # A damping that is small against the stiffness does not hide how far the solution is.
+        plain = accept & (added == damping) & (added < 1.0) & jnp.isfinite(there.forces.energy)
+        rounding = (size < _ROUNDED) & (size > _SHRINKS * last) & (last > 0.0)
+        found = plain & ((size < self.atol) | rounding)
+        step = step * jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0.0, size, 1.0))
+        step = jnp.where(state.searches, step, state.step)
+        count = state.count + state.searches
+        lost = state.searches & ((damping > _HOPELESS) | (count >= self.most_steps))
+        phase = jnp.where(lost, int(Phase.LOST), state.phase)
+        phase = jnp.where(found, int(Phase.FOUND), phase)
+        ahead = SearchState(best, there, damping, step, phase, count, state.scales)
+        return self._next(ahead), ahead, there.forces
 
     def _is_lower(self, q: Array, here: Balance, state: SearchState) -> Array:
         before, energy = state.there.forces, here.forces.energy
@@ -267,23 +259,6 @@ class EnergyNewton(optx.AbstractRootFinder):
         # Close to the solution energy differences drown in rounding; the forces do not.
         calmer = (size_of(state.step) < _CLOSE) & (force < 0.5 * old_force)
         return finite & ((climb <= _ROUNDING * scale) | calmer)
-
-    def _ahead(self, best: SearchState, before: SearchState, accept: Array) -> SearchState:
-        """The next step of each lane, and whether it has found a balance or is lost."""
-        there = best.there
-        step, added = damped_step(there.tangent, there.residual, best.damping, best.scales)
-        size, last = size_of(step), size_of(before.step)
-        # A damping that is small against the stiffness does not hide how far the solution is.
-        plain = accept & (added == best.damping) & (added < 1.0) & best.compares
-        rounding = (size < _ROUNDED) & (size > _SHRINKS * last) & (last > 0.0)
-        found = plain & ((size < self.atol) | rounding)
-        step = step * jnp.minimum(1.0, _LONGEST_STEP / jnp.where(size > 0.0, size, 1.0))
-        step = jnp.where(before.searches, step, before.step)
-        count = before.count + before.searches
-        lost = before.searches & ((best.damping > _HOPELESS) | (count >= self.most_steps))
-        phase = jnp.where(lost, int(Phase.LOST), before.phase)
-        phase = jnp.where(found, int(Phase.FOUND), phase)
-        return dataclasses.replace(best, step=step, phase=phase, count=count)
 
     def _next(self, state: SearchState) -> Array:
         """Where to look next: a step ahead of the best point."""

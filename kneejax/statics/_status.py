@@ -167,18 +167,9 @@ _NO_POSES = (Status.TOO_DEEP, Status.NO_PATCH, Status.THROUGH_BONE)
 
 
 def gives_way(lost: np.ndarray, way: np.ndarray, singular: np.ndarray, fault: np.ndarray):
-    """Whether a knee that followed a load up to somewhere gives way there.
-
-    Args:
-        lost: whether no balance was found at the whole load.
-        way: part of the load under which it balanced.
-        singular: whether it had become soft there.
-        fault: the pose at which the last search ended, for a part of the load that is no more than
-            the least one beyond; `Status` values.
-
-    Returns:
-        Truth values of the same shape: singular, or no balance however little the load grows.
-    """
+    """Whether a knee that followed a load up to a part of it, and no further, gives way there: it
+    had become singular, or the last search, however little farther, ended in a pose that a knee can
+    have."""
     return lost & (way > 0.0) & (singular | ~np.isin(fault, _NO_POSES))
 
 
