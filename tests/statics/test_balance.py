@@ -1,5 +1,7 @@
 """Forces, tangents and their derivatives by a knee's numbers, against central differences."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
