@@ -144,7 +144,7 @@ class Batch:
                 np.full((count, len(self._free)), np.nan),
                 np.full((count, knee.patch_count, 2), np.nan),
             )
-            unknown = np.isnan(q).any(axis=-1)
+            unknown = np.asarray(np.isnan(q).any(axis=-1))
             q = np.where(unknown[:, None], knee.at_reference.at(self._free), q)
             points = np.where(unknown[:, None, None], np.nan, points)
 
