@@ -12,13 +12,14 @@ import numpy as np
 from jax import Array
 
 from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
-from kneejax.statics._equilibrium import Equilibrium, shapes_of_forces
+from kneejax.statics._equilibrium import Equilibrium
 from kneejax.statics._load_cases import LoadCases
 from kneejax.statics._newton import newton_step_left
 from kneejax.statics._status import Status, converged
 
-#: Fields of `Equilibrium` that a continuation finds, besides the forces.
+#: Fields of `Equilibrium` that a continuation finds, and those that are forces and stiffness.
 _FOUND = ("q", "contact_points", "status", "fault", "steps")
+_FORCES = ("residual", "tangent", "reaction", "coupling", "depth")
 
 
 class Equilibria(eqx.Module):
@@ -58,19 +59,19 @@ class Equilibria(eqx.Module):
         cls, shape: tuple[int, ...], load_cases: LoadCases, patches: int, forces: bool
     ) -> Equilibria:
         """Nothing known yet: every pose counts as not balanced."""
-        free, held = load_cases.free, len(load_cases.prescribed)
-        sizes = shapes_of_forces(len(free), held, patches) if forces else {}
-        lost = int(Status.NOT_CONVERGED)
+        shapes, lost = shapes_of_record(load_cases, patches), int(Status.NOT_CONVERGED)
+        unknown = {name: np.full((*shape, *shapes[name]), np.nan)
+                   for name in ("q", "contact_points", *(_FORCES if forces else ()))}  # fmt: skip
         return cls(
-            np.full((*shape, len(free)), np.nan),
-            np.full((*shape, patches, 2), np.nan),
+            unknown.pop("q"),
+            unknown.pop("contact_points"),
             np.full(shape, lost, np.int8),
             np.zeros(shape, np.int32),
             np.zeros(shape),
             np.full(shape, lost, np.int8),
             np.full(shape, np.nan),
-            {name: np.full((*shape, *size), np.nan) for name, size in sizes.items()},
-            free,
+            unknown,
+            load_cases.free,
         )
 
     def note(self, where: Any, record: Mapping[str, Any]) -> None:
@@ -116,15 +117,14 @@ class Equilibria(eqx.Module):
 
 def shapes_of_record(load_cases: LoadCases, patches: int) -> dict[str, tuple[int, ...]]:
     """What is recorded where a path is through with a load case, without lanes: its place on the
-    path, -1 where none ended; as in `Equilibrium`, status, fault, how many looks it took, q, the
-    contact points and the forces; the part of the way to it at which the last equilibrium was, and
-    its softness."""
-    numbers = ("place", "status", "fault", "steps", "way", "softness")
+    path, -1 where none ended; fields of `Equilibrium`; the part of the way to it at which the last
+    equilibrium was, and its softness."""
     free, held = len(load_cases.free), len(load_cases.prescribed)
-    nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
-    return nothing | {"q": (free,), "contact_points": (patches, 2)} | shapes_of_forces(
-        free, held, patches
-    )
+    numbers = dict.fromkeys(("place", "status", "fault", "steps", "way", "softness"), ())
+    return numbers | {
+        "q": (free,), "contact_points": (patches, 2), "residual": (free,),
+        "tangent": (free, free), "reaction": (held,), "coupling": (held, free), "depth": (patches,),
+    }  # fmt: skip
 
 
 def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:

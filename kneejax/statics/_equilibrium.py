@@ -190,15 +190,6 @@ def forces_of(here: Balance) -> dict[str, Array]:
     )
 
 
-def shapes_of_forces(free: int, held: int, patches: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of what `forces_of` gives, without lanes, by the number of free and prescribed
-    coordinates."""
-    return dict(
-        residual=(free,), tangent=(free, free), reaction=(held,), coupling=(held, free),
-        depth=(patches,),
-    )  # fmt: skip
-
-
 def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:
     """What the pose at which a search ended is by itself, balanced or not; `Status` values."""
     state, forces = State.of(prescribed, here.best.q, knee.bodies), here.there.forces
