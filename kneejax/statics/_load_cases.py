@@ -22,7 +22,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Pull, Support
-from kneejax.numerics import traced
+from kneejax.numerics import numpy_for, traced
 
 #: Name of loads whose own does not matter.
 _PLAIN = "load"
@@ -119,7 +119,8 @@ class LoadCases(eqx.Module):
 
     def take(self, rows: ArrayLike) -> LoadCases:
         """Some of the load cases, in the order of `rows`."""
-        return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
+        # By NumPy: JAX would compile a program for each number of them.
+        return jax.tree.map(lambda x: numpy_for(x).asarray(x)[np.asarray(rows)], self)
 
     def loaded(self) -> LoadCases:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
