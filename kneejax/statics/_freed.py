@@ -22,10 +22,7 @@ from kneejax.statics._batch import LANES, follow_in_chunks
 from kneejax.statics._continuation import Behind
 from kneejax.statics._equilibria import Equilibria
 from kneejax.statics._load_cases import Case, LoadCases, Variants, in_rows
-from kneejax.statics._status import Status, gives_way
-
-#: Stiffness, as a part of that at the beginning, below which a knee that cannot follow gives way.
-_SOFT = 0.1
+from kneejax.statics._status import SOFT, Status, gives_way
 
 
 def freed(variants: Variants, load_cases: LoadCases, before: Equilibria) -> Equilibria:
@@ -73,7 +70,7 @@ def freed(variants: Variants, load_cases: LoadCases, before: Equilibria) -> Equi
     both = np.full(count, 2)
     follow_in_chunks(knee, like, lambda path, place: rows[place, path], both, behind, 1, note)
     lost = ~found.converged[node]
-    soft = found.softness[node] < _SOFT * softness
+    soft = found.softness[node] < SOFT * softness
     blocked = gives_way(lost, found.reached[node], soft, found.fault[node])
     found.status[node] = np.where(blocked, int(Status.GIVES_WAY), found.status[node])
     return found

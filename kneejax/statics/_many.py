@@ -19,7 +19,7 @@ from kneejax.statics._equilibrium import needs_float64
 from kneejax.statics._flexion_paths import Chain, Routes
 from kneejax.statics._freed import freed
 from kneejax.statics._load_cases import LoadCases, Variants, Vary
-from kneejax.statics._status import Status, gives_way
+from kneejax.statics._status import SOFT, Status, gives_way
 
 #: Called with how many balances are done, and of how many.
 Progress = Callable[[int, int], None]
@@ -30,9 +30,6 @@ _WHILE_BENT, _WHILE_CHANGED = 5, 2
 #: Flexions from the reference pose by way of which a knee is followed that does not balance there,
 #: rad.
 _LEADS = tuple(np.deg2rad([45.0, 20.0, 70.0]))
-#: Stiffness, as a part of the unloaded knee's, below which a branch that ends has turned: along a
-#: load it falls like the root of the distance to a limit point, and 1/16384 is tried.
-_SOFT = 0.1
 
 
 def balance_many(
@@ -256,7 +253,7 @@ def _say_how_far(found: Equilibria, share: np.ndarray, chain: Chain) -> None:
     begin, end = np.r_[0.0, sizes][lost], sizes[lost]
     held = begin + found.reached[row, nodes[lost]] * (end - begin)
     held = np.where(found.converged[:, chain.origin], held, 0.0)[:, None]
-    soft = found.softness[row, nodes[lost]] < _SOFT * found.softness[:, chain.origin]
+    soft = found.softness[row, nodes[lost]] < SOFT * found.softness[:, chain.origin]
     fault = found.fault[row, nodes[lost]]
     blocked = gives_way(~known, held, soft[:, None], fault[:, None])
     found.fault[:, nodes] = np.where(known, found.fault[:, nodes], fault[:, None])

@@ -162,6 +162,9 @@ def sound(status):
     return status < Status.UNSTABLE
 
 
+#: Stiffness, as a part of that where a load or a displacement begins, below which a branch that
+#: ends has turned: it falls like the root of the distance to a limit point, and 1/16384 is tried.
+SOFT = 0.1
 #: Where a search ended on the way to a load that says nothing of what would hold the knee.
 _NO_POSES = (Status.TOO_DEEP, Status.NO_PATCH, Status.THROUGH_BONE)
 
