@@ -21,24 +21,15 @@ CLOSES_WITHIN = 0.01
 
 
 class Flow(eqx.Module):
-    """Energies and powers at each of some moments, `(moments,)`, N mm and N mm/s.
+    """Energies and powers at each of some moments, `(moments,)`, N mm and N mm/s."""
 
-    Attributes:
-        kinetic: of all bones.
-        potential: of ligaments, contacts, lines and muscles.
-        dissipation: by all dampers.
-        by_loads: what loads and weights do.
-        by_drives: what those who move held coordinates, or the quadriceps, do.
-        damping: force of the dampers of each fibre, `(n, moments)`, N.
-        holding: coordinate -> what holds it, N mm or N; `QUADRICEPS` -> the pull of its cable.
-    """
-
-    kinetic: Array
-    potential: Array
-    dissipation: Array
-    by_loads: Array
-    by_drives: Array
-    damping: Array
+    kinetic: Array  # of all bones
+    potential: Array  # of ligaments, contacts, lines and muscles
+    dissipation: Array  # by all dampers
+    by_loads: Array  # what loads and weights do
+    by_drives: Array  # what those who move held coordinates, or the quadriceps, do
+    damping: Array  # force of the dampers of each fibre, `(n, moments)`, N
+    # Coordinate -> what holds it, N mm or N; `QUADRICEPS` -> the pull of its cable.
     holding: dict[str, Array]
 
 

@@ -184,13 +184,8 @@ class SearchState(eqx.Module):
 
 @functools.partial(jax.jit, inline=True)
 def look(q: Array, args: tuple[Knee, Prescribed, Array | None]):
-    """The function whose root is sought: the unbalanced force at a pose, with what it is made of.
-
-    Jitted so that Python runs through the mechanics once however often the search is traced.
-
-    Returns:
-        Residual in rows, what holds prescribed coordinates below; forces.
-    """
+    """The function whose root is sought: `rows_of_force`. Jitted so that Python runs through the
+    mechanics once however often the search is traced."""
     knee, prescribed, near = args
     return rows_of_force(knee, prescribed, q, near)
 
