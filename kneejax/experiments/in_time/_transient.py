@@ -153,7 +153,7 @@ def transient(
 
 @dataclasses.dataclass(frozen=True)
 class Beginning:
-    """Where a motion begins, and what acts and is held from there on; as `kneejax.dynamics.move`."""
+    """Where a motion begins, and what acts and is held from there on; as `kj.move` takes it."""
 
     start: np.ndarray  # all coordinates, rad and mm
     loads: LoadCurve
