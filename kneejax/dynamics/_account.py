@@ -9,20 +9,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from kneejax.dynamics._history import Moment, damping_of
+from kneejax.dynamics._history import Moment, damping_of, in_step
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import State, coordinates_of
-from kneejax.mechanics import (
-    QUADRICEPS,
-    CoordinateDampers,
-    Dampers,
-    InertiaOfStep,
-    Knee,
-    Load,
-    TimeStep,
-    contact_damping_force,
-    damping_force,
-)
+from kneejax.mechanics import QUADRICEPS, Load, contact_damping_force, damping_force
 from kneejax.numerics import compiled
 from kneejax.statics import force, force_along
 
@@ -31,24 +21,15 @@ CLOSES_WITHIN = 0.01
 
 
 class Flow(eqx.Module):
-    """Energies and powers at each of some moments, `(moments,)`, N mm and N mm/s.
+    """Energies and powers at each of some moments, `(moments,)`, N mm and N mm/s."""
 
-    Attributes:
-        kinetic: of all bones.
-        potential: of ligaments, contacts, lines and muscles.
-        dissipation: by all dampers.
-        by_loads: what loads and weights do.
-        by_drives: what those who move held coordinates, or the quadriceps, do.
-        damping: force of the dampers of each fibre, `(n, moments)`, N.
-        holding: coordinate -> what holds it, N mm or N; `QUADRICEPS` -> the pull of its cable.
-    """
-
-    kinetic: Array
-    potential: Array
-    dissipation: Array
-    by_loads: Array
-    by_drives: Array
-    damping: Array
+    kinetic: Array  # of all bones
+    potential: Array  # of ligaments, contacts, lines and muscles
+    dissipation: Array  # by all dampers
+    by_loads: Array  # what loads and weights do
+    by_drives: Array  # what those who move held coordinates, or the quadriceps, do
+    damping: Array  # force of the dampers of each fibre, `(n, moments)`, N
+    # Coordinate -> what holds it, N mm or N; `QUADRICEPS` -> the pull of its cable.
     holding: dict[str, Array]
 
 
@@ -114,7 +95,18 @@ def flow(
     kinetic = sum(m.kinetic_energy(known.velocities[bone]) for bone, m in moving.masses.items())
     whole = dataclasses.replace(moving.knee, loads=(*moving.loads, *loads))
     _, forces = force(whole, {}, q, contact_points)
-    in_motion = _in_motion(moving, whole, state, known, rates, coefficients)
+    # As in a step of one second: what holds coordinates acts against inertia and dampers, too.
+    expected = {
+        bone: jax.tree.map(lambda x, a: x - a, state.poses[bone].placement, faster)
+        for bone, faster in known.accelerations.items()
+    }
+    before = known.q, known.lengths, known.overlaps
+    ahead = known.rate, known.length_rates, known.overlap_rates
+    x, lengths, overlaps = jax.tree.map(jnp.subtract, before, ahead)
+    in_motion = in_step(
+        moving, whole, jnp.ones(state.shape), expected, x, lengths, overlaps, coefficients,
+        known.pressing,
+    )  # fmt: skip
     still = tuple(name for name in held if name != QUADRICEPS)
     holding, driven = {}, jnp.zeros(state.shape)
     if QUADRICEPS in held:
@@ -132,34 +124,6 @@ def flow(
     driven = driven + sum((holding[name] * rates[name] for name in still), jnp.zeros(state.shape))
     by_loads = jnp.sum(forces.load * rate, axis=0)
     return Flow(kinetic, forces.energy, lost, by_loads, driven, damping, holding)
-
-
-def _in_motion(
-    moving: MovingKnee, whole: Knee, state: State, known: Moment, rates, coefficients
-) -> Knee:
-    """The knee with inertia and dampers at known rates: as in steps, of one second each."""
-    one = jnp.ones(state.shape)
-    inertia = []
-    for bone, mass in moving.masses.items():
-        there = state.poses[bone].placement
-        expected = jax.tree.map(lambda x, a: x - a, there, known.accelerations[bone])
-        inertia.append(InertiaOfStep(mass, expected, one, bone))
-    coordinates = None
-    if moving.coordinate_damping:
-        there = state.at(moving.coordinate_damping)
-        damped = zip(moving.coordinate_damping, there, strict=True)
-        before = {name: x - rates[name] for name, x in damped}
-        coordinates = CoordinateDampers(moving.coordinate_damping, before, one)
-    fibres = whole.ligaments
-    if fibres.names:
-        before = fibres.length(state) - known.length_rates
-        lengthening, both_ways = coefficients
-        dampers = Dampers(lengthening, both_ways, before, jnp.ones_like(before))
-        fibres = dataclasses.replace(fibres, dampers=dampers)
-    before = jax.tree.map(lambda x, rate: x - rate, known.overlaps, known.overlap_rates)
-    contacts = moving.with_contacts_damped(before, known.pressing, one)
-    step = TimeStep(tuple(inertia), coordinates)
-    return dataclasses.replace(whole, ligaments=fibres, contacts=contacts, step=step)
 
 
 def account_of(time_s: Array, flow: Flow) -> Account:

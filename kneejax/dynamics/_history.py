@@ -13,6 +13,7 @@ point of a bone (positions make velocities, velocities accelerations), dampers o
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -117,33 +118,26 @@ class History(eqx.Module):
     def knee_of(self, moving: MovingKnee, step: Step) -> Knee:
         """The knee whose balance is the end of a step."""
         last, older, knee = self.last, self.older, moving.knee
-        inertia = []
-        for bone, mass in moving.masses.items():
+
+        def expected(bone: str) -> Placement:
             place = step.before(last.places[bone], older.places[bone])
             speed = step.before(last.velocities[bone], older.velocities[bone])
-            expected = jax.tree.map(lambda x, v: x + v / step.per_s, place, speed)
-            inertia.append(InertiaOfStep(mass, expected, step.per_s, bone))
-        fibres, coordinates = knee.ligaments, None
-        if fibres.names:
-            fibres = dataclasses.replace(fibres, dampers=self._dampers(moving, step))
-        if moving.coordinate_damping:
-            names = coordinates_of(knee.bodies)
-            before = dict(zip(names, step.before(last.q, older.q), strict=True))
-            damped = moving.coordinate_damping
-            before = {name: before[name] for name in damped}
-            coordinates = CoordinateDampers(damped, before, step.per_s)
-        before = step.before(last.overlaps, older.overlaps)
+            return jax.tree.map(lambda x, v: x + v / step.per_s, place, speed)
+
         pressing = jax.tree.map(
             lambda x, y: jnp.maximum(x + step.ratio * (x - y), 0.0), last.pressing, older.pressing
         )
-        return dataclasses.replace(
-            knee,
-            ligaments=fibres,
-            contacts=moving.with_contacts_damped(before, pressing, step.per_s),
-            muscles=self._on_cable(knee, step),
-            loads=(*moving.loads, *step.loads),
-            step=TimeStep(tuple(inertia), coordinates),
+        # How taut a fibre is at the end of the step is extrapolated, which keeps the order.
+        ahead = last.lengths + step.ratio * (last.lengths - older.lengths)
+        q, lengths, overlaps = step.before(
+            *((x.q, x.lengths, x.overlaps) for x in (last, older))
         )
+        acting = dataclasses.replace(
+            knee, muscles=self._on_cable(knee, step), loads=(*moving.loads, *step.loads)
+        )
+        places = {bone: expected(bone) for bone in moving.masses}
+        damping = damping_of(moving, ahead)
+        return in_step(moving, acting, step.per_s, places, q, lengths, overlaps, damping, pressing)
 
     def _on_cable(self, knee: Knee, step: Step) -> Muscles | None:
         """The cable expects its last pulls to go on along a straight line."""
@@ -152,15 +146,6 @@ class History(eqx.Module):
         last, older = self.last.pull, self.older.pull
         expected = last + step.ratio * (last - older)
         return dataclasses.replace(knee.muscles, cable=Cable(step.cable, expected))
-
-    def _dampers(self, moving: MovingKnee, step: Step) -> Dampers:
-        """How taut a fibre is at the end of the step is extrapolated, which keeps the order."""
-        last, older = self.last.lengths, self.older.lengths
-        ahead = last + step.ratio * (last - older)
-        lengthening, both_ways = damping_of(moving, ahead)
-        before = step.before(last, older)
-        per_s = jnp.broadcast_to(step.per_s, before.shape)
-        return Dampers(lengthening, both_ways, before, per_s)
 
     def guess(self, step: Step) -> Array:
         """Where all coordinates are expected at the end of a step."""
@@ -188,6 +173,29 @@ class History(eqx.Module):
 
 def _rates(step: Step, there: Any, before: Any) -> Any:
     return jax.tree.map(lambda x, y: step.per_s * (x - y), there, before)
+
+
+def in_step(
+    moving: MovingKnee, knee: Knee, per_s: Array, expected: Mapping[str, Placement], q: Array,
+    lengths: Array, overlaps: Mapping[str, Array], damping: tuple[Array, Array],
+    pressing: Mapping[str, Array],
+) -> Knee:  # fmt: skip
+    """A knee with inertia and dampers: where its bones with mass are expected; coordinates, lengths
+    of fibres and overlaps that have no rate; the damping of the fibres (`damping_of`) and the
+    elastic force of the contacts."""
+    inertia = tuple(
+        InertiaOfStep(mass, expected[bone], per_s, bone) for bone, mass in moving.masses.items()
+    )
+    fibres, damped, coordinates = knee.ligaments, moving.coordinate_damping, None
+    if fibres.names:
+        dampers = Dampers(*damping, lengths, jnp.broadcast_to(per_s, lengths.shape))
+        fibres = dataclasses.replace(fibres, dampers=dampers)
+    if damped:
+        at = dict(zip(coordinates_of(knee.bodies), q, strict=True))
+        coordinates = CoordinateDampers(damped, {name: at[name] for name in damped}, per_s)
+    contacts = moving.with_contacts_damped(overlaps, pressing, per_s)
+    step = TimeStep(inertia, coordinates)
+    return dataclasses.replace(knee, ligaments=fibres, contacts=contacts, step=step)
 
 
 def damping_of(moving: MovingKnee, length: Array) -> tuple[Array, Array]:

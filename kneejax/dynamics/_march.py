@@ -163,21 +163,14 @@ class Given(eqx.Module):
 
 
 class Moments(eqx.Module):
-    """A motion: what is known at the end of each step, `(steps, ..., lanes)`.
+    """A motion: what is known at the end of each step, `(steps, ..., lanes)`."""
 
-    Attributes:
-        known: see `Moment`; NaN from where a step could not be taken.
-        contact_points: points where contacts meet.
-        status: of the step; that of the one that could not be taken is kept to the end.
-        looks: of its search.
-        surprise: how far the step ended from where it was expected, mm (rotations at 30 mm): its
-            error is a part of that.
-    """
-
-    known: Moment
-    contact_points: Array
-    status: Array
-    looks: Array
+    known: Moment  # NaN from where a step could not be taken
+    contact_points: Array  # where contacts meet
+    status: Array  # of the step; that of the one that could not be taken is kept to the end
+    looks: Array  # of its search
+    # How far the step ended from where it was expected, mm (rotations at 30 mm): its error is a
+    # part of that.
     surprise: Array
 
 

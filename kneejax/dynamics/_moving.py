@@ -85,18 +85,13 @@ class MovingKnee(eqx.Module):
         return cls(knee, masses, every, damped, jnp.asarray(gravity_m_s2, float), pressed)
 
     def __check_init__(self):
-        for bone in self.masses:
-            if bone not in self.knee.bodies:
-                known = ", ".join(self.knee.bodies)
-                raise WrongValue("masses", repr(bone), f"of {known}, which move")
-        for name in self.coordinate_damping:
-            if name not in coordinates_of(self.knee.bodies):
-                known = ", ".join(coordinates_of(self.knee.bodies))
-                raise WrongValue("coordinate_damping", repr(name), f"of {known}")
-        for name in self.contact_dissipation:
-            if name not in self.knee.contact_names:
-                known = ", ".join(self.knee.contact_names)
-                raise WrongValue("contact_dissipation", repr(name), f"of {known}")
+        known = {"masses": self.knee.bodies, "coordinate_damping": coordinates_of(self.knee.bodies),
+                 "contact_dissipation": self.knee.contact_names}  # fmt: skip
+        for field, names in known.items():
+            for name in getattr(self, field):
+                if name not in names:
+                    which = ", which move" if field == "masses" else ""
+                    raise WrongValue(field, repr(name), f"of {', '.join(names)}{which}")
         count, given = len(self.knee.ligaments.names), len(self.fibre_damping)
         if given != count:
             raise WrongValue("fibre_damping", f"{given} rows", f"{count}, one a fibre")

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.experiments._motion import Motion, passive_flexion
+from kneejax.experiments._motion import Motion, balanced_near, passive_flexion
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, scales, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import Named, compiled, needs_numbers
@@ -20,10 +20,8 @@ from kneejax.statics import (
     Guess,
     LoadCases,
     Status,
-    balance_near,
     converged,
     force,
-    itself,
     solve_equilibrium,
     sound,
 )
@@ -44,20 +42,9 @@ def guesses(equilibrium: Equilibrium) -> dict[str, np.ndarray]:
     return {x: np.moveaxis(np.asarray(getattr(equilibrium, x)), -1, 0) for x in GUESSED}
 
 
-def some_of(load_cases: LoadCases, rows: np.ndarray) -> LoadCases:
-    """Some load cases, without a program for each number of them."""
-    return jax.tree.map(lambda x: np.asarray(x)[rows], load_cases)
-
-
 def in_rows(found: Equilibria) -> dict[str, np.ndarray]:
     """Fields of balances of one knee, arrays begin with the load case, and `reached`."""
     return found.in_nodes() | {"reached": np.asarray(found.reached[0])}
-
-
-def balanced_near(knee: Knee, load_cases: LoadCases, begin: Iterable[np.ndarray]) -> Equilibria:
-    """Balances of one knee, each near where it is expected: `GUESSED`."""
-    q, contact_points = (np.asarray(x)[None] for x in begin)
-    return balance_near(knee, itself, np.zeros(1), load_cases, q, contact_points)
 
 
 def changed_in_steps(
@@ -144,7 +131,7 @@ class SecondBalances:
             rows = np.array([*source])
             untried[rows] = False
             begin = map(np.stack, zip(*source.values(), strict=True))
-            at = some_of(self._load_cases, rows)
+            at = self._load_cases.take(rows)
             self.add(rows, balanced_near(self._knee, at, begin).in_nodes())
 
 

@@ -23,7 +23,7 @@ from kneejax.mechanics import (
 )
 from kneejax.numerics import Named, compiled, on_all_cores, safe_sqrt, traced
 from kneejax.quantities import AXES
-from kneejax.statics import ContactFaults, Faults, Status
+from kneejax.statics import ContactFaults, Status, worst_fault
 
 # Poses of one call, so that tables of all lengths share one program.
 _CHUNK = 64
@@ -358,9 +358,9 @@ def status_of(poses: Mechanics, knee: Knee) -> Array:
     )
     contacts = (poses.max_depth, ~poses.known, poses.too_deep, poses.no_patch, poses.through_bone)
     each = [ContactFaults(*(x[:, k] for x in contacts)) for k in range(poses.max_depth.shape[1])]
-    faults = Faults.of(each, fibres, poses.displacement.T)
     nowhere = jnp.isnan(poses.displacement).any(axis=-1)
-    return jnp.where(nowhere, int(Status.NOT_CONVERGED), faults.status)
+    worst = worst_fault(each, fibres, poses.displacement.T)
+    return jnp.where(nowhere, int(Status.NOT_CONVERGED), worst)
 
 
 def slack_poses(

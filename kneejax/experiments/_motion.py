@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import equinox as eqx
@@ -306,19 +306,23 @@ def followed(knee: Knee, load_cases: LoadCases) -> Motion:
     load_cases = load_cases.of(knee)
     still = jax.lax.stop_gradient((knee, load_cases))
     if not traced(still):
-        return again(knee, load_cases, *_of_walk(still[1], balance_one(*still)))
+        return again(knee, load_cases, *_of_one(still[1], balance_one(*still)))
     equilibrium = continued_in_trace(*still)
     return again(knee, load_cases, equilibrium, jnp.where(equilibrium.converged, 1.0, 0.0))
 
 
+def balanced_near(knee: Knee, load_cases: LoadCases, begin: Iterable[np.ndarray]) -> Equilibria:
+    """Balances of one knee, each near where it is expected: free coordinates and contact points,
+    arrays begin with the load case. No path leads there, and it may be another branch: compare."""
+    q, contact_points = (np.asarray(x)[None] for x in begin)
+    return balance_near(knee, itself, np.zeros(1), load_cases, q, contact_points)
+
+
 def expected(knee: Knee, load_cases: LoadCases, q: ArrayLike, contact_points: ArrayLike) -> Motion:
-    """Where a knee is balanced near where it is expected, by free coordinates `(free, poses)`, rad
-    and mm, and contact points `(n, 2, poses)`; no path leads there, and it may be another branch:
-    compare."""
+    """As `balanced_near`, of arrays that end in poses."""
+    begin = (np.moveaxis(np.asarray(x), -1, 0) for x in (q, contact_points))
     load_cases = load_cases.of(knee)
-    near = (np.moveaxis(np.asarray(x), -1, 0)[None] for x in (q, contact_points))
-    found = balance_near(knee, itself, np.zeros(1), load_cases, *near)
-    return again(knee, load_cases, *_of_walk(load_cases, found))
+    return again(knee, load_cases, *_of_one(load_cases, balanced_near(knee, load_cases, begin)))
 
 
 def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: Array) -> Motion:
@@ -330,7 +334,7 @@ def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: 
     return dataclasses.replace(motion, knee=knee, load_cases=load_cases)
 
 
-def _of_walk(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
+def _of_one(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
     nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
     return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0])
 

@@ -342,7 +342,7 @@ class Solver:
             {one: tension[owners == i].sum(axis=0) for i, one in enumerate(self.subject.ligaments)},
             laxity, q, found.contact_points[0],
             lambda: self._derived(own, found.status[0, :count], found.q[0, :count],
-                                  found.holding["tangent"][0, :count], numbers, cases),
+                                  found.forces["tangent"][0, :count], numbers, cases),
         )  # fmt: skip
 
     def _along(
@@ -356,7 +356,7 @@ class Solver:
                                  near.contact_points[None], progress)  # fmt: skip
             if converged(found.status).all() and not self._torn(found.q[0], near):
                 return found
-        return balance_many(knee, self._vary, numbers, cases, holding=True, progress=progress)
+        return balance_many(knee, self._vary, numbers, cases, forces=True, progress=progress)
 
     def _torn(self, q: np.ndarray, near: Curves) -> bool:
         """Whether a curve has a kink over flexion that the one before had not: another branch."""

@@ -12,53 +12,36 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Prescribed, State, free_of
-from kneejax.mechanics import (
-    OFF_SURFACE_MM,
-    FibreFaults,
-    Held,
-    Knee,
-    PointFaults,
-    Wrenches,
-)
+from kneejax.mechanics import OFF_SURFACE_MM, FibreFaults, Held, Knee, PointFaults, Wrenches
 from kneejax.numerics import identity, jvp_of_moved
 
 
 class Forces(eqx.Module):
-    """What holds a pose.
+    """Energy, loads and contacts of a pose."""
 
-    Attributes:
-        energy: N mm.
-        load: generalised force of the loads on the free coordinates, `(free, lanes)`.
-        depth: of each patch, `(n, lanes)`, mm.
-        contact_points: parameters of the point where its surfaces meet, `(n, 2, lanes)`.
-        flat: whether no elliptical patch fits there, `(n, lanes)`.
-        known: whether all of the patch lies where both surfaces are known, `(n, lanes)`.
-        points: what is wrong with the contacts over points together; None without any.
-        fibres: what is wrong with any fibre.
-    """
-
-    energy: Array
-    load: Array
-    depth: Array
-    contact_points: Array
-    flat: Array
-    known: Array
-    points: PointFaults | None
-    fibres: FibreFaults
+    energy: Array  # N mm
+    load: Array  # generalised force of the loads on the free coordinates, `(free, lanes)`
+    depth: Array  # of each patch, `(n, lanes)`, mm
+    contact_points: Array  # parameters of the point where its surfaces meet, `(n, 2, lanes)`
+    flat: Array  # whether no elliptical patch fits there, `(n, lanes)`
+    known: Array  # whether all of the patch lies where both surfaces are known, `(n, lanes)`
+    points: PointFaults | None  # of the contacts over points together; None without any
+    fibres: FibreFaults  # of any fibre
 
 
 class Balance(eqx.Module):
-    """What holds a pose, and how stiffly.
+    """Forces at a pose and their derivative.
 
     Attributes:
         residual: unbalanced generalised force on the free coordinates, in rows `(lanes,)`: N mm per
             rad of a rotation, N of a translation.
-        reaction: likewise on the prescribed ones, in the order of their names: what holds them.
+        reaction: likewise on the prescribed ones, in the order of their names.
         tangent: derivative of the residual, `(free, free, lanes)`: row force, column coordinate.
         coupling: that of the reaction by the free ones, `(prescribed, free, lanes)`.
-        forces: see `Forces`.
+        forces: energy, loads and contacts.
     """
 
     residual: tuple[Array, ...]
@@ -89,17 +72,14 @@ def force(
 def rows_of_force(
     knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None
 ) -> tuple[tuple[Array, ...], Forces]:
-    """As `force`, the residual in rows of lanes; below, likewise what holds the prescribed ones, in
-    the order of their names."""
-    state, free = _where(knee, prescribed, q)
+    """As `force`, the residual in rows of lanes; below, the reactions in the order of names."""
+    state, free = State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
     held = knee.press(state, near)
     every = *free, *sorted(prescribed)
     return _unbalanced(knee, state, held.wrenches, every), _forces(knee, state, held, free)
 
 
-def force_along(
-    knee: Knee, state: State, near: Array | None, names: tuple[str, ...]
-) -> Array:
+def force_along(knee: Knee, state: State, near: Array | None, names: tuple[str, ...]) -> Array:
     """Unbalanced generalised force along any coordinates, `(names, lanes)`.
 
     Args:
@@ -110,20 +90,14 @@ def force_along(
     return jnp.stack(_unbalanced(knee, state, knee.press(state, near).wrenches, names))
 
 
-def balance(
-    knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None
-) -> Balance:
+def balance(knee: Knee, prescribed: Prescribed, q: Array, near: Array | None = None) -> Balance:
     """Residual and tangent at a pose. Arguments as `force`."""
     return linearised(lambda x: rows_of_force(knee, prescribed, x, near), q)
 
 
 def linearised(force_at: Callable[[Array], tuple[tuple[Array, ...], Forces]], q: Array) -> Balance:
-    """Forces at a pose with their tangent, which goes on from what they have computed already.
-
-    Args:
-        force_at: of `q`, as `rows_of_force`.
-        q: `(free, lanes)`, rad and mm.
-    """
+    """Forces of a function as `rows_of_force` at `q`, with their tangent, which goes on from what
+    they have computed already."""
     rows, push, forces = jax.linearize(force_at, q, has_aux=True)
     units, free = identity(len(q), q.ndim - 1) + jnp.zeros_like(q), len(q)
     slopes = jnp.stack(jax.vmap(push)(units))
@@ -149,37 +123,18 @@ def force_derivative(
     Returns:
         Change of the residual, `(free, lanes)`.
     """
+    state, free = State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
+    of_contacts = jax.tree.leaves((knee_tangent.contacts, prescribed_tangent))
+    contacts_stay = all(isinstance(x, SymbolicZero) for x in of_contacts)
 
     def residual(knee_: Knee, prescribed_: Prescribed) -> Array:
+        # Fibres alone compile in a tenth of the time, and over points what is known to vanish
+        # would be differentiated through the thorough search of every ray.
+        if contacts_stay:
+            return jnp.stack(_unbalanced(knee_, state, knee_.pull(state)[0], free))
         return force(knee_, prescribed_, q, near)[0]
 
     return jvp_of_moved(residual, (knee, prescribed), (knee_tangent, prescribed_tangent))[1]
-
-
-def force_derivative_without_contacts(
-    knee: Knee, prescribed: Prescribed, q: Array, knee_tangent: Knee
-) -> Array:
-    """Derivative of the residual along a change that leaves contacts and poses alone.
-
-    Args:
-        knee: as in `force`; likewise `prescribed`, `q`.
-        knee_tangent: as in `force_derivative`.
-
-    Returns:
-        Change of the residual `(free, lanes)`.
-    """
-    state, free = _where(knee, prescribed, q)
-
-    def residual(knee_: Knee) -> Array:
-        wrenches = knee_.pull(state)[0]
-        return jnp.stack(_unbalanced(knee_, state, wrenches, free))
-
-    return jvp_of_moved(residual, (knee,), (knee_tangent,))[1]
-
-
-def _where(knee: Knee, prescribed: Prescribed, q: Array) -> tuple[State, tuple[str, ...]]:
-    """Where the bones are, and the names of the free coordinates."""
-    return State.of(prescribed, q, knee.bodies), free_of(prescribed, knee.bodies)
 
 
 def _unbalanced(

@@ -23,11 +23,17 @@ from jax import Array, lax
 from kneejax.geometry import TIBIA, Prescribed, coordinate, scales
 from kneejax.mechanics import Knee
 from kneejax.statics._equilibria import shapes_of_record
-from kneejax.statics._equilibrium import fault_of, holding
+from kneejax.statics._equilibrium import fault_of, forces_of
 from kneejax.statics._load_cases import Case
-from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look
+from kneejax.statics._newton import (
+    EnergyNewton,
+    Guess,
+    SearchState,
+    look,
+    size_of,
+    softness_of,
+)
 from kneejax.statics._status import Status, converged
-from kneejax.statics._stiffness import size_of, softness_of
 
 #: Last step of a search, mm (rotations at 30 mm).
 _ACCURACY_MM = 1e-9
@@ -52,29 +58,19 @@ _ENDS = 2
 
 
 class Behind(eqx.Module):
-    """What lies behind the paths; arrays end in lanes.
+    """What lies behind paths; arrays end in lanes."""
 
-    Attributes:
-        cases: in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`.
-        q: free coordinates there, `(3, free, lanes)`, rad and mm.
-        contact_points: their parameters, `(3, n, 2, lanes)`; NaN where they are not known.
-        known: how many of them are equilibria, `(lanes,)`; without any, the latest is a guess.
-        failed: load cases without an equilibrium in a row, or as many as end a path.
-        progress: part of the way to the next load case at which the latest is.
-        softness: see `softness_of`, there.
-    """
-
-    cases: Any
-    q: Any
-    contact_points: Any
-    known: Any
-    failed: Any
-    progress: Any
-    softness: Any
+    cases: Any  # in rows, of the last three equilibria, the latest first, `(3, numbers, lanes)`
+    q: Any  # free coordinates there, `(3, free, lanes)`, rad and mm
+    contact_points: Any  # their parameters, `(3, n, 2, lanes)`; NaN where they are not known
+    known: Any  # how many of them are equilibria; without any, the latest is a guess
+    failed: Any  # load cases without an equilibrium in a row, or as many as end a path
+    progress: Any  # part of the way to the next load case at which the latest is
+    softness: Any  # see `softness_of`, there
 
     @classmethod
     def at(cls, cases, q, points, known) -> Behind:
-        """One equilibrium each, or a guess; arrays as in the attributes, but for the first axis."""
+        """One equilibrium each, or a guess: the attributes without their first axis."""
         numpy = np if isinstance(q, np.ndarray) else jnp
         cases, q, points = (numpy.repeat(x[None], 3, axis=0) for x in (cases, q, points))
         nothing = numpy.zeros(numpy.shape(known))
@@ -85,15 +81,10 @@ def follow(
     knee: Knee, like: Case, cases: Array, length: Array, behind: Behind, give_up: Array,
     fewest: Array,
 ) -> tuple[Array, Behind]:  # fmt: skip
-    """Follow paths some load cases further.
+    """Follow paths some load cases further; arguments as in `Continuation`.
 
     Args:
-        knee: gives all numbers that do not vary.
-        like: any case; so rows are read.
-        cases: that lie ahead, in rows, `(places, lanes, numbers)`.
-        length: how many of them count, `(lanes,)`.
         behind: what lies behind.
-        give_up: load cases without an equilibrium in a row after which a path ends.
         fewest: paths that must go on, or all stop; those on their way to a load case begin it anew
             with the next call.
 
@@ -106,86 +97,58 @@ def follow(
 
 
 class _Paths(eqx.Module):
-    """Paths on their way.
-
-    Attributes:
-        behind: see `Behind`.
-        place: of the next load case.
-        active: whether there is one.
-        ended: whether what was sought is to be judged.
-        fresh: whether nothing was sought yet.
-        step: part of the way that is left to the next load case which is tried.
-        cautious: whether nothing is extrapolated, since a search failed.
-        patient: whether a search may take long.
-        looks: that the next load case took so far.
-        at_first: whether there was an equilibrium at the very first load case.
-        here: case that is tried, in rows.
-        expected: free coordinates there by the last one, two, three equilibria that lie on a
-            straight path, `(3, free, lanes)`, rad and mm.
-        straight: how many of them do.
-        y: where its search looks next.
-        state: of the search.
-        turns: in which load cases ended.
-        record: see `shapes_of_record`: of every turn, or of each path's last load case.
-    """
+    """Paths on their way."""
 
     behind: Behind
-    place: Array
-    active: Array
-    ended: Array
-    fresh: Array
-    step: Array
-    cautious: Array
-    patient: Array
-    looks: Array
-    at_first: Array
-    here: Array
+    place: Array  # of the next load case
+    active: Array  # whether there is one
+    ended: Array  # whether what was sought is to be judged
+    fresh: Array  # whether nothing was sought yet
+    step: Array  # part of the way that is left to the next load case which is tried
+    cautious: Array  # whether nothing is extrapolated, since a search failed
+    patient: Array  # whether a search may take long
+    looks: Array  # that the next load case took so far
+    at_first: Array  # whether there was an equilibrium at the very first load case
+    here: Array  # case that is tried, in rows
+    # Free coordinates there by the last one, two, three equilibria that lie on a straight path,
+    # `(3, free, lanes)`, rad and mm; and how many of them do.
     expected: Array
     straight: Array
-    y: Array
+    y: Array  # where its search looks next
     state: SearchState
-    turns: Array
-    record: Array
+    turns: Array  # in which load cases ended
+    record: Array  # see `shapes_of_record`: of every turn, or of each path's last load case
 
 
 class _Judged(NamedTuple):
-    """What searches that ended have found: good is an equilibrium on the path's branch, again one
-    that is searched once more with patience, shorter a step that is halved, failed a load case that
-    is given up."""
+    """What searches that ended have found."""
 
-    good: Array
-    again: Array
-    shorter: Array
-    failed: Array
+    good: Array  # an equilibrium on the path's branch
+    again: Array  # it is searched once more with patience
+    shorter: Array  # the step is halved
+    failed: Array  # the load case is given up
     status: Array
     fault: Array
     softness: Array
 
 
 class Continuation(NamedTuple):
-    """The rules of continuation, for one knee and what lies ahead; see `follow`."""
+    """The rules of continuation, for one knee and what lies ahead."""
 
-    knee: Knee
-    like: Case
-    cases: Array
-    length: Array
-    give_up: Array
+    knee: Knee  # gives all numbers that do not vary
+    like: Case  # any case; so rows are read
+    cases: Array  # that lie ahead, in rows, `(places, lanes, numbers)`
+    length: Array  # how many of them count, `(lanes,)`
+    give_up: Array  # load cases without an equilibrium in a row after which a path ends
 
     def run(self, behind: Behind, turns: int | None, fewest: Any = 0) -> _Paths:
-        """Follow all paths to their ends.
-
-        Args:
-            behind: what lies behind.
-            turns: that are recorded before all paths stop; None records each path's last load case
-                alone.
-            fewest: see `follow`.
-        """
+        """Follow all paths, to their ends or until as many turns are recorded; without turns, each
+        path's last load case is."""
         begun = self._begun(behind)
         nothing = begun.record
         if turns is not None:
-            begun = dataclasses.replace(
-                begun, record=jnp.broadcast_to(nothing, (turns, *nothing.shape))
-            )
+            every = jnp.broadcast_to(nothing, (turns, *nothing.shape))
+            begun = dataclasses.replace(begun, record=every)
 
         def unfinished(paths: _Paths) -> Array:
             going = jnp.sum(paths.active)
@@ -203,6 +166,16 @@ class Continuation(NamedTuple):
             return self._looked(after)
 
         return lax.while_loop(unfinished, a_turn, begun)
+
+    @property
+    def _flexion(self) -> np.ndarray:
+        """Which row is flexion, where that is prescribed."""
+        return self.like.rows_of(self.like.load_cases.prescribed.get("flexion"))
+
+    @property
+    def _points(self) -> np.ndarray:
+        """Which rows say where a load acts."""
+        return self.like.rows_of([load.places for load in self.like.load_cases.loads])
 
     def _args(self, here: Array) -> tuple[Knee, Prescribed]:
         case = self.like.of(here)
@@ -245,7 +218,7 @@ class Continuation(NamedTuple):
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
             way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
-            q=paths.y, contact_points=points, **holding(paths.state.there),
+            q=paths.y, contact_points=points, **forces_of(paths.state.there),
         )  # fmt: skip
         rows = [jnp.reshape(x, (-1, x.shape[-1])).astype(float) for x in entry.values()]
         record = jnp.where(over, jnp.concatenate(rows), paths.record)
@@ -265,7 +238,8 @@ class Continuation(NamedTuple):
             progress=jnp.where(over, 0.0, progress),
             softness=jnp.where(good, judged.softness, behind.softness),
         )
-        goal = self._goal(place)
+        places, lanes, _ = self.cases.shape
+        goal = self.cases[jnp.minimum(place, places - 1), jnp.arange(lanes)].T
         # Loads are not laid on a knee that is not balanced without them.
         in_vain = judged.failed & self._loading(goal, behind.cases[0])
         failed = jnp.where(in_vain, self.give_up, behind.failed)
@@ -288,7 +262,7 @@ class Continuation(NamedTuple):
         behind = paths.behind
         last, begins = behind.cases[0], paths.ended & paths.active
         # A load that grows acts where it will act.
-        whole = (paths.step >= 1.0) | self.like.rows_of_points()[:, None]
+        whole = (paths.step >= 1.0) | self._points
         new = jnp.where(whole, goal, last + paths.step * _apart(goal, last))
         orders, distances = self._past(behind, new)
         expected = jnp.stack([_extrapolated(behind.q, distances, k) for k in orders])
@@ -307,23 +281,16 @@ class Continuation(NamedTuple):
             patient=jnp.where(begins, patient, paths.patient),
         )
 
-    def _goal(self, place: Array) -> Array:
-        """The load case at a place of each path, in rows."""
-        places, lanes, _ = self.cases.shape
-        return self.cases[jnp.minimum(place, places - 1), jnp.arange(lanes)].T
-
     def _loading(self, here: Array, last: Array) -> Array:
         """Whether anything changes but flexion and the numbers of a knee."""
-        others = ~(self.like.rows_of_flexion() | self.like.rows_of_numbers())
-        others &= ~self.like.rows_of_points()
-        return jnp.any((here != last) & others[:, None], axis=0)
+        others = ~(self._flexion | self.like.rows_of(self.like.numbers) | self._points)
+        return jnp.any((here != last) & others, axis=0)
 
     def _past(self, behind: Behind, here: Array) -> tuple[list[Array], list[Array]]:
         """How many of the last one, two, three equilibria lie on a straight path to a case, and how
         far behind it each of them is."""
-        moves = ~self.like.rows_of_points()[:, None]
         cases = here, *behind.cases
-        steps = [jnp.where(moves, _apart(a, b), 0.0) for a, b in itertools.pairwise(cases)]
+        steps = [jnp.where(self._points, 0.0, _apart(a, b)) for a, b in itertools.pairwise(cases)]
         sizes = [jnp.linalg.norm(step, axis=0) for step in steps]
         ahead, last, before = (
             step / jnp.where(size > 0.0, size, 1.0) for step, size in zip(steps, sizes, strict=True)
@@ -343,8 +310,8 @@ class Continuation(NamedTuple):
         fault = fault_of(*self._args(here), state, pivots)
         status = jnp.where(state.done, fault, int(Status.NOT_CONVERGED))
         loading, begun = self._loading(here, last), behind.known > 0
-        turned = self.like.rows_of_flexion()[:, None]
-        bend = jnp.rad2deg(jnp.max(jnp.where(turned, jnp.abs(_apart(here, last)), 0.0), axis=0))
+        turned = jnp.where(self._flexion, jnp.abs(_apart(here, last)), 0.0)
+        bend = jnp.rad2deg(jnp.max(turned, axis=0))
         reach = jnp.where(bend > 0.0, jnp.maximum(_BENT_MM, _PER_DEGREE_MM * bend), jnp.inf)
         reach = jnp.where(loading, _LOADED_MM, reach)
         scale = jnp.asarray(units)[:, None]

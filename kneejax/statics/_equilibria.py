@@ -6,23 +6,25 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
+import equinox as eqx
 import jax
 import numpy as np
 from jax import Array
 
 from kneejax.geometry import FREE_COORDINATES, TIBIA, coordinate, scales, table_units
-from kneejax.statics._equilibrium import Equilibrium, shapes_of_holding
+from kneejax.statics._equilibrium import Equilibrium
 from kneejax.statics._load_cases import LoadCases
+from kneejax.statics._newton import newton_step_left
 from kneejax.statics._status import Status, converged
-from kneejax.statics._stiffness import newton_step_left
 
-#: Fields of `Equilibrium` that a continuation finds, besides what holds a balance.
+#: Fields of `Equilibrium` that a continuation finds, and those that are forces and stiffness.
 _FOUND = ("q", "contact_points", "status", "fault", "steps")
+_FORCES = ("residual", "tangent", "reaction", "coupling", "depth")
 
 
-@dataclasses.dataclass(frozen=True)
-class Equilibria:
-    """Balanced poses of variants at load cases; arrays begin with the axes of the values.
+class Equilibria(eqx.Module):
+    """Balanced poses of variants at load cases; arrays of NumPy that begin with the axes of the
+    values.
 
     Attributes:
         q: free coordinates `(variants, load_cases, free)`, rad and mm; NaN where there is no
@@ -35,10 +37,10 @@ class Equilibria:
             it, `(variants, load_cases)`: 1 where it is found.
         fault: the pose at which the last search ended, balanced or not, taken by itself; `Status`
             values.
-        softness: see `softness_of`, at the last balance before a load case or where the search
-            ended.
-        holding: what holds the balances, fields of `Equilibrium` by name, `(variants, load_cases,
-            ...)`; those of the last search where there is none; empty where nobody asked.
+        softness: least force by the step that it makes, N/mm, at the last balance before a load
+            case or where the search ended.
+        forces: forces and stiffness, fields of `Equilibrium` by name, `(variants, load_cases,
+            ...)`; those of the last search where there is no balance; empty where nobody asked.
         free: names of the free coordinates.
     """
 
@@ -49,70 +51,55 @@ class Equilibria:
     reached: np.ndarray
     fault: np.ndarray
     softness: np.ndarray
-    holding: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-    free: tuple[str, ...] = FREE_COORDINATES
+    forces: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    free: tuple[str, ...] = eqx.field(static=True, default=FREE_COORDINATES)
 
     @classmethod
     def nothing(
-        cls, shape: tuple[int, ...], load_cases: LoadCases, patches: int, holding: bool
+        cls, shape: tuple[int, ...], load_cases: LoadCases, patches: int, forces: bool
     ) -> Equilibria:
         """Nothing known yet: every pose counts as not balanced."""
-        free, held = load_cases.free, len(load_cases.prescribed)
-        sizes = shapes_of_holding(len(free), held, patches) if holding else {}
-        lost = int(Status.NOT_CONVERGED)
+        shapes, lost = shapes_of_record(load_cases, patches), int(Status.NOT_CONVERGED)
+        unknown = {name: np.full((*shape, *shapes[name]), np.nan)
+                   for name in ("q", "contact_points", *(_FORCES if forces else ()))}  # fmt: skip
         return cls(
-            np.full((*shape, len(free)), np.nan),
-            np.full((*shape, patches, 2), np.nan),
+            unknown.pop("q"),
+            unknown.pop("contact_points"),
             np.full(shape, lost, np.int8),
             np.zeros(shape, np.int32),
             np.zeros(shape),
             np.full(shape, lost, np.int8),
             np.full(shape, np.nan),
-            {name: np.full((*shape, *size), np.nan) for name, size in sizes.items()},
-            free,
+            unknown,
+            load_cases.free,
         )
 
     def note(self, where: Any, record: Mapping[str, Any]) -> None:
         """Write down what became of some of them, see `shapes_of_record`, in place."""
         good = np.asarray(converged(record["status"]))
         for name in ("q", "contact_points"):
-            values = np.moveaxis(record[name], -1, 0)
-            unknown = ~good.reshape(-1, *(1,) * (values.ndim - 1))
-            getattr(self, name)[where] = np.where(unknown, np.nan, values)
+            values = np.where(good, record[name], np.nan)
+            getattr(self, name)[where] = np.moveaxis(values, -1, 0)
         for name in ("status", "fault", "softness"):
             getattr(self, name)[where] = record[name]
         self.steps[where] += record["steps"].astype(int)
         self.reached[where] = np.where(good, 1.0, record["way"])
-        for name, values in self.holding.items():
+        for name, values in self.forces.items():
             values[where] = np.moveaxis(record[name], -1, 0)
 
     def put(self, where: Any, others: Equilibria) -> None:
         """Replace some of them, in place."""
-        for field in dataclasses.fields(self):
-            if field.name == "holding":
-                for name, values in others.holding.items():
-                    self.holding[name][where] = values
-            elif field.name != "free":
-                getattr(self, field.name)[where] = getattr(others, field.name)
+        for old, new in zip(jax.tree.leaves(self), jax.tree.leaves(others), strict=True):
+            old[where] = new
 
     def at(self, *where: Any) -> Equilibria:
         """The balances at some of the variants and load cases, as NumPy indexes."""
-        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        free = arrays.pop("free")
-        return Equilibria(**jax.tree.map(lambda x: x[where], arrays), free=free)
-
-    def shaped(self, shape: tuple[int, ...]) -> Equilibria:
-        """The same with other leading axes of the variants."""
-        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        free = arrays.pop("free")
-        return Equilibria(
-            **jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), arrays), free=free
-        )
+        return jax.tree.map(lambda x: x[where], self)
 
     def in_nodes(self) -> dict[str, np.ndarray]:
-        """What `equilibrium_of` makes balances of, one node after the other; holding must be
+        """What `equilibrium_of` makes balances of, one node after the other; forces must be
         known."""
-        every = {name: getattr(self, name) for name in _FOUND} | self.holding
+        every = {name: getattr(self, name) for name in _FOUND} | self.forces
         axes = self.status.ndim
         return {name: x.reshape(self.status.size, *x.shape[axes:]) for name, x in every.items()}
 
@@ -130,15 +117,14 @@ class Equilibria:
 
 def shapes_of_record(load_cases: LoadCases, patches: int) -> dict[str, tuple[int, ...]]:
     """What is recorded where a path is through with a load case, without lanes: its place on the
-    path, -1 where none ended; as in `Equilibrium`, q, the contact points, status, fault and how
-    many looks it took; the part of the way to it at which the last equilibrium was; `softness_of`
-    it; and what holds it."""
-    numbers = ("place", "status", "fault", "steps", "way", "softness")
+    path, -1 where none ended; fields of `Equilibrium`; the part of the way to it at which the last
+    equilibrium was, and its softness."""
     free, held = len(load_cases.free), len(load_cases.prescribed)
-    nothing: dict[str, tuple[int, ...]] = dict.fromkeys(numbers, ())
-    return nothing | {"q": (free,), "contact_points": (patches, 2)} | shapes_of_holding(
-        free, held, patches
-    )
+    numbers = dict.fromkeys(("place", "status", "fault", "steps", "way", "softness"), ())
+    return numbers | {
+        "q": (free,), "contact_points": (patches, 2), "residual": (free,),
+        "tangent": (free, free), "reaction": (held,), "coupling": (held, free), "depth": (patches,),
+    }  # fmt: skip
 
 
 def of_record(rows: Any, shapes: dict[str, tuple[int, ...]]) -> dict[str, Any]:

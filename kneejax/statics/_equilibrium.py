@@ -2,8 +2,7 @@
 
 The derivative of a balanced pose with respect to any number of the knee follows from the implicit
 function theorem, in the rule below and nowhere else: a dense solve per lane, with lanes that failed
-set to NaN and no influence on the others. How a knee gets near a balance is told by
-`_continuation.py`.
+set to NaN and no influence on the others.
 """
 
 from __future__ import annotations
@@ -15,25 +14,13 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jax import Array, lax
-from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry import Pose, Prescribed, State, free_of
 from kneejax.mechanics import Knee, displacement
 from kneejax.numerics import as_known, compiled, identity, ruled, solve, unknown_where
-from kneejax.statics._balance import (
-    Balance,
-    balance,
-    force_derivative,
-    force_derivative_without_contacts,
-)
-from kneejax.statics._newton import (
-    EnergyNewton,
-    Guess,
-    SearchState,
-    look,
-)
-from kneejax.statics._status import ContactFaults, Faults, Status, converged
-from kneejax.statics._stiffness import newton_step_left
+from kneejax.statics._balance import Balance, balance, force_derivative
+from kneejax.statics._newton import EnergyNewton, Guess, SearchState, look, newton_step_left
+from kneejax.statics._status import ContactFaults, Status, converged, worst_fault
 
 _SEARCH = EnergyNewton()
 # Backstop of the solver's loop; a search ends by its own `most_steps`.
@@ -141,8 +128,7 @@ def needs_float64() -> None:
 def differentiable(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Equilibrium:
     """A balance that has been found, as a function of the knee and of what is prescribed.
 
-    By the implicit function theorem the derivative of a balance needs no search. So one compiled
-    search serves every choice of parameters, and each choice compiles its derivative only.
+    Its derivative needs no search, so one compiled search serves every choice of parameters.
 
     Args:
         knee: with which it was found; leaves end in a lane axis.
@@ -158,14 +144,8 @@ def differentiable(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Eq
 
 
 def with_tangent(knee: Knee, prescribed: Prescribed, found: Equilibrium) -> Equilibrium:
-    """A balance with the tangent exactly there: that of its search is a last step away, which is
-    too far for a cable that becomes taut within 0.1 micrometre.
-
-    Args:
-        knee: with which it was found; leaves end in a lane axis.
-        prescribed: with which it was found.
-        found: the balance; NaN stays NaN.
-    """
+    """A balance with the tangent exactly there, arguments as `differentiable`: that of its search
+    is a last step away, too far for a cable that becomes taut within 0.1 micrometre."""
     knee, prescribed, found = lax.stop_gradient((knee, prescribed, found))
     tangent = balance(knee, prescribed, found.q, found.contact_points).tangent
     return dataclasses.replace(found, tangent=tangent)
@@ -188,24 +168,19 @@ def _search(knee: Knee, prescribed: Prescribed, guess: Guess, search: EnergyNewt
         max_steps=_MOST_ROUNDS,
         throw=False,
     )
-    q, contact_points, rest = described(knee, prescribed, solution.value, solution.aux)
-    return Equilibrium(prescribed, q, contact_points, **rest, bodies=knee.bodies)
-
-
-def described(knee: Knee, prescribed: Prescribed, q: Array, here: SearchState):
-    """Coordinates (NaN where they are no balance), contact points, and the rest of
-    `Equilibrium`."""
+    here: SearchState = solution.aux
     left_mm, pivots = newton_step_left(here.there.tangent, here.there.residual, here.scales)
     fault = fault_of(knee, prescribed, here, pivots)
     status = jnp.where(here.done, fault, int(Status.NOT_CONVERGED))
-    rest = holding(here.there) | dict(
-        pivots=pivots, status=status, fault=fault, left_mm=left_mm, steps=here.count
-    )
-    return jnp.where(converged(status), q, jnp.nan), here.best.contact_points, rest
+    return Equilibrium(
+        prescribed, jnp.where(converged(status), solution.value, jnp.nan),
+        here.best.contact_points, **forces_of(here.there), pivots=pivots, status=status,
+        fault=fault, left_mm=left_mm, steps=here.count, bodies=knee.bodies,
+    )  # fmt: skip
 
 
-def holding(here: Balance) -> dict[str, Array]:
-    """What holds a balance: the fields of `Equilibrium` that a look has computed."""
+def forces_of(here: Balance) -> dict[str, Array]:
+    """The fields of `Equilibrium` that a look has computed."""
     return dict(
         residual=jnp.stack(here.residual),
         tangent=here.tangent,
@@ -215,22 +190,8 @@ def holding(here: Balance) -> dict[str, Array]:
     )
 
 
-def shapes_of_holding(free: int, held: int, patches: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of what `holding` gives, without lanes, of free and prescribed coordinates."""
-    return dict(
-        residual=(free,), tangent=(free, free), reaction=(held,), coupling=(held, free),
-        depth=(patches,),
-    )  # fmt: skip
-
-
 def fault_of(knee: Knee, prescribed: Prescribed, here: SearchState, pivots: Array) -> Array:
     """What the pose at which a search ended is by itself, balanced or not; `Status` values."""
-    stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
-    return jnp.maximum(stable, _faults(knee, prescribed, here).status).astype(int)
-
-
-def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
-    """What is wrong with the poses, from what their search has computed already."""
     state, forces = State.of(prescribed, here.best.q, knee.bodies), here.there.forces
     found = []
     for row, contact in enumerate(one for one in knee.contacts if one.has_patch):
@@ -248,7 +209,9 @@ def _faults(knee: Knee, prescribed: Prescribed, here: SearchState) -> Faults:
             through |= jnp.any(bed.passed_through(state.between(bed.bodies)), axis=0)
         deep = points.too_deep | points.lost
         found.append(ContactFaults(points.depth, points.outside, deep, deep & False, through))
-    return Faults.of(found, forces.fibres, displacement(knee, state.tibia))
+    stable = jnp.where(jnp.all(pivots > 0, axis=0), int(Status.BALANCED), int(Status.UNSTABLE))
+    worst = worst_fault(found, forces.fibres, displacement(knee, state.tibia))
+    return jnp.maximum(stable, worst).astype(int)
 
 
 def _following(q, primals, tangents):
@@ -257,22 +220,8 @@ def _following(q, primals, tangents):
     failed, size = ~found.converged, len(q)
     # Anywhere, where there is no balance: what is computed there goes nowhere.
     held = knee, prescribed, jnp.where(failed, 0.0, q), found.contact_points
-    change = _force_change(*held, *tangents[:2])
+    change = force_derivative(*held, *tangents[:2])
     tangent = as_known(lambda *held: balance(*held).tangent, found.tangent, *held)
     tangent = jnp.where(failed, identity(size, q.ndim - 1), tangent)
     d_q, _ = solve(tangent, -change)
     return q, unknown_where(failed, jnp.stack(d_q))
-
-
-def _force_change(knee, prescribed, q, near, d_knee, d_prescribed):
-    """Change of the unbalanced force; what is not perturbed is not differentiated.
-
-    A calibration of ligaments perturbs no contact: its derivative then needs the ligaments'
-    energy alone, which compiles in a tenth of the time. Over points it is far less still: what
-    is known to vanish would be differentiated through the thorough search of every ray.
-    """
-    contacts_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_knee.contacts))
-    poses_still = all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(d_prescribed))
-    if contacts_still and poses_still:
-        return force_derivative_without_contacts(knee, prescribed, q, d_knee)
-    return force_derivative(knee, prescribed, q, near, d_knee, d_prescribed)

@@ -15,15 +15,14 @@ more by way of 45 degrees, from where the knee may be followed back.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from numpy.typing import ArrayLike
 
-from kneejax.mechanics import Knee, Load, Pull
+from kneejax.mechanics import Knee
 from kneejax.statics._continuation import Behind, Continuation
 from kneejax.statics._equilibria import equilibrium_of, of_record, shapes_of_record
 from kneejax.statics._equilibrium import Equilibrium
@@ -36,27 +35,18 @@ STRIDE = np.deg2rad(5.0)
 _SAME = 1e-9
 
 
-@dataclasses.dataclass(frozen=True)
-class Chain:
-    """Nodes that are followed one after the other, beginning beside a node that is known.
+class Chain(NamedTuple):
+    """Nodes that are followed one after the other."""
 
-    Attributes:
-        origin: the node beside which the chain begins.
-        nodes: in order.
-        sizes: of the load that grows along the chain, N (moments at 30 mm); empty without one.
-    """
-
-    origin: int
+    origin: int  # the node beside which the chain begins
     nodes: tuple[int, ...]
-    sizes: tuple[float, ...] = ()
+    sizes: tuple[float, ...] = ()  # of the load that grows along the chain, N (moments at 30 mm)
 
 
-@dataclasses.dataclass(frozen=True)
 class Routes:
-    """All nodes on the way to some load cases.
+    """All nodes on the way to some load cases, numbered as they are met.
 
     Attributes:
-        nodes: flexion and loads of every node.
         asked: the node of each load case that was asked for, `(load_cases,)`.
         stem: unloaded nodes in strides from the reference, in order of flexion.
         home: the node at the reference flexion.
@@ -65,16 +55,7 @@ class Routes:
         loading: for the first load, the second, ...: chains along which it grows.
     """
 
-    nodes: LoadCases
-    asked: np.ndarray
-    stem: np.ndarray
-    home: int
-    hops: tuple[Chain, ...]
-    back: tuple[Chain, ...]
-    loading: tuple[tuple[Chain, ...], ...]
-
-    @classmethod
-    def to(cls, load_cases: LoadCases, reference: float, also: tuple[float, ...] = ()) -> Routes:
+    def __init__(self, load_cases: LoadCases, reference: float, also: tuple[float, ...] = ()):
         """Lay the routes.
 
         Args:
@@ -82,134 +63,94 @@ class Routes:
             reference: flexion of the reference pose, rad.
             also: flexions (rad) to which the stem reaches in any case.
         """
-        return _Layout(load_cases.plain(), reference, also).routes()
-
-    def at(self, flexion: float) -> int:
-        """The node of the stem nearest to a flexion, rad."""
-        away = np.abs(np.asarray(self.nodes.flexion)[self.stem] - flexion)
-        return int(self.stem[np.argmin(away)])
-
-    def bent(self, begin: int, way: int) -> Chain:
-        """The stem from one of its nodes towards more (1) or less flexion (-1).
-
-        Args:
-            begin: a node of the stem.
-            way: 1 or -1.
-        """
-        place = int(np.flatnonzero(self.stem == begin)[0])
-        ahead = self.stem[place + 1 :] if way > 0 else self.stem[:place][::-1]
-        return Chain(begin, tuple(int(node) for node in ahead))
-
-
-class _Layout:
-    """Nodes, numbered as they are met."""
-
-    def __init__(self, load_cases: LoadCases, reference: float, also: tuple[float, ...]):
-        self.reference, self.wanted = reference, np.asarray(load_cases.flexion)
-        self.kinds, self.bodies = load_cases.loads, load_cases.bodies
-        # One row a load: all its numbers, how much acts, and where.
-        self.loads = _beside([in_rows(load, 1) for load in self.kinds])
-        self.sizes = _beside([load.sizes for load in self.kinds])
-        self.places = _beside([_places_of(load) for load in self.kinds])
-        self.flexion: list[float] = []
-        self.acting: list[np.ndarray] = []
-        self.numbers: dict[tuple[int, bytes], int] = {}
+        load_cases = jax.tree.map(np.asarray, load_cases.plain())
+        self._wanted, self._reference, loads = load_cases, reference, load_cases.loads
+        # One row a load case, of each load: all its numbers, how much acts, and where.
+        self._rows = [in_rows(load, 1) for load in loads]
+        self._sizes = [in_rows(np.asarray(load.sizes), 1) for load in loads]
+        self._places = [in_rows((np.empty((len(load_cases), 0)), *x.places), 1) for x in loads]
+        self._flexion: list[float] = []
+        # The load case whose first loads act at a node, and how many do.
+        self._acting: list[tuple[int, int]] = []
+        self._numbers: dict[tuple[int, bytes], int] = {}
         strides = [
-            way(self._along(flexion)) for flexion in (*self.wanted, *also, reference)
+            way(self._along(flexion)) for flexion in (*load_cases.flexion, *also, reference)
             for way in (np.floor, np.ceil)
         ]  # fmt: skip
-        self.nothing = np.zeros(self.loads.shape[1:])
-        self.first = int(min(strides))
-        self.stem = np.array(
-            [self._node(reference + STRIDE * k, self.nothing)
-             for k in range(self.first, int(max(strides)) + 1)]
-        )  # fmt: skip
-        self.home = int(self.stem[-self.first])
-        self.hops: dict[int, Chain] = {}
-        self.back: dict[int, Chain] = {}
-        self.groups: list[dict[tuple, set[tuple[float, int]]]] = [{} for _ in self.kinds]
+        self._first = int(min(strides))
+        every = range(self._first, int(max(strides)) + 1)
+        self.stem = np.array([self._node(reference + STRIDE * k) for k in every])
+        self.home = int(self.stem[-self._first])
+        self._beside: dict[int, tuple[Chain, Chain]] = {}
+        self._lines: list[dict[tuple, set[tuple[float, int]]]] = [{} for _ in loads]
+        wanted = enumerate(load_cases.flexion)
+        self.asked = np.array([self._reached(f, row, len(loads)) for row, f in wanted], int)
+        self.hops, self.back = ([pair[k] for pair in self._beside.values()] for k in (0, 1))
+        self.loading = [
+            [_grown(origin, members) for (origin, _), members in lines.items()]
+            for lines in self._lines
+        ]
 
-    def routes(self) -> Routes:
-        asked = np.array(
-            [self._reached(f, row, len(self.kinds)) for row, f in enumerate(self.wanted)], int
-        )
-        loading = tuple(
-            tuple(_loading(origin, members) for (origin, _), members in groups.items())
-            for groups in self.groups
-        )
-        loads = tuple(map(_of_rows, np.moveaxis(np.array(self.acting), 1, 0), self.kinds))
-        nodes = LoadCases({"flexion": np.array(self.flexion)}, loads, bodies=self.bodies)
-        hops, back = (tuple(chains.values()) for chains in (self.hops, self.back))
-        return Routes(nodes, asked, self.stem, self.home, hops, back, loading)
+    @property
+    def nodes(self) -> LoadCases:
+        """Flexion and loads of every node."""
+        rows, stages = np.array(self._acting).T
 
-    def _stride(self, flexion: float) -> int:
-        """Whole strides from the reference, towards it."""
-        return int(np.trunc(self._along(flexion)))
+        def acting(x: np.ndarray, stage: int) -> np.ndarray:
+            acts = (stages > stage).reshape(-1, *(1,) * (x.ndim - 1))
+            return np.where(acts, x[rows], 0.0)
+
+        loads = tuple(
+            jax.tree.map(lambda x, stage=stage: acting(x, stage), load)
+            for stage, load in enumerate(self._wanted.loads)
+        )
+        return LoadCases({"flexion": np.array(self._flexion)}, loads, bodies=self._wanted.bodies)
+
+    def bent(self, begin: int, way: int) -> Chain:
+        """The stem from one of its nodes towards more (1) or less flexion (-1)."""
+        place = int(np.flatnonzero(self.stem == begin)[0])
+        ahead = self.stem[place + 1 :] if way > 0 else self.stem[:place][::-1]
+        return Chain(begin, tuple(ahead.tolist()))
 
     def _along(self, flexion: float) -> float:
         """Strides from the reference; whole ones are whole."""
-        along = (flexion - self.reference) / STRIDE
+        along = (flexion - self._reference) / STRIDE
         return round(along) if abs(along - round(along)) < _SAME / STRIDE else along
 
-    def _node(self, flexion: float, acting: np.ndarray) -> int:
-        key = (round(float(flexion) / _SAME), acting.tobytes())
-        if key not in self.numbers:
-            self.numbers[key] = len(self.flexion)
-            self.flexion.append(float(flexion))
-            self.acting.append(acting)
-        return self.numbers[key]
+    def _node(self, flexion: float, row: int = 0, stages: int = 0) -> int:
+        """The node of a flexion under the first loads of a load case; by default, under none."""
+        acting = b"".join(rows[row].tobytes() for rows in self._rows[:stages])
+        key = round(float(flexion) / _SAME), acting
+        if key not in self._numbers:
+            self._numbers[key] = len(self._flexion)
+            self._flexion.append(float(flexion))
+            self._acting.append((row, stages))
+        return self._numbers[key]
 
     def _reached(self, flexion: float, row: int, stages: int) -> int:
-        """The node of a flexion under the first loads of a load case, after those on the way."""
-        grown = np.flatnonzero(np.abs(self.sizes[row, :stages]).max(axis=1) > 0)
-        if not len(grown):
+        """As `_node`, after those on the way, which join the lines of their load."""
+        sizes = [of_load[row] for of_load in self._sizes[:stages]]
+        stage = max((k for k, size in enumerate(sizes) if size.any()), default=None)
+        if stage is None:
             return self._unloaded(flexion)
-        stage = int(grown[-1])
-        acting = self.loads[row].copy()
-        acting[stage + 1 :] = 0.0
-        origin, node = self._reached(flexion, row, stage), self._node(flexion, acting)
-        pull = self.sizes[row, stage]
-        size = float(np.linalg.norm(pull))
-        line = tuple(np.round(np.r_[pull / size, self.places[row, stage]], 9) + 0.0)
-        self.groups[stage].setdefault((origin, line), set()).add((size, node))
+        origin, node = self._reached(flexion, row, stage), self._node(flexion, row, stage + 1)
+        size = float(np.linalg.norm(sizes[stage]))
+        line = np.round(np.r_[sizes[stage] / size, self._places[stage][row]], 9) + 0.0
+        self._lines[stage].setdefault((origin, tuple(line)), set()).add((size, node))
         return node
 
     def _unloaded(self, flexion: float) -> int:
-        place = self._stride(flexion) - self.first
-        beside = int(self.stem[place])
-        if abs(flexion - self.flexion[beside]) < _SAME:
-            return beside
-        node = self._node(flexion, self.nothing)
-        self.hops[node] = Chain(beside, (node,))
-        beyond = int(self.stem[place + (1 if flexion > self.reference else -1)])
-        self.back[node] = Chain(beyond, (node,))
+        place = int(np.trunc(self._along(flexion))) - self._first
+        near = int(self.stem[place])
+        if abs(flexion - self._flexion[near]) < _SAME:
+            return near
+        node = self._node(flexion)
+        beyond = int(self.stem[place + (1 if flexion > self._reference else -1)])
+        self._beside[node] = Chain(near, (node,)), Chain(beyond, (node,))
         return node
 
 
-def _beside(rows: Sequence[ArrayLike]) -> np.ndarray:
-    """Rows of several loads, `(load_cases, loads, numbers)`: shorter ones end in zeros."""
-    longest = max(np.shape(row)[1] for row in rows)
-    even = [np.pad(row, ((0, 0), (0, longest - np.shape(row)[1]))) for row in rows]
-    return np.stack(even, axis=1)
-
-
-def _places_of(load: Load | Pull) -> np.ndarray:
-    """Where a load acts, `(load_cases, numbers)`, of any number of numbers."""
-    count = len(load.sizes)
-    rows = (np.reshape(x, (count, -1)) for x in load.places)
-    return np.hstack([np.empty((count, 0)), *rows])
-
-
-def _of_rows(rows: np.ndarray, kind: Load | Pull) -> Load | Pull:
-    """Loads of one kind from rows of all their numbers, `(nodes, numbers)`."""
-    leaves, structure = jax.tree.flatten(kind)
-    ends = np.cumsum([np.size(x[0]) for x in leaves])
-    parts = zip(leaves, np.r_[0, ends[:-1]], ends, strict=True)
-    shaped = [rows[:, a:b].reshape(-1, *np.shape(x)[1:]) for x, a, b in parts]
-    return jax.tree.unflatten(structure, shaped)
-
-
-def _loading(origin: int, members: set[tuple[float, int]]) -> Chain:
+def _grown(origin: int, members: set[tuple[float, int]]) -> Chain:
     sizes, nodes = zip(*sorted(members), strict=True)
     return Chain(origin, nodes, sizes)
 

@@ -22,7 +22,7 @@ from jax.typing import ArrayLike
 
 from kneejax.geometry import TIBIA, Prescribed, free_of, prescribed_of
 from kneejax.mechanics import GROOD_SUNTAY, Knee, Load, Pull, Support
-from kneejax.numerics import traced
+from kneejax.numerics import numpy_for, traced
 
 #: Name of loads whose own does not matter.
 _PLAIN = "load"
@@ -82,8 +82,11 @@ class LoadCases(eqx.Module):
             ValueError: a column is unknown, flexion stands among them, a drawer is held while
                 flexion is free, which turns its axis, no angle is given, or one is no number.
         """
-        _check_numbers({"flexion_deg": flexion_deg, **(held or {})})
-        values = prescribed_of({"flexion_deg": flexion_deg, **_but_flexion(held or {})})
+        held = held or {}
+        _check_numbers({**held, "flexion_deg": flexion_deg})
+        if "flexion_deg" in held:
+            raise ValueError("flexion_deg stands among what is held: give it as flexion_deg itself")
+        values = prescribed_of({"flexion_deg": flexion_deg, **held})
         rows = [jnp.atleast_1d(x) for x in values.values()]
         rows += [jnp.zeros(load.sizes.shape[:-1] or (1,)) for load in loads]
         size = jnp.broadcast_shapes(*(row.shape for row in rows))
@@ -116,7 +119,8 @@ class LoadCases(eqx.Module):
 
     def take(self, rows: ArrayLike) -> LoadCases:
         """Some of the load cases, in the order of `rows`."""
-        return jax.tree.map(lambda x: x[jnp.asarray(rows)], self)
+        # By NumPy: JAX would compile a program for each number of them.
+        return jax.tree.map(lambda x: numpy_for(x).asarray(x)[np.asarray(rows)], self)
 
     def loaded(self) -> LoadCases:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
@@ -135,9 +139,8 @@ class LoadCases(eqx.Module):
         named = [load for load in self.loads if isinstance(load, Load) and load.name != _PLAIN]
         if self.loads and not named:
             return self
-        nothing = Load(jnp.zeros((len(self), 3)), jnp.zeros((len(self), 3)),
-                       jnp.zeros((len(self), 3)), axes=GROOD_SUNTAY)  # fmt: skip
-        loads = self.loads or (nothing,)
+        nothing = jnp.zeros((len(self), 3))
+        loads = self.loads or (Load(nothing, nothing, nothing, axes=GROOD_SUNTAY),)
         plain = tuple(
             dataclasses.replace(x, name=_PLAIN) if isinstance(x, Load) else x for x in loads
         )
@@ -150,6 +153,7 @@ class LoadCases(eqx.Module):
     def added_to(self, knee: Knee) -> Knee:
         """As `load`, where the arrays of these load cases end in lanes."""
         pulls = [load for load in self.loads if isinstance(load, Pull)]
+        wrenches = [load for load in self.loads if isinstance(load, Load)]
         more, ends = {}, {}
         for pull in pulls:
             for row, name in enumerate(pull.lines):
@@ -164,13 +168,8 @@ class LoadCases(eqx.Module):
         if muscles is not None and pulls:
             muscles = muscles.pulling(more)
             muscles = muscles.ending(ends) if ends else muscles
-        wrenches = (load for load in self.loads if isinstance(load, Load))
-        return dataclasses.replace(
-            knee,
-            lines=lines,
-            muscles=muscles,
-            loads=(*knee.loads, *wrenches, *self.supports),
-        )
+        loads = (*knee.loads, *wrenches, *self.supports)
+        return dataclasses.replace(knee, lines=lines, muscles=muscles, loads=loads)
 
 
 def _check_numbers(columns: Mapping[str, ArrayLike]) -> None:
@@ -187,12 +186,6 @@ def _check_numbers(columns: Mapping[str, ArrayLike]) -> None:
             raise ValueError(f"{name} is {values.flat[wrong[0]]}{place}: expected a number")
 
 
-def _but_flexion(held: Mapping[str, ArrayLike]) -> Mapping[str, ArrayLike]:
-    if "flexion_deg" in held:
-        raise ValueError("flexion_deg stands among what is held: give it as flexion_deg itself")
-    return held
-
-
 #: A function `(knee, value) -> knee` of the same structure; hashable, since it steers compiling.
 Vary = Callable[[Knee, Any], Knee]
 
@@ -202,18 +195,10 @@ _CHUNK = 256
 
 @dataclasses.dataclass(frozen=True)
 class Variants:
-    """Variants of one knee.
+    """Variants of one knee."""
 
-    Attributes:
-        knee: gives all numbers that do not vary; without a lane axis. Where contacts do not vary,
-            their points are placed.
-        numbers: leaves of the knee that vary, by their places; arrays begin with the variant.
-        count: of the variants.
-    """
-
-    knee: Knee
-    numbers: dict[int, np.ndarray]
-    count: int
+    knee: Knee  # without a lane axis; its contacts' points are placed where contacts do not vary
+    numbers: dict[int, np.ndarray]  # leaves that vary, by their places; the first axis counts
 
     @classmethod
     def of(cls, knee: Knee, vary: Vary, values: Any) -> Variants:
@@ -230,14 +215,14 @@ class Variants:
         of_contacts = jax.tree.map(lambda _: True, knee.contacts)
         marks = jax.tree.leaves(dataclasses.replace(nothing, contacts=of_contacts))
         still = not any(marks[leaf] for leaf in numbers)
-        return cls(knee.for_many_poses() if still else knee, numbers, count)
+        return cls(knee.for_many_poses() if still else knee, numbers)
 
     def __len__(self) -> int:
-        return self.count
+        return len(next(iter(self.numbers.values()), ()))
 
     def take(self, rows: np.ndarray) -> Variants:
         """Some of the variants."""
-        return Variants(self.knee, {k: x[rows] for k, x in self.numbers.items()}, len(rows))
+        return Variants(self.knee, {k: x[rows] for k, x in self.numbers.items()})
 
 
 @partial(jax.jit, static_argnums=0)
@@ -255,16 +240,8 @@ def _numbers(vary: Vary, knee: Knee, values: Any) -> dict[int, jax.Array]:
     return jax.vmap(of_one)(values)
 
 
-def with_numbers(knee: Knee, numbers: Mapping[int, Any]) -> Knee:
-    """A knee whose leaves end in lanes, one lane for all where a number does not vary.
-
-    Args:
-        knee: without a lane axis.
-        numbers: leaves that vary, by their places; arrays end in lanes.
-
-    Returns:
-        The knee.
-    """
+def _with_numbers(knee: Knee, numbers: Mapping[int, Any]) -> Knee:
+    """A knee with leaves by their places whose arrays end in lanes; one lane for all others."""
     leaves, structure = jax.tree.flatten(knee)
     lanes = (
         numbers[place] if place in numbers else jnp.asarray(x)[..., None]
@@ -295,7 +272,7 @@ def in_lanes(knee: Knee, vary: Vary, values: Any) -> Knee:
         (4, 2)
     """
     numbers = _numbers(vary, knee, values)
-    return with_numbers(knee, {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()})
+    return _with_numbers(knee, {leaf: jnp.moveaxis(x, 0, -1) for leaf, x in numbers.items()})
 
 
 class Case(NamedTuple):
@@ -310,23 +287,13 @@ class Case(NamedTuple):
 
     def knees(self, knee: Knee) -> Knee:
         """With their loads; of a case whose arrays end in lanes."""
-        return self.load_cases.added_to(with_numbers(knee, self.numbers)).for_many_poses()
+        return self.load_cases.added_to(_with_numbers(knee, self.numbers)).for_many_poses()
 
-    def rows_of_numbers(self) -> np.ndarray:
-        """Which rows are numbers of the knee."""
-        return self._rows_of(self.numbers)
-
-    def rows_of_flexion(self) -> np.ndarray:
-        """Which row is flexion, where that is prescribed."""
-        return self._rows_of(self.load_cases.prescribed.get("flexion"))
-
-    def rows_of_points(self) -> np.ndarray:
-        """Which rows say where a load acts."""
-        return self._rows_of([load.places for load in self.load_cases.loads])
-
-    def _rows_of(self, some: Any) -> np.ndarray:
+    def rows_of(self, some: Any) -> np.ndarray:
+        """Which rows are numbers of this case's own arrays, `(numbers, 1)`."""
         chosen = {id(x) for x in jax.tree.leaves(some)}
-        return in_rows(jax.tree.map(lambda x: np.full(np.shape(x), id(x) in chosen), self), 0)
+        marks = jax.tree.map(lambda x: np.full(np.shape(x), id(x) in chosen), self)
+        return in_rows(marks, 0)[:, None]
 
 
 def in_rows(tree: Any, axes: int) -> Any:

@@ -6,29 +6,29 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores
-from kneejax.statics._batch import balance_many, balance_near
-from kneejax.statics._equilibria import Equilibria, equilibrium_of
+from kneejax.statics._equilibria import equilibrium_of
 from kneejax.statics._equilibrium import differentiable
 from kneejax.statics._load_cases import LoadCases, Vary, in_lanes
+from kneejax.statics._many import balance_many, balance_near
 from kneejax.statics._status import converged
 
 #: Lanes of a call: XLA makes a slower program of fewer (four ligaments: 1.3 ms with 32 lanes, 2.6
 #: with 64, 0.6 with 128).
 _LANES = 128
-#: Fields of `Slopes` that load cases do not have.
-_BY_VARIANT = ("values", "knee")
+#: Fields of `Slopes` that load cases have.
+_BY_LOAD_CASE = ("q", "jacobian", "contact_points", "tangent", "status")
 #: Leaves in which knees differ, by their places; arrays begin with the knee.
 Own = Mapping[int, np.ndarray]
 
 
-@dataclasses.dataclass(frozen=True)
-class Slopes:
+class Slopes(eqx.Module):
     """Balanced poses and their derivatives; arrays begin with variant and load case.
 
     Attributes:
@@ -53,7 +53,7 @@ class Slopes:
 
     def __post_init__(self) -> None:
         if self.knee is None:
-            object.__setattr__(self, "knee", np.zeros(len(self.values), int))
+            self.knee = np.zeros(len(self.values), int)
 
     @property
     def converged(self) -> np.ndarray:
@@ -62,31 +62,25 @@ class Slopes:
 
     def take(self, rows) -> Slopes:
         """Some of the variants, in the order of `rows`."""
-        return Slopes(*(getattr(self, f.name)[rows] for f in dataclasses.fields(self)))
+        return jax.tree.map(lambda x: x[rows], self)
 
     def at(self, rows) -> Slopes:
         """All variants at some of the load cases, in the order of `rows`."""
-        arrays = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return Slopes(**{k: x if k in _BY_VARIANT else x[:, rows] for k, x in arrays.items()})
+        some = {name: getattr(self, name)[:, rows] for name in _BY_LOAD_CASE}
+        return dataclasses.replace(self, **some)
 
     @classmethod
     def joined(cls, parts: Sequence[Slopes], places: Sequence[np.ndarray]) -> Slopes:
-        """The same variants at all load cases, from what was balanced apart.
-
-        Args:
-            parts: one or more.
-            places: of each part's load cases among all.
-        """
+        """The same variants at all load cases, from one or more parts that were balanced apart,
+        and the places of each part's load cases among all."""
         order = np.argsort(np.concatenate(places))
-        names = [f.name for f in dataclasses.fields(cls) if f.name not in _BY_VARIANT]
-        every = {k: np.concatenate([getattr(x, k) for x in parts], axis=1) for k in names}
-        own = {k: getattr(parts[0], k) for k in _BY_VARIANT}
-        return cls(**own, **{k: x[:, order] for k, x in every.items()})
+        every = {x: np.concatenate([getattr(y, x) for y in parts], axis=1) for x in _BY_LOAD_CASE}
+        return dataclasses.replace(parts[0], **{name: x[:, order] for name, x in every.items()})
 
     def put(self, rows, others: Slopes) -> None:
         """Replace some of the variants in place."""
-        for field in dataclasses.fields(self):
-            getattr(self, field.name)[rows] = getattr(others, field.name)
+        for old, new in zip(jax.tree.leaves(self), jax.tree.leaves(others), strict=True):
+            old[rows] = new
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,37 +142,29 @@ def balance_with_slopes(
         The `Slopes`; a node without a balance is NaN by itself.
     """
     values, load_cases = np.asarray(values, float), load_cases.of(knee)
-    marks = jax.tree.map(np.asarray, load_cases.plain())
-    which = np.arange(len(values)) if own and near is None else None if near is None else near.knee
-    every: Any = values
-    if own:
-        vary, every = _OfOwnKnee(vary), ({leaf: x[which] for leaf, x in own.items()}, values)
+    which = near.knee if near is not None else np.arange(len(values)) if own else None
+    mine = {leaf: x[which] for leaf, x in own.items()} if own else None
+    every: Any = (mine, values) if own else values
+    vary = _OfOwnKnee(vary) if own else vary
     if near is not None:
-        step = values - near.values
-        q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, step)
+        q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, values - near.values)
         found = balance_near(knee, vary, every, load_cases, q, near.contact_points)
     else:
-        found = balance_many(knee, vary, every, load_cases, holding=True)
-    return dataclasses.replace(_with_slopes(knee, vary, every, marks, found), knee=which)
-
-
-def _with_slopes(
-    knee: Knee, vary: Vary, every: Any, load_cases: LoadCases, found: Equilibria
-) -> Slopes:
-    """Nodes dealt to lanes, calls of `_LANES` to threads."""
-    own, values = every if isinstance(vary, _OfOwnKnee) else (None, every)
+        found = balance_many(knee, vary, every, load_cases, forces=True)
+    marks = jax.tree.map(np.asarray, load_cases.plain())
     count, size = found.status.shape
     nodes = found.in_nodes()
 
-    def some(first: int):
+    def some(first: int) -> np.ndarray:
         rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
-        at = jax.tree.map(lambda x: x[rows % size], load_cases)
+        at = jax.tree.map(lambda x: x[rows % size], marks)
         here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
-        numbers = jax.tree.map(lambda x: x[rows // size], (values, own))
+        numbers = jax.tree.map(lambda x: x[rows // size], (values, mine))
         return np.asarray(_slopes(vary, knee, *numbers, at, here))
 
     parts = on_all_cores(some, range(0, count * size, _LANES))
-    slope = np.concatenate(parts)[: count * size].reshape(count, size, -1, values.shape[1])
+    jacobian = np.concatenate(parts)[: count * size].reshape(count, size, -1, values.shape[1])
     return Slopes(
-        values, found.q, slope, found.contact_points, found.holding["tangent"], found.status
-    )
+        values, found.q, jacobian, found.contact_points, found.forces["tangent"], found.status,
+        which,
+    )  # fmt: skip

@@ -1,8 +1,4 @@
-"""What became of a search for a balance, and what is wrong with one that was found.
-
-A search asks it of the poses that it ends at, an evaluation of the poses that it was given; both
-get the same answer for the same pose.
-"""
+"""What became of a search for a balance, and what is wrong with a pose, found or given."""
 
 from __future__ import annotations
 
@@ -10,7 +6,6 @@ import enum
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -167,23 +162,17 @@ def sound(status):
     return status < Status.UNSTABLE
 
 
+#: Stiffness, as a part of that where a load or a displacement begins, below which a branch that
+#: ends has turned: it falls like the root of the distance to a limit point, and 1/16384 is tried.
+SOFT = 0.1
 #: Where a search ended on the way to a load that says nothing of what would hold the knee.
 _NO_POSES = (Status.TOO_DEEP, Status.NO_PATCH, Status.THROUGH_BONE)
 
 
 def gives_way(lost: np.ndarray, way: np.ndarray, singular: np.ndarray, fault: np.ndarray):
-    """Whether a knee that followed a load up to somewhere gives way there.
-
-    Args:
-        lost: whether no balance was found at the whole load.
-        way: part of the load under which it balanced.
-        singular: whether it had become soft there.
-        fault: the pose at which the last search ended, for a part of the load that is no more than
-            the least one beyond; `Status` values.
-
-    Returns:
-        Truth values of the same shape: singular, or no balance however little the load grows.
-    """
+    """Whether a knee that followed a load up to a part of it, and no further, gives way there: it
+    had become singular, or the last search, however little farther, ended in a pose that a knee can
+    have."""
     return lost & (way > 0.0) & (singular | ~np.isin(fault, _NO_POSES))
 
 
@@ -220,71 +209,45 @@ def failures_of(words: Collection[str]) -> tuple[Status, ...]:
 
 
 class ContactFaults(NamedTuple):
-    """What may be wrong where two surfaces meet, each of the shape of the poses.
+    """What may be wrong where two surfaces meet, each of the shape of the poses."""
 
-    Attributes:
-        depth: largest overlap, mm; minus the gap where they are apart.
-        outside_region: whether contact reaches more than `kneejax.mechanics.OFF_SURFACE_MM` off
-            the fitted surfaces.
-        too_deep: whether the overlap is the whole layer somewhere.
-        no_patch: whether they touch where no elliptical patch fits.
-        through_bone: whether the condyle has passed through the plateau.
-    """
-
-    depth: Array
-    outside_region: Array
-    too_deep: Array
-    no_patch: Array
-    through_bone: Array
+    depth: Array  # largest overlap, mm; minus the gap where they are apart
+    outside_region: Array  # contact reaches more than `OFF_SURFACE_MM` off the fitted surfaces
+    too_deep: Array  # the overlap is the whole layer somewhere
+    no_patch: Array  # they touch where no elliptical patch fits
+    through_bone: Array  # the condyle has passed through the plateau
 
 
-class Faults(eqx.Module):
-    """What may be wrong with poses, balanced or not; truth values of one shape.
+def worst_fault(
+    contacts: Sequence[ContactFaults], fibres: FibreFaults, displaced: Array
+) -> Array:
+    """The worst that is wrong with poses, balanced or not.
 
-    Attributes:
-        outside_region: of any contact; likewise `too_deep`, `no_patch` and `through_bone`.
+    Args:
+        contacts: of each compartment.
         fibres: of any fibre.
-        dislocated: see `kneejax.mechanics.dislocated`.
+        displaced: see `kneejax.mechanics.displacement`, `(5, ...)`.
+
+    Returns:
+        `Status` values of the shape of the poses; `BALANCED` where nothing is wrong.
     """
-
-    outside_region: Array
-    fibres: FibreFaults
-    dislocated: Array
-    too_deep: Array
-    no_patch: Array
-    through_bone: Array
-
-    @classmethod
-    def of(cls, contacts: Sequence[ContactFaults], fibres: FibreFaults, displaced: Array) -> Faults:
-        """Gather what is wrong with the parts of a knee.
-
-        Args:
-            contacts: of each compartment.
-            fibres: of the ligaments.
-            displaced: see `kneejax.mechanics.displacement`, `(5, ...)`.
-        """
-        none = jnp.zeros(displaced.shape[1:], bool)
-        outside = deep = flat = through = none
-        gap = jnp.full(displaced.shape[1:], -jnp.inf)
-        for contact in contacts:
-            outside, deep = outside | contact.outside_region, deep | contact.too_deep
-            flat, through = flat | contact.no_patch, through | contact.through_bone
-            gap = jnp.maximum(gap, -contact.depth)
-        return cls(outside, fibres, dislocated(displaced, gap), deep, flat, through)
-
-    @property
-    def status(self) -> Array:
-        """The worst that applies, `Status` values; balanced where nothing does."""
-        worst = jnp.asarray(int(Status.BALANCED))
-        for where, what in (
-            (self.outside_region, Status.OUTSIDE_REGION),
-            (self.fibres.overstretched, Status.OVERSTRETCHED),
-            (self.fibres.past_wrap, Status.PAST_WRAP),
-            (self.fibres.wrap_inside, Status.WRAP_INSIDE),
-            (self.dislocated, Status.DISLOCATED),
-            (self.too_deep, Status.TOO_DEEP),
-            (self.no_patch, Status.NO_PATCH),
-            (self.through_bone, Status.THROUGH_BONE),
-        ):
-            worst = jnp.where(where, int(what), worst)
-        return worst
+    none = jnp.zeros(displaced.shape[1:], bool)
+    outside = deep = flat = through = none
+    gap = jnp.full(displaced.shape[1:], -jnp.inf)
+    for contact in contacts:
+        outside, deep = outside | contact.outside_region, deep | contact.too_deep
+        flat, through = flat | contact.no_patch, through | contact.through_bone
+        gap = jnp.maximum(gap, -contact.depth)
+    worst = jnp.asarray(int(Status.BALANCED))
+    for where, what in (
+        (outside, Status.OUTSIDE_REGION),
+        (fibres.overstretched, Status.OVERSTRETCHED),
+        (fibres.past_wrap, Status.PAST_WRAP),
+        (fibres.wrap_inside, Status.WRAP_INSIDE),
+        (dislocated(displaced, gap), Status.DISLOCATED),
+        (deep, Status.TOO_DEEP),
+        (flat, Status.NO_PATCH),
+        (through, Status.THROUGH_BONE),
+    ):
+        worst = jnp.where(where, int(what), worst)
+    return worst

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import _branches as second
+from kneejax.experiments import _motion as second
 from kneejax.experiments import activity, lab_tests, load_curves, second_balances
 from kneejax.experiments._branches import SecondBalances, changed_in_steps
 from kneejax.experiments.activity import _instants

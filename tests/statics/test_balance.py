@@ -1,5 +1,7 @@
 """Forces, tangents and their derivatives by a knee's numbers, against central differences."""
 
+import dataclasses
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,6 @@ import kneejax.geometry as geo
 from kneejax.mechanics import add_lane_axis
 from kneejax.numerics import compiled, instantiate
 from kneejax.statics import balance, force, force_derivative
-from kneejax.statics._balance import force_derivative_without_contacts
 
 OPTIONS = {"xla_disable_hlo_passes": "fusion"}
 FLEXION = jnp.array([0.0, 0.5, 1.3])
@@ -185,12 +186,14 @@ def test_a_derivative_is_made_of_what_moves_alone(knee):
         return SymbolicZero(jax.typeof(x).to_tangent_aval())
 
     kept, one = jax.tree.map(still, knee), jnp.ones_like(knee.ligaments.stiffness)
+    no_turn = jax.tree.map(still, HELD)
 
     def by_stiffness(rates):
         moved = eqx.tree_at(lambda k: k.ligaments.stiffness, rates, one)
         return jax.make_jaxpr(
-            lambda knee: force_derivative_without_contacts(knee, HELD, Q, moved)
+            lambda knee: force_derivative(knee, HELD, Q, None, moved, no_turn)
         )(knee)
 
-    alone, among_zeros = by_stiffness(kept), by_stiffness(instantiate(kept))
+    zeros = dataclasses.replace(instantiate(kept), contacts=kept.contacts)
+    alone, among_zeros = by_stiffness(kept), by_stiffness(zeros)
     assert len(alone.eqns) < 0.6 * len(among_zeros.eqns)

@@ -18,7 +18,7 @@ from kneejax.statics import (
     balance_with_slopes,
     in_lanes,
 )
-from kneejax.statics._batch import _Batch
+from kneejax.statics._batch import Batch
 from kneejax.statics._flexion_paths import Chain
 from kneejax.statics._load_cases import Variants
 
@@ -87,7 +87,7 @@ def test_one_compiled_search_serves_motions_and_lines_of_any_length(
 def test_the_program_for_many_balances_finds_what_the_one_for_few_does(
     knee, chosen, values, found, monkeypatch, caplog
 ):
-    monkeypatch.setattr("kneejax.statics._chunks._MANY", found.status.size)
+    monkeypatch.setattr("kneejax.statics._batch._MANY", found.status.size)
     with jax.log_compiles():
         many = balance_many(knee, chosen.apply, values, LoadCases.at(FLEXION))
     assert any("jit(follow)" in record.getMessage() for record in caplog.records)
@@ -232,11 +232,12 @@ def test_no_chain_begins_beside_a_station_that_is_not_balanced(knee, chosen, bas
     """A search from farther away ended in a balance of `lenhart2015_reduced` at -84 degrees, to
     which no bending leads."""
     load_cases = LoadCases.at(np.arange(4.0)).plain()
-    batch, ended = _Batch(Variants.of(knee, chosen.apply, base[None]), load_cases, False), []
-    batch.seek(np.zeros(1, int), np.ones(1, int), np.full((1, 5), np.nan),
-               np.zeros((1, 2, 2)), ended.append)  # fmt: skip
+    ended, one = [], np.zeros(1, int)
+    variants = Variants.of(knee, chosen.apply, base[None])
+    batch = Batch(variants, load_cases, False, ended.append)
+    batch.follow_chains([Chain(1, (1,))], one, 1, from_reference=True)
     batch.found.status[0, 3] = Status.NOT_CONVERGED
-    batch.follow_chains([Chain(1, (2,)), Chain(3, (0,))], np.zeros(1, int), 1, ended.append)
+    batch.follow_chains([Chain(1, (2,)), Chain(3, (0,))], one, 1)
     assert ended == [1, 1]
     assert batch.found.converged[0].tolist() == [False, True, True, False]
 

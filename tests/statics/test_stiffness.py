@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.statics._stiffness import damped_step, softness_of
+from kneejax.statics._newton import damped_step, softness_of
 
 SCALES = (1 / 30, 1 / 30, 1 / 30, 1.0, 1.0, 1.0)
 UNITS = np.array([1 / 30, 1 / 30, 1.0, 1.0, 1.0])

@@ -88,7 +88,7 @@ def test_a_quadriceps_holds_the_patella_in_the_groove_however_far_the_knee_bends
     assert turned.max() < 12.0
     # The harder it pulls, the more firmly it sits there.
     units = np.array(scales(found.free))
-    stiffness = found.holding["tangent"][0] * units[:, None] * units
+    stiffness = found.forces["tangent"][0] * units[:, None] * units
     least = np.linalg.eigvalsh(stiffness + np.swapaxes(stiffness, 1, 2))[:, 0] / 2.0
     assert (np.diff(least.reshape(len(angles), -1)[:, 1:], axis=1) > 0.0).all()
 

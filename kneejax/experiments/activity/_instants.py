@@ -21,13 +21,11 @@ from kneejax.experiments._branches import (
     APART_MM,
     GUESSED,
     SecondBalances,
-    balanced_near,
     changed_in_steps,
     guesses,
     in_rows,
-    some_of,
 )
-from kneejax.experiments._motion import Motion, again
+from kneejax.experiments._motion import Motion, again, balanced_near
 from kneejax.geometry import scales
 from kneejax.mechanics import Knee
 from kneejax.statics import (
@@ -100,7 +98,7 @@ class Instants:
 
     def _path(self, rows: np.ndarray) -> dict[str, np.ndarray]:
         """Balances of some instants, to each of which a path of its own leads."""
-        return in_rows(balance_one(self.knee, some_of(self.load_cases, rows)))
+        return in_rows(balance_one(self.knee, self.load_cases.take(rows)))
 
     def _take(self, rows: np.ndarray, found: dict[str, np.ndarray]) -> None:
         """Write down what was found."""
@@ -112,7 +110,7 @@ class Instants:
 
     def _near(self, rows: np.ndarray, begin: Iterable[np.ndarray]) -> None:
         """Find some near where they are expected."""
-        at = some_of(self.load_cases, rows)
+        at = self.load_cases.take(rows)
         self._take(rows, in_rows(balanced_near(self.knee, at, begin)))
 
     def _by_own_path(self, rows: np.ndarray) -> None:
@@ -135,7 +133,7 @@ class Instants:
         assert self.near is not None
         rows = np.flatnonzero(np.asarray(converged(self.near.status)))
         begin = [values[rows] for values in guesses(self.near).values()]
-        at = some_of(self.load_cases, rows)
+        at = self.load_cases.take(rows)
         found = changed_in_steps(before, self.knee, at, begin) if len(rows) else None
         if found is None:
             return

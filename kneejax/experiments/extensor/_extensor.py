@@ -55,17 +55,12 @@ _MISSED_MM = 1.0
 
 
 class Held(NamedTuple):
-    """A leg that the quadriceps holds.
+    """A leg that the quadriceps holds."""
 
-    Attributes:
-        motion: its balances.
-        pull: of all heads together, `(poses,)`, N.
-        walked: where the balance lay elsewhere than expected, so that a path of its own led to it
-            under the new pull, `(poses,)`.
-    """
-
-    motion: Motion
-    pull: Array
+    motion: Motion  # its balances
+    pull: Array  # of all heads together, `(poses,)`, N
+    # Where the balance lay elsewhere than expected, so that a path of its own led to it under the
+    # new pull, `(poses,)`.
     walked: np.ndarray
 
 

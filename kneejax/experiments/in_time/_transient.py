@@ -153,17 +153,11 @@ def transient(
 
 @dataclasses.dataclass(frozen=True)
 class Beginning:
-    """Where a motion begins, and what acts and is held from there on; as `kneejax.dynamics.move`.
+    """Where a motion begins, and what acts and is held from there on; as `kj.move` takes it."""
 
-    Attributes:
-        start: all coordinates, rad and mm.
-        loads: over time.
-        held: coordinate -> its way over time.
-    """
-
-    start: np.ndarray
+    start: np.ndarray  # all coordinates, rad and mm
     loads: LoadCurve
-    held: Mapping[str, Callable]
+    held: Mapping[str, Callable]  # coordinate -> its way over time
 
 
 def beginning(

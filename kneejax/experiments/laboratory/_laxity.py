@@ -9,11 +9,10 @@ import numpy as np
 from kneejax.experiments._branches import (
     GUESSED,
     SecondBalances,
-    balanced_near,
     changed_in_steps,
     guesses,
-    some_of,
 )
+from kneejax.experiments._motion import balanced_near
 from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units
 from kneejax.mechanics import Knee, load_called
@@ -164,12 +163,12 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
     part, lines = curves.part, np.arange(nodes.size).reshape(nodes.shape)
     zero = int(np.abs(part).argmin())
     ends = sorted({int(part.argmin()), zero, int(part.argmax())})
-    load_cases = some_of(motion.load_cases.of(before), nodes.ravel())
+    load_cases = motion.load_cases.of(before).take(nodes.ravel())
     main = guesses(motion.equilibrium) | {"status": np.asarray(motion.status)}
     main = {name: values[nodes.ravel()] for name, values in main.items()}
     second = SecondBalances(motion.knee, load_cases, main)
     rows = lines[:, ends].ravel()
-    at = some_of(load_cases, rows)
+    at = load_cases.take(rows)
     whole = balance_one(before, at).in_nodes()
     good = np.asarray(converged(whole["status"]))
     # A loose knee snaps over on the way to its load: then what it snaps to from its neutral pose.
@@ -177,14 +176,14 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
     lost = np.flatnonzero(~good & good[rest])
     if len(lost):
         begin = [whole[name][rest[lost]] for name in GUESSED]
-        snapped = balanced_near(before, some_of(at, lost), begin).in_nodes()
+        snapped = balanced_near(before, at.take(lost), begin).in_nodes()
         for name in (*GUESSED, "status"):
             whole[name] = np.array(whole[name])
             whole[name][lost] = snapped[name]
         good = np.asarray(converged(whole["status"]))
     if good.any():
         begin = [whole[name][good] for name in GUESSED]
-        found = changed_in_steps(before, motion.knee, some_of(at, good), begin)
+        found = changed_in_steps(before, motion.knee, at.take(good), begin)
         if found is not None:
             second.add(rows[good], found)
     second.follow(lines)

@@ -156,21 +156,13 @@ _ARM = 20.0
 
 
 class AgainstLoad(NamedTuple):
-    """A curve along which the tibia moves against the load.
+    """A curve along which the tibia moves against the load."""
 
-    Attributes:
-        load: name of the load.
-        coordinate: on which it does work.
-        flexion_deg: of the curve.
-        loads: the least and the largest load of the curve, N or N m.
-        values: of the coordinate there, mm or degrees.
-    """
-
-    load: str
-    coordinate: str
-    flexion_deg: float
-    loads: tuple[float, float]
-    values: tuple[float, float]
+    load: str  # its name
+    coordinate: str  # on which it does work
+    flexion_deg: float  # of the curve
+    loads: tuple[float, float]  # the least and the largest of the curve, N or N m
+    values: tuple[float, float]  # of the coordinate there, mm or degrees
 
 
 def against_load(test: MeasuredTest) -> AgainstLoad | None:
