@@ -5,7 +5,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -15,19 +14,10 @@ from jax.typing import ArrayLike
 from kneejax.geometry._pose import Frame
 from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.paths._ellipsoid import around_ellipsoid
-from kneejax.geometry.paths._round import (
-    Section,
-    Wrapped,
-    around_cylinder,
-    around_sphere,
-    section,
-    section_by_side,
-)
+from kneejax.geometry.paths._round import Wrapped, around_cylinder, around_sphere
 
 #: Name of a side of a cylinder -> where it is in the cylinder's frame.
 SIDES: dict[str, Vector] = {"+x": AXES.x, "-x": -AXES.x, "+y": AXES.y, "-y": -AXES.y}
-
-Around: TypeAlias = Callable[..., Wrapped]
 
 
 class Obstacle(eqx.Module):
@@ -46,18 +36,14 @@ class Obstacle(eqx.Module):
 
     @property
     @abstractmethod
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         """The function that winds a path around this kind."""
 
     @property
-    def section(self) -> Callable[[Vector, Vector], Section]:
-        """The function that finds the way around, where the obstacle is scaled to a sphere."""
-        return section
-
-    @property
-    def keeps_side(self) -> bool:
-        """Whether a path may not go to the other side where that is shorter."""
-        return False
+    def passes(self) -> Vector | None:
+        """The side on which paths pass, however far that leads around; None where they take the
+        shorter way."""
+        return None
 
 
 class WrapSphere(Obstacle):
@@ -86,7 +72,7 @@ class WrapSphere(Obstacle):
         return Vector(self.radius, self.radius, self.radius)
 
     @property
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         return around_sphere
 
 
@@ -129,16 +115,12 @@ class WrapCylinder(Obstacle):
         return Vector(self.radius, self.radius, jnp.full_like(self.radius, jnp.inf))
 
     @property
-    def around(self) -> Around:
-        return partial(around_cylinder, section=self.section)
+    def around(self) -> Callable[..., Wrapped]:
+        return partial(around_cylinder, side=self.passes)
 
     @property
-    def section(self) -> Callable[[Vector, Vector], Section]:
-        return partial(section_by_side, side=SIDES[self.side]) if self.side else section
-
-    @property
-    def keeps_side(self) -> bool:
-        return bool(self.side)
+    def passes(self) -> Vector | None:
+        return SIDES.get(self.side)
 
 
 class WrapEllipsoid(Obstacle):
@@ -166,5 +148,5 @@ class WrapEllipsoid(Obstacle):
         return Vector.of(self.semi_axes)
 
     @property
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         return around_ellipsoid
