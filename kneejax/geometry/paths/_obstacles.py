@@ -9,9 +9,8 @@ from functools import partial
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
+from kneejax.geometry._pose import Frame, framed, numbers
 from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.paths._ellipsoid import around_ellipsoid
 from kneejax.geometry.paths._round import Wrapped, around_cylinder, around_sphere
@@ -21,13 +20,12 @@ SIDES: dict[str, Vector] = {"+x": AXES.x, "-x": -AXES.x, "+y": AXES.y, "-y": -AX
 
 
 class Obstacle(eqx.Module):
-    """A convex body that fibres cannot pass through, fixed to a bone.
+    """A convex body that fibres cannot pass through, fixed to a bone."""
 
-    Attributes:
-        frame: the obstacle's frame in the bone's.
-    """
-
-    frame: eqx.AbstractVar[Frame]
+    @property
+    @abstractmethod
+    def frame(self) -> Frame:
+        """The obstacle's frame in the bone's."""
 
     @property
     @abstractmethod
@@ -59,12 +57,8 @@ class WrapSphere(Obstacle):
         (20.0, 0.0)
     """
 
-    radius: Array
-    frame: Frame
-
-    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
-        self.radius = jnp.asarray(radius, float)
-        self.frame = Frame() if frame is None else frame
+    radius: Array = numbers()
+    frame: Frame = framed()
 
     @property
     def semi_axes_along_frame(self) -> Vector:
@@ -92,18 +86,10 @@ class WrapCylinder(Obstacle):
         (10.0, '+x')
     """
 
-    radius: Array
-    length: Array
-    frame: Frame
-    side: str = eqx.field(static=True)
-
-    def __init__(
-        self, radius: ArrayLike, length: ArrayLike, frame: Frame | None = None, side: str = ""
-    ):
-        self.radius = jnp.asarray(radius, float)
-        self.length = jnp.asarray(length, float)
-        self.frame = Frame() if frame is None else frame
-        self.side = side
+    radius: Array = numbers()
+    length: Array = numbers()
+    frame: Frame = framed()
+    side: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
         if self.side and self.side not in SIDES:
@@ -135,12 +121,8 @@ class WrapEllipsoid(Obstacle):
         [30.0, 18.0, 12.0]
     """
 
-    semi_axes: Array
-    frame: Frame
-
-    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
-        self.semi_axes = jnp.asarray(semi_axes, float)
-        self.frame = Frame() if frame is None else frame
+    semi_axes: Array = numbers()
+    frame: Frame = framed()
 
     @property
     def semi_axes_along_frame(self) -> Vector:

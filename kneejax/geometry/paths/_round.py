@@ -75,10 +75,8 @@ class Section(NamedTuple):
 
 def unit(a: Vector) -> Vector:
     """Direction of a vector; zero for the zero vector, with finite derivatives."""
-    square = jnp.asarray(a @ a, float)
-    positive = square > 0.0
-    inverse = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
-    return inverse * a
+    square = a @ a
+    return a / jnp.sqrt(jnp.where(square > 0.0, square, jnp.inf))
 
 
 def inverse_of(a: Vector) -> Vector:
@@ -99,8 +97,8 @@ def changed(tangent: Vector) -> Vector:
 @partial(jax.custom_jvp, nondiff_argnums=(2,))
 def section(start: Vector, end: Vector, side: Vector | None = None) -> Section:
     """Tangents to the unit sphere in the plane of its centre and two points outside it, the
-    shorter way around; where the three are on one line, in the plane nearest to the least component
-    of `start`.
+    shorter way around; where the three are on one line, in a plane across the axis of the least
+    component of `start`.
 
     With a `side` (a direction across Z) the points lie in the plane across Z, and the way is the
     one that passes on that side of the axis, however far it leads around.
@@ -111,11 +109,11 @@ def section(start: Vector, end: Vector, side: Vector | None = None) -> Section:
     if side is None:
         across = end - along * out
         width = across.norm()
-        # Any direction across a line through the centre: start the line, drop its part along.
+        # Any direction across a line through the centre; across Z too where all else is.
         x, y, z = (jnp.abs(c) for c in out)
         least_x, least_y = (x <= y) & (x <= z), (y < x) & (y <= z)
         axis = Vector(1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
-        beside = unit(axis - axis @ out * out)
+        beside = unit(out.cross(axis))
         aligned = width < 1e-12 * end.norm()
         forward = choose(aligned, beside, across / jnp.where(aligned, 1.0, width))
         pole = out.cross(forward)
