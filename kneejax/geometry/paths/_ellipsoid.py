@@ -97,6 +97,7 @@ def around_ellipsoid(
 def search(end: Vector, p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Array]:
     """Aim of the taut path, and how much longer the best path well beside it is, mm."""
     aim, other = _first_aim(p, q, s, shape)
+    aim = aim._replace(turn=jnp.minimum(aim.turn, _most(s)))
     aim = lax.fori_loop(0, SHOTS, lambda _, a: _better_aim(end, p, q, s, shape, a), aim)
     return aim, other
 
@@ -273,8 +274,13 @@ def _better_aim(
     return Aim(
         aim.cosine * c - aim.sine * d,
         aim.sine * c + aim.cosine * d,
-        jnp.clip(aim.turn + more, -1.0, 5.0),
+        jnp.clip(aim.turn + more, -1.0, _most(s)),
     )
+
+
+def _most(s: Section) -> Array:
+    """How far a geodesic may run, rad: past a segment that stays clear it would run anywhere."""
+    return jnp.where(s.turn < 0.0, 0.5, 5.0)
 
 
 def _plane(

@@ -77,8 +77,7 @@ class Sphere(Surface):
         return point.norm() - self.radius
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
-        x, y, z = direction
-        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+        return _angles(direction)
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return _full_turn(self.radius)
@@ -110,8 +109,7 @@ class Ellipsoid(Surface):
         return (size - 1.0) * size / (inverse * scaled).norm()
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
-        x, y, z = Vector.of(self.semi_axes) * direction
-        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+        return _angles(Vector.of(self.semi_axes) * direction)
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return _full_turn(self.semi_axes[0])
@@ -119,6 +117,11 @@ class Ellipsoid(Surface):
 
 def _direction(a: Array, b: Array) -> Vector:
     return Vector(jnp.cos(b) * jnp.cos(a), -jnp.cos(b) * jnp.sin(a), jnp.sin(b))
+
+
+def _angles(direction: Vector) -> tuple[Array, Array]:
+    x, y, z = direction
+    return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
 
 
 def _full_turn(like: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
