@@ -276,7 +276,7 @@ class State(eqx.Module):
         if "drawer" in values:
             turned = from_drawer(values["flexion"], values["drawer"], values["lift"])
             values["anterior"], values["superior"] = turned
-        names = [name for body in bodies for name in BODIES[body]]
+        names = coordinates_of(bodies)
         every = jnp.broadcast_arrays(*(jnp.asarray(values[name], float) for name in names))
         rows = dict(zip(names, every, strict=True))
         return cls({body: Pose(*(rows[name] for name in BODIES[body])) for body in bodies})

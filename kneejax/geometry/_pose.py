@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
@@ -59,6 +61,11 @@ class Placement(eqx.Module):
         return Placement(rotation, self.apply(first.translation))
 
 
+def numbers(**default: Any) -> Any:
+    """A field of a module, of numbers, which it has as an array; or None."""
+    return eqx.field(converter=lambda x: None if x is None else _floats(x), **default)
+
+
 class Frame(eqx.Module):
     """A frame fixed to a body: origin and, if it is turned, rotations about X, Y, Z in turn.
 
@@ -74,12 +81,8 @@ class Frame(eqx.Module):
         [1.0, 10.0, 0.0]
     """
 
-    origin: Array
-    rotation: Array | None
-
-    def __init__(self, origin: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike | None = None):
-        self.origin = _floats(origin)
-        self.rotation = None if rotation is None else _floats(rotation)
+    origin: Array = numbers(default=(0.0, 0.0, 0.0))
+    rotation: Array | None = numbers(default=None)
 
     @property
     def placement(self) -> Placement:
@@ -89,6 +92,11 @@ class Frame(eqx.Module):
         rx, ry, rz = Vector.of(self.rotation)
         turned = Matrix.about_x(rx) @ (Matrix.about_y(ry) @ Matrix.about_z(rz))
         return Placement(turned, Vector.of(self.origin))
+
+
+def framed() -> Any:
+    """A field of a module: its frame in a bone, the bone's own by default."""
+    return eqx.field(default=None, converter=lambda frame: Frame() if frame is None else frame)
 
 
 class Pose(eqx.Module):

@@ -68,14 +68,10 @@ def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[
 
 @functools.cache
 def _threads() -> concurrent.futures.ThreadPoolExecutor:
-    return concurrent.futures.ThreadPoolExecutor(_own_cores(), "kneejax")
-
-
-def _own_cores() -> int:
-    """Cores that this process may use: those of its affinity, where the system knows of any."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    # Cores that this process may use: those of its affinity, where the system knows of any.
+    affinity = getattr(os, "sched_getaffinity", None)
+    cores = len(affinity(0)) if affinity else os.cpu_count()
+    return concurrent.futures.ThreadPoolExecutor(cores, "kneejax")
 
 
 _SUM = "-sha256"
@@ -131,7 +127,8 @@ class _Checked:
         except Exception:  # what cannot be unpacked, whatever it was packed with
             sound = False
         if not sound:
-            self._forget(key)
+            for end in ("-cache", _SUM):
+                (self._folder / f"{key}{end}").unlink(missing_ok=True)
         return entry if sound else None
 
     def put(self, key: str, entry: bytes) -> None:
@@ -143,10 +140,6 @@ class _Checked:
         else:
             self._cache.put(key, entry)
         write_whole(self._folder / f"{key}{_SUM}", _sum_of(entry), at_once=True)
-
-    def _forget(self, key: str) -> None:
-        for end in ("-cache", _SUM):
-            (self._folder / f"{key}{end}").unlink(missing_ok=True)
 
 
 def _sum_of(entry: bytes) -> bytes:
@@ -370,9 +363,7 @@ def share_memory_between_threads() -> None:
     Example:
         >>> share_memory_between_threads()
     """
-    if sys.platform == "linux":
-        with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL(None).mallopt(_ARENA_MAX, os.cpu_count() or 1)
+    _of_c_library("mallopt", _ARENA_MAX, os.cpu_count() or 1)
 
 
 def collect_seldom() -> None:
@@ -394,6 +385,10 @@ def _hand_back_memory() -> None:
     A search takes 0.5 GB to compile, and GNU's library keeps it: a process with a map stays at
     0.9 GB, and everything that is imported later comes on top; with this it falls to 0.5 GB.
     """
+    _of_c_library("malloc_trim", 0)
+
+
+def _of_c_library(name: str, *numbers: int) -> None:
     if sys.platform == "linux":
         with contextlib.suppress(OSError, AttributeError):
-            ctypes.CDLL(None).malloc_trim(0)
+            getattr(ctypes.CDLL(None), name)(*numbers)

@@ -63,7 +63,7 @@ def safe_sqrt(x: ArrayLike) -> Array:
         0.0
     """
     x = jnp.asarray(x, float)
-    return branch(x > 0, jnp.sqrt, jnp.zeros_like, x, inside=1.0, outside=1.0)
+    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
 
 
 def positive_part(x: ArrayLike, width: ArrayLike) -> Array:

@@ -20,20 +20,19 @@ def instantiate(tree):
     Args:
         tree: tangents as a rule with `symbolic_zeros=True` gets them.
     """
-    return jax.tree.map(
-        lambda t: _zeros(t) if isinstance(t, SymbolicZero) else t, tree, is_leaf=_vanishes
-    )
+
+    def array(tangent):
+        if not _vanishes(tangent):
+            return tangent
+        # Whole numbers have tangents of a type that only NumPy knows.
+        xp = np if tangent.dtype == jax.dtypes.float0 else jnp
+        return xp.zeros(tangent.shape, tangent.dtype)
+
+    return jax.tree.map(array, tree, is_leaf=_vanishes)
 
 
 def _vanishes(tangent: Any) -> bool:
     return isinstance(tangent, SymbolicZero)
-
-
-def _zeros(tangent):
-    # Whole numbers have tangents of a type that only NumPy knows.
-    if tangent.dtype == jax.dtypes.float0:
-        return np.zeros(tangent.shape, jax.dtypes.float0)
-    return jnp.zeros(tangent.shape, tangent.dtype)
 
 
 def none_of(tree):

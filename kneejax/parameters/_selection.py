@@ -110,20 +110,12 @@ class Selection:
 
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
-        if self.leaves:
-            each = [self._one(knee, i) for i in range(len(self))]
-            return jnp.asarray(numpy_for(each).stack(each))
-        quantities = list(dict.fromkeys(map(self.quantity, range(len(self)))))
         # Every quantity once, of all fibres.
-        every = [numbers_of(knee, quantity) for quantity in quantities]
-        xp = numpy_for(every)
-        numbers = xp.stack(every)
-        places = [self._place(i) for i in range(len(self))]
-        kinds = [quantities.index(quantity) for _, quantity in places]
-        if all(len(rows) == 1 for rows, _ in places):
-            return jnp.asarray(numbers[np.array(kinds), np.array([rows[0] for rows, _ in places])])
-        pairs = zip(kinds, places, strict=True)
-        return jnp.asarray(xp.stack([value_of(numbers[kind], *place) for kind, place in pairs]))
+        numbers, each = functools.cache(lambda quantity: numbers_of(knee, quantity)), []
+        for i in range(len(self)):
+            leaf, (rows, quantity) = self.leaf(i), self._place(i)
+            each.append(leaf.read(knee) if leaf else value_of(numbers(quantity), rows, quantity))
+        return jnp.asarray(numpy_for(each).stack(each))
 
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.
@@ -145,10 +137,6 @@ class Selection:
             else:
                 knee = write_value(knee, *self._place(i), values[i])
         return strained(knee, strains) if strains else knee
-
-    def _one(self, knee: Knee, index: int) -> Array:
-        leaf, (rows, quantity) = self.leaf(index), self._place(index)
-        return leaf.read(knee) if leaf else value_of(numbers_of(knee, quantity), rows, quantity)
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))

@@ -31,11 +31,10 @@ OF_STRAIN = {"reference_strain": 0.0, "prestretch": 1.0}
 
 
 def value_of(numbers: Array, rows: tuple[int, ...], quantity: str) -> Array:
-    """The value of a structure whose fibres have these rows, the sum or the mean of `numbers_of`.
-    """
+    """The value of a structure of some fibres, by their rows: sum or mean of `numbers_of`."""
     xp = numpy_for(numbers)
     own = xp.asarray(numbers)[np.array(rows)]
-    return (xp.sum if quantity_of(quantity).summed else xp.mean)(own)
+    return (xp.sum if quantity_of(quantity).summed else xp.mean)(own, axis=0)
 
 
 def numbers_of(knee: Knee, quantity: str) -> Array:
@@ -73,7 +72,7 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
     if quantity_of(quantity).summed:
         value = value / len(rows)
     old, own = numbers_of(knee, quantity), _rows_of(knee, rows)
-    changed = _shared(old, rows, value, shifts=bool(axis))
+    changed = _shared(old, own, value, shifts=bool(axis))
     xp = numpy_for(knee, changed)
     if quantity == "youngs_modulus":
         quantity, old = "stiffness", knee.ligaments.stiffness
@@ -105,24 +104,24 @@ def strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Kn
     both = knee.reference_length(), knee.ligaments.slack_length
     length, slack = map(numpy_for(both).asarray, both)
     for rows, value in strains:
-        strain = _shared(length / slack - 1.0, rows, value, shifts=True)
+        own = _rows_of(knee, rows)
+        strain = _shared(length / slack - 1.0, own, value, shifts=True)
         changed = ligament_law.slack_length_from_strain(length, strain)
-        slack = numpy_for(changed, slack).where(_rows_of(knee, rows), changed, slack)
+        slack = numpy_for(changed, slack).where(own, changed, slack)
     return _with(knee, "slack_length", slack)
 
 
-def _shared(old: Array, rows: tuple[int, ...], value: Array, shifts: bool) -> Array:
+def _shared(old: Array, own: np.ndarray, value: Array, shifts: bool) -> Array:
     """Numbers of all fibres, changed so that the mean of some becomes a value.
 
     Each number is computed from its own and picked by a mask: what was gathered, changed and
     scattered in lanes aborted XLA 0.10 (a check of its fused kernels).
     """
     xp = numpy_for(old, value)
-    if len(rows) == 1:
+    if own.sum() == 1:
         return xp.broadcast_to(value, old.shape)
-    own = np.isin(np.arange(len(old)), rows)
     old = xp.asarray(old)
-    mean = xp.sum(xp.where(own, old, 0.0)) / len(rows)
+    mean = xp.sum(xp.where(own, old, 0.0)) / own.sum()
     if shifts:
         return old + (value - mean)
     # Fibres that have nothing yet (no damping, cut) share alike.

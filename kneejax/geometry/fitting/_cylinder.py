@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.geometry.fitting._fitting import points_and_weights
+from kneejax.geometry._pose import Frame
+from kneejax.geometry.fitting._fitting import Fit, center_and_radius, points_and_weights
 
 # Directions that are tried where none is known, and how many of them are followed to the end.
 _DIRECTIONS, _FOLLOWED = 64, 3
@@ -20,7 +21,7 @@ _SHARE_OF_PLANE = 0.9
 
 
 @dataclasses.dataclass(frozen=True)
-class CylinderFit:
+class CylinderFit(Fit):
     """A fitted cylinder and what is left over.
 
     Attributes:
@@ -48,11 +49,6 @@ class CylinderFit:
     weights: np.ndarray
     center_error: float
     direction_error_deg: float
-
-    @property
-    def rms(self) -> float:
-        """Root of the weighted mean square of the residual, mm."""
-        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
 
 
 def fit_cylinder(
@@ -103,6 +99,32 @@ def fit_cylinder(
     )
 
 
+def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> Frame:
+    """Axis of the cylinder, roughly medial-lateral, that lies closest to the points.
+
+    Args:
+        points: shape `(n, 3)`, mm, femur frame, of both condyles.
+        weights: shape `(n,)`; equal by default.
+
+    Returns:
+        A frame on the axis at `z = 0`, whose Z axis is the cylinder's.
+
+    Raises:
+        ValueError: fewer than 6 points, or a plane fits them as well.
+
+    Example:
+        >>> turns, z = np.meshgrid(np.linspace(0.5, 3.0, 20), np.linspace(-30.0, 30.0, 9))
+        >>> points = np.stack([20.0 * np.cos(turns), 5.0 - 20.0 * np.sin(turns), z], -1)
+        >>> [round(abs(float(x)), 3) for x in fit_transverse_axis(points.reshape(-1, 3)).origin]
+        [0.0, 5.0, 0.0]
+    """
+    found = fit_cylinder(points, weights, along=(0.0, 0.0, 1.0))
+    x, y, z = found.direction
+    origin = found.center - found.center[2] / z * found.direction
+    # Rx(a) Ry(b) takes Z to (sin b, -sin a cos b, cos a cos b).
+    return Frame((*origin[:2], 0.0), (np.arctan2(-y, z), np.arcsin(x), 0.0))
+
+
 def _starts(p: np.ndarray, root: np.ndarray) -> list[np.ndarray]:
     """The directions along which the points look most like an arc of a circle."""
     k = np.arange(_DIRECTIONS) + 0.5
@@ -124,14 +146,10 @@ def _circle(flat: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, float]:
     The linear fit of a circle is drawn to small ones where points scatter about a short arc, so
     circles on either side of the points are tried beside it.
     """
-    # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
-    columns = np.c_[2.0 * flat, np.ones(len(flat))]
-    (x, y, _), *_ = np.linalg.lstsq(
-        columns * root[:, None], (flat**2).sum(axis=1) * root, rcond=None
-    )
     _, size, axes = np.linalg.svd(flat * root[:, None], full_matrices=False)
     length = size[0] / np.sqrt(len(flat))
-    centers = np.r_[[[x, y]], np.outer(length * _CENTERS, axes[1])]
+    beside = np.outer(length * _CENTERS, axes[1])
+    centers = np.vstack([center_and_radius(flat, root**2)[:2], beside])
     distance = np.linalg.norm(flat - centers[:, None], axis=2)
     radius = np.average(distance, axis=1, weights=root**2)
     mean_square = np.mean(((distance - radius[:, None]) * root) ** 2, axis=1)

@@ -1,6 +1,6 @@
-"""Least-squares fits of planes, quadrics, axes and polynomials to points (a mesh's vertices).
+"""Least-squares fits of planes, quadrics and polynomials to points (a mesh's vertices).
 
-Spheres, ellipsoids and axes are fitted by Levenberg-Marquardt on the distance. Everything is in mm
+Spheres and ellipsoids are fitted by Levenberg-Marquardt on the distance. Everything is in mm
 and in the bone's frame; the meshes themselves are read in `kneejax.files`.
 
 A polynomial is linear in its coefficients: one factorisation fits it.
@@ -23,8 +23,25 @@ from kneejax.geometry.surfaces import Condyle, Ellipsoid, Plane, Plateau, Sphere
 S = TypeVar("S", bound=Surface)
 
 
+class Fit:
+    """What is left over between points and a fit, mm."""
+
+    residual: np.ndarray
+    weights: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """Root of the weighted mean square of the residual, mm."""
+        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
+
+    @property
+    def maximum(self) -> float:
+        """Largest distance of a point from the fit, mm."""
+        return float(np.abs(self.residual).max())
+
+
 @dataclasses.dataclass(frozen=True)
-class SurfaceFit(Generic[S]):
+class SurfaceFit(Fit, Generic[S]):
     """A fitted surface and what is left over.
 
     Attributes:
@@ -43,16 +60,6 @@ class SurfaceFit(Generic[S]):
     points: np.ndarray
     residual: np.ndarray
     weights: np.ndarray
-
-    @property
-    def rms(self) -> float:
-        """Root of the weighted mean square of the residual, mm."""
-        return float(np.sqrt(np.average(self.residual**2, weights=self.weights)))
-
-    @property
-    def maximum(self) -> float:
-        """Largest distance of a point from the fit, mm."""
-        return float(np.abs(self.residual).max())
 
 
 def fit_plane(points: ArrayLike, weights: ArrayLike | None = None, up: ArrayLike = (0, 1, 0)):
@@ -108,7 +115,7 @@ def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
     def build(y):
         return Sphere(y[3], Frame(y[:3]))
 
-    return _by_distance(build, _center_and_radius(p, w), p, w)
+    return _by_distance(build, center_and_radius(p, w), p, w)
 
 
 def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: bool = True):
@@ -143,37 +150,7 @@ def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: b
     return _by_distance(build, start, p, w)
 
 
-def fit_transverse_axis(points: ArrayLike, weights: ArrayLike | None = None) -> Frame:
-    """Axis of the cylinder, roughly medial-lateral, that lies closest to the points.
-
-    Args:
-        points: shape `(n, 3)`, mm, femur frame, of both condyles.
-        weights: shape `(n,)`; equal by default.
-
-    Returns:
-        A frame on the axis at `z = 0`, whose Z axis is the cylinder's.
-
-    Raises:
-        ValueError: fewer than 6 points.
-
-    Example:
-        >>> turns, z = np.meshgrid(np.linspace(0.5, 3.0, 20), np.linspace(-30.0, 30.0, 9))
-        >>> points = np.stack([20.0 * np.cos(turns), 5.0 - 20.0 * np.sin(turns), z], -1)
-        >>> [round(abs(float(x)), 3) for x in fit_transverse_axis(points.reshape(-1, 3)).origin]
-        [0.0, 5.0, 0.0]
-    """
-    p, w = points_and_weights(points, weights, 6, "cylinder")
-    circle = _center_and_radius(p[:, :2], w)
-
-    def residual(y, _):
-        local = _local_traced(Frame(jnp.r_[y[:2], 0.0], jnp.r_[y[2:4], 0.0]), p)
-        return jnp.sqrt(w) * (jnp.hypot(local[0], local[1]) - y[4])
-
-    y = _levenberg_marquardt(residual, np.r_[circle[:2], 0.0, 0.0, circle[2]])
-    return Frame(np.r_[y[:2], 0.0], np.r_[y[2:4], 0.0])
-
-
-def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
+def center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Centre, then radius, of the circle or sphere near the points: a start for distance fits."""
     # |p - c|^2 = r^2 is linear in c and r^2 - |c|^2.
     root = np.sqrt(weights)
@@ -185,17 +162,13 @@ def _center_and_radius(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
     """Points of a bone in the frame of a surface, shape `(n, 3)`."""
-    return np.stack([np.asarray(c) for c in _local_traced(frame, points)], axis=1)
-
-
-def _local_traced(frame: Frame, points):
-    return frame.placement.apply_inverse((points[:, 0], points[:, 1], points[:, 2]))
+    return np.stack([np.asarray(c) for c in frame.placement.apply_inverse(points.T)], axis=1)
 
 
 def _by_distance(build, start, points, weights):
     def residual(y, _):
         surface = build(y)
-        return jnp.sqrt(weights) * surface.level(_local_traced(surface.frame, points))
+        return jnp.sqrt(weights) * _level(surface, points)
 
     return finished(build(_levenberg_marquardt(residual, start)), points, weights)
 
@@ -203,7 +176,7 @@ def _by_distance(build, start, points, weights):
 # Else each of its some hundred operations is a program of its own, for every number of points.
 @jax.jit
 def _level(surface, points):
-    return surface.level(_local_traced(surface.frame, points))
+    return surface.level(surface.frame.placement.apply_inverse(points.T))
 
 
 def _levenberg_marquardt(residual, start) -> np.ndarray:
@@ -263,16 +236,21 @@ def fit_condyle(
         >>> round(float(found.surface.coefficients[0, 0]), 6)
         20.0
     """
-    frame = Frame() if frame is None else frame
+    frame, limits = Frame() if frame is None else frame, np.deg2rad(angle_deg)
+    p, w, angle, z, radius = around_axis(frame, points, weights, limits, width_mm)
+    coefficients = _polynomial_fit(
+        (angle, limits), (z, width_mm), radius, w, degree, total_degree, "condyle"
+    )
+    return finished(Condyle(coefficients, limits, width_mm, frame), p, w)
+
+
+def around_axis(frame, points, weights, angle, width_mm) -> tuple[np.ndarray, ...]:
+    """Points in a region of angles, rad, and widths, their weights, angles, widths and radii."""
     p, w = points_and_weights(points, weights, 1, "condyle")
     x, y, z = in_frame(frame, p).T
-    angle, limits = 0.5 * np.pi - np.arctan2(x, -y), np.deg2rad(angle_deg)
-    here = (angle > limits[0]) & (angle < limits[1]) & (z > width_mm[0]) & (z < width_mm[1])
-    coefficients = _polynomial_fit(
-        (angle[here], limits), (z[here], width_mm), np.hypot(x, y)[here], w[here], degree,
-        total_degree, "condyle",
-    )
-    return finished(Condyle(coefficients, limits, width_mm, frame), p[here], w[here])
+    turn = 0.5 * np.pi - np.arctan2(x, -y)
+    here = (turn > angle[0]) & (turn < angle[1]) & (z > width_mm[0]) & (z < width_mm[1])
+    return p[here], w[here], turn[here], z[here], np.hypot(x, y)[here]
 
 
 def fit_plateau(

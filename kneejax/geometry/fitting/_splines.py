@@ -9,13 +9,22 @@ much about it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
 from kneejax.geometry._pose import Frame
-from kneejax.geometry.fitting._fitting import S, SurfaceFit, finished, in_frame, points_and_weights
+from kneejax.geometry.fitting._fitting import (
+    S,
+    SurfaceFit,
+    around_axis,
+    finished,
+    in_frame,
+    points_and_weights,
+)
 from kneejax.geometry.surfaces import CUBIC_SPLINE, Condyle, Plateau
 
 #: Sizes of cells and lengths of smoothing that are tried, mm.
@@ -93,19 +102,16 @@ def fit_condyle_spline(
         >>> bool(abs(found.residual).max() < 0.01)
         True
     """
-    frame = Frame() if frame is None else frame
-    p, w = points_and_weights(points, weights, 1, "condyle")
-    x, y, z = in_frame(frame, p).T
-    angle, radius, limits = 0.5 * np.pi - np.arctan2(x, -y), np.hypot(x, y), np.deg2rad(angle_deg)
-    here = (angle > limits[0]) & (angle < limits[1]) & (z > width_mm[0]) & (z < width_mm[1])
-    _enough(here, "condyle")
-    mean = float(np.average(radius[here], weights=w[here]))
+    frame, limits = Frame() if frame is None else frame, np.deg2rad(angle_deg)
+    p, w, angle, z, radius = around_axis(frame, points, weights, limits, width_mm)
+    _enough(p, "condyle")
+    mean = float(np.average(radius, weights=w))
     # Along the arc in mm, so that cells and bends are as long in both directions.
     region = ((mean * limits[0], mean * limits[1]), width_mm)
-    sheet = _Sheet(mean * angle[here], z[here], radius[here], w[here], region)
-    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=2.0)
-    surface = Condyle(chosen.table, limits, width_mm, frame, CUBIC_SPLINE)
-    return _finished(surface, p[here], w[here], chosen)
+    sheet = _Sheet(mean * angle, z, radius, w, region)
+    table, how = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=2.0)
+    surface = Condyle(table, limits, width_mm, frame, CUBIC_SPLINE)
+    return SplineFit(**vars(finished(surface, p, w)), **how)
 
 
 def fit_plateau_spline(
@@ -148,11 +154,11 @@ def fit_plateau_spline(
     p, w = points_and_weights(points, weights, 1, "plateau")
     x, y, z = in_frame(frame, p).T
     here = (x >= x_mm[0]) & (x <= x_mm[1]) & (z >= z_mm[0]) & (z <= z_mm[1])
-    _enough(here, "plateau")
-    sheet = _Sheet(x[here], z[here], y[here], w[here], (x_mm, z_mm))
-    chosen = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=0.0)
-    surface = Plateau(chosen.table, x_mm, z_mm, frame, CUBIC_SPLINE, outline)
-    return _finished(surface, p[here], w[here], chosen)
+    _enough(p[here], "plateau")
+    sheet = _Sheet(x, z, y, w, (x_mm, z_mm)).part(here)
+    table, how = _choose(sheet, cell_mm, smoothing_mm, patch_mm, fall=0.0)
+    surface = Plateau(table, x_mm, z_mm, frame, CUBIC_SPLINE, outline)
+    return SplineFit(**vars(finished(surface, p[here], w[here])), **how)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,10 +175,9 @@ class _Sheet:
         (a0, a1), (b0, b1) = self.region
         return max(1, round((a1 - a0) / size)), max(1, round((b1 - b0) / size))
 
-    def thinned(self) -> _Sheet:
-        step = -(-len(self.a) // _MOST_POINTS)
-        a, b, value, weight = (x[::step] for x in (self.a, self.b, self.value, self.weight))
-        return _Sheet(a, b, value, weight * step, self.region)
+    def part(self, rows: np.ndarray | slice) -> _Sheet:
+        a, b, value, weight = (x[rows] for x in (self.a, self.b, self.value, self.weight))
+        return _Sheet(a, b, value, weight, self.region)
 
     def beyond(self, fall: float) -> _Sheet:
         """Places of the region far from every point: there a spline would go where it likes.
@@ -185,7 +190,9 @@ class _Sheet:
             for lower, upper in self.region
         ]
         a, b = (x.ravel() for x in np.meshgrid(*axes, indexing="ij"))
-        near, away = _nearest(a, b, self.a, self.b)
+        from scipy.spatial import KDTree  # 0.1 s that no other command should wait for
+
+        away, near = map(np.asarray, KDTree(np.c_[self.a, self.b]).query(np.c_[a, b]))
         far = away > _FAR_MM
         value = self.value[near[far]]
         value = np.maximum(value - fall * away[far], np.minimum(value, 0.5 * value))
@@ -202,24 +209,29 @@ class _Sheet:
         return dataclasses.replace(self, weight=self.weight / (1.0 + by_a**2 + by_b**2))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Chosen:
-    table: np.ndarray
-    cells: tuple[int, int]
-    smoothing_mm: float
-    held_out_rms: float
-    tried: tuple[tuple[float, float, float], ...]
-
-
-def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float) -> _Chosen:
+def _choose(
+    sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float
+) -> tuple[np.ndarray, dict[str, Any]]:
+    """Control values, and how they were chosen: what a `SplineFit` has beside a `SurfaceFit`."""
     sizes = sorted(np.atleast_1d(cell_mm).tolist(), reverse=True)
     lengths = sorted(np.atleast_1d(smoothing_mm).tolist())
-    sheet = sheet.thinned()
+    step = -(-len(sheet.a) // _MOST_POINTS)
+    sheet = sheet.part(slice(None, None, step))
+    sheet = dataclasses.replace(sheet, weight=sheet.weight * step)
     anchors = sheet.beyond(fall)
-    coarse = _normal_equations(sheet, sheet.cells(sizes[0]), anchors)
+
+    def equations(cells: tuple[int, int]) -> _Equations:
+        return _normal_equations(sheet, cells).plus(_normal_equations(anchors, cells))
+
+    coarse = equations(sheet.cells(sizes[0]))
     # Slopes of a first fit say what a difference of value is along the normal.
     sheet = sheet.along_normals(coarse.solve(lengths[-1]))
-    fold = _folds(sheet, patch_mm)
+    # Patches that touch along an edge are in different folds.
+    i, j = (
+        np.floor((x - lower) / patch_mm).astype(int)
+        for x, (lower, _) in zip((sheet.a, sheet.b), sheet.region, strict=True)
+    )
+    fold = (i + 2 * j) % _FOLDS
     # Smoothing and size hardly depend on each other: first one, then the other.
     middle = [lengths[(len(lengths) - 1) // 2]]
     tried = [
@@ -233,33 +245,19 @@ def _choose(sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float) 
     tried += [(size, *row) for row in _held_out(sheet, anchors, fold, sheet.cells(size), rest)]
     _, length, rms = min((row for row in tried if row[0] == size), key=lambda row: row[2])
     cells = sheet.cells(size)
-    table = _normal_equations(sheet, cells, anchors).solve(length)
-    return _Chosen(table, cells, length, rms, tuple(tried))
-
-
-def _folds(sheet: _Sheet, patch_mm: float) -> np.ndarray:
-    """Number of the fold of each point; patches that touch along an edge are in different ones."""
-    i = np.floor((sheet.a - sheet.region[0][0]) / patch_mm).astype(int)
-    j = np.floor((sheet.b - sheet.region[1][0]) / patch_mm).astype(int)
-    return (i + 2 * j) % _FOLDS
+    how = {"cells": cells, "smoothing_mm": length, "held_out_rms": rms, "tried": tuple(tried)}
+    return equations(cells).solve(length), how
 
 
 def _held_out(sheet: _Sheet, anchors: _Sheet, fold: np.ndarray, cells, lengths):
-    parts, held = [], _normal_equations(anchors, cells)
-    for number in range(_FOLDS):
-        rows = fold == number
-        part = _Sheet(
-            sheet.a[rows], sheet.b[rows], sheet.value[rows], sheet.weight[rows], sheet.region
-        )
-        parts.append((part, _normal_equations(part, cells)))
-    matrix = held.matrix + sum(equations.matrix for _, equations in parts)
-    right = held.right + sum(equations.right for _, equations in parts)
+    parts = [sheet.part(fold == number) for number in range(_FOLDS)]
+    each = [_normal_equations(part, cells) for part in parts]
+    whole = functools.reduce(_Equations.plus, each, _normal_equations(anchors, cells))
     for length in lengths:
         square = 0.0
-        for part, own in parts:
-            rest = dataclasses.replace(own, matrix=matrix - own.matrix, right=right - own.right)
-            off = part.value - _rows(part, cells) @ rest.solve(length).ravel()
-            square += float(np.sum(part.weight * off**2))
+        for part, own in zip(parts, each, strict=True):
+            rest = whole.plus(own, -1.0).solve(length).ravel()
+            square += float(np.sum(part.weight * (part.value - _rows(part, cells) @ rest) ** 2))
         yield length, float(np.sqrt(square / sheet.weight.sum()))
 
 
@@ -270,6 +268,11 @@ class _Equations:
     bending: np.ndarray
     cells: tuple[int, int]
 
+    def plus(self, other: _Equations, sign: float = 1.0) -> _Equations:
+        """Those of the points of both, or without those of the other."""
+        matrix, right = self.matrix + sign * other.matrix, self.right + sign * other.right
+        return dataclasses.replace(self, matrix=matrix, right=right)
+
     def solve(self, smoothing_mm: float) -> np.ndarray:
         """Control values with a bending energy whose weight is the smoothing's fourth power."""
         matrix = self.matrix + smoothing_mm**4 * self.bending
@@ -278,13 +281,7 @@ class _Equations:
         return np.linalg.solve(matrix, self.right).reshape(self.cells[0] + 3, self.cells[1] + 3)
 
 
-def _normal_equations(
-    sheet: _Sheet, cells: tuple[int, int], anchors: _Sheet | None = None
-) -> _Equations:
-    if anchors is not None:
-        own, held = _normal_equations(sheet, cells), _normal_equations(anchors, cells)
-        matrix, right = own.matrix + held.matrix, own.right + held.right
-        return dataclasses.replace(own, matrix=matrix, right=right)
+def _normal_equations(sheet: _Sheet, cells: tuple[int, int]) -> _Equations:
     rows = _rows(sheet, cells)
     weighted = rows * sheet.weight[:, None]
     (a0, a1, a2), (b0, b1, b2) = (
@@ -330,24 +327,6 @@ def _basis(x: np.ndarray, limits: tuple[float, float], count: int, order: int) -
     return table
 
 
-def _nearest(a, b, points_a, points_b) -> tuple[np.ndarray, np.ndarray]:
-    """Number of the point nearest to each place, and its distance."""
-    found = np.empty(len(a), int)
-    for start in range(0, len(a), 200):
-        rows = slice(start, start + 200)
-        square = (a[rows, None] - points_a) ** 2 + (b[rows, None] - points_b) ** 2
-        found[rows] = np.argmin(square, axis=1)
-    return found, np.hypot(a - points_a[found], b - points_b[found])
-
-
-def _enough(here: np.ndarray, what: str) -> None:
-    if here.sum() < 16:
-        raise ValueError(f"{what}: {here.sum()} points in the region; a spline needs 16 at least")
-
-
-def _finished(surface: S, points: np.ndarray, weights: np.ndarray, chosen: _Chosen) -> SplineFit[S]:
-    fit = finished(surface, points, weights)
-    return SplineFit(
-        fit.surface, fit.points, fit.residual, fit.weights,
-        chosen.cells, chosen.smoothing_mm, chosen.held_out_rms, chosen.tried,
-    )  # fmt: skip
+def _enough(points: np.ndarray, what: str) -> None:
+    if len(points) < 16:
+        raise ValueError(f"{what}: {len(points)} points in the region; a spline needs 16 at least")

@@ -34,7 +34,15 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry._vectors import Vector, plus, times
-from kneejax.geometry.paths._round import Section, Wrapped, choose, joined, section, unit
+from kneejax.geometry.paths._round import (
+    Section,
+    Wrapped,
+    choose,
+    inverse_of,
+    joined,
+    section,
+    unit,
+)
 from kneejax.numerics import arctan2
 
 #: Planes through both ends whose paths are compared before the search.
@@ -70,41 +78,42 @@ class _Plane(NamedTuple):
 
 
 def around_ellipsoid(
-    start: Vector, end: Vector, shape: Vector, aim: tuple[Array, ...] = ()
+    start: Vector, end: Vector, shape: Vector, s: Section | None = None, aim: tuple[Array, ...] = ()
 ) -> Wrapped:
-    """The taut path around an ellipsoid of semi-axes `shape`.
+    """The taut path around an ellipsoid of semi-axes `shape`, whose section may be known.
 
     With the `aim` of a path that was found before, nothing is searched, and the path can be
     differentiated by the shape.
     """
+    p, q = inverse_of(shape) * start, inverse_of(shape) * end
+    s = section(p, q) if s is None else s
     if aim:
-        return shot_path(start, end, shape, Aim(*aim))
-    aim, other = search(start, end, shape)
-    path = shot_path(start, end, shape, aim)
+        return _shot_path(end, p, q, s, shape, Aim(*aim))
+    aim, other = search(end, p, q, s, shape)
+    path = _shot_path(end, p, q, s, shape, aim)
     return path._replace(opposite=path.length + other)
 
 
-def search(start: Vector, end: Vector, shape: Vector) -> tuple[Aim, Array]:
+def search(end: Vector, p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Array]:
     """Aim of the taut path, and how much longer the best path well beside it is, mm."""
-    p, q = _inverse(shape) * start, _inverse(shape) * end
-    s = section(p, q)
     aim, other = _first_aim(p, q, s, shape)
+    aim = aim._replace(turn=jnp.minimum(aim.turn, _most(s)))
     aim = lax.fori_loop(0, SHOTS, lambda _, a: _better_aim(end, p, q, s, shape, a), aim)
     return aim, other
 
 
-def shot_path(start: Vector, end: Vector, shape: Vector, aim: Aim) -> Wrapped:
+def _shot_path(
+    end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim
+) -> Wrapped:
     """The path along a geodesic with this aim, its small miss corrected to first order.
 
     Differentiable by the shape for a fixed aim: the correction is one step of Newton's rule.
     """
-    p, q = _inverse(shape) * start, _inverse(shape) * end
-    s = section(p, q)
     zero = jnp.zeros_like(aim.turn)
     one = zero + 1.0
     shot = _finished(_shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS), q, shape)
     x0, x1 = shape * shot.begin, shape * shot.finish
-    n0, n1 = (unit(_inverse(shape) * u) for u in (shot.begin, shot.finish))
+    n0, n1 = (unit(inverse_of(shape) * u) for u in (shot.begin, shot.finish))
     # A piece too short to have a direction of its own has the geodesic's.
     along = shape * shot.finish_along
     speeds = (shape * shot.begin_along).norm(), along.norm()
@@ -127,22 +136,17 @@ def shot_path(start: Vector, end: Vector, shape: Vector, aim: Aim) -> Wrapped:
     return Wrapped(length, t0, t1, (x0, x1), (n0, n1), (first, last), (a, b, d), length, aim)
 
 
-def trace(start: Vector, end: Vector, shape: Vector, aim: Aim, count: int) -> Vector:
+def trace(p: Vector, s: Section, shape: Vector, aim: Aim, count: int) -> Vector:
     """`count` points of the geodesic from contact to contact, along a new first axis."""
-    p, q = _inverse(shape) * start, _inverse(shape) * end
-    u, w = _begin(p, section(p, q), aim)
+    u, w = _begin(p, s, aim)
     stride = _Stride.of(aim.turn / (count - 1), shape)
     state = (u, w, jnp.zeros_like(aim.turn), ())
     _, points = lax.scan(lambda at, _: (_step(at, stride), at[0]), state, length=count)
     return shape * points
 
 
-def _inverse(shape: Vector) -> Vector:
-    return Vector(1.0 / shape.x, 1.0 / shape.y, 1.0 / shape.z)
-
-
 def _metric(shape: Vector) -> Vector:
-    return _inverse(shape) * _inverse(shape)
+    return inverse_of(shape) * inverse_of(shape)
 
 
 def _away_from_zero(spread: Array, length: Array) -> Array:
@@ -254,14 +258,14 @@ def _better_aim(
     fan = ((first, jnp.ones_like(first)),)
     shot = _shoot(p, s, shape, aim, fan, SEARCH_STEPS)
     onward = end - shape * shot.finish
-    steep = _inverse(shape) * shot.finish
+    steep = inverse_of(shape) * shot.finish
     sideways = unit(steep.cross(shape * shot.finish_along))
     last = jnp.sqrt(onward @ onward)
     miss, slope = shot.fields[0]
     spread = _away_from_zero(miss + last * slope, first + shot.arc + last)
     swing = sideways @ onward / spread
     # An angle on the circle of contact turns the straight piece by this much less.
-    area = shape[0] * shape[1] * shape[2] * (_inverse(shape) * shot.begin).norm()
+    area = shape[0] * shape[1] * shape[2] * (inverse_of(shape) * shot.begin).norm()
     angle = swing * jnp.sqrt(p @ p) * speed_square / area
     half = 0.5 * jnp.clip(angle, -0.6, 0.6)
     inverse = 1.0 / (1.0 + half * half)
@@ -270,8 +274,13 @@ def _better_aim(
     return Aim(
         aim.cosine * c - aim.sine * d,
         aim.sine * c + aim.cosine * d,
-        jnp.clip(aim.turn + more, -1.0, 5.0),
+        jnp.clip(aim.turn + more, -1.0, _most(s)),
     )
+
+
+def _most(s: Section) -> Array:
+    """How far a geodesic may run, rad: past a segment that stays clear it would run anywhere."""
+    return jnp.where(s.turn < 0.0, 0.5, 5.0)
 
 
 def _plane(
@@ -318,7 +327,7 @@ def _plane(
 def _first_aim(p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Array]:
     """Aim along the best of a fan of planes, and how much longer the best one beside it is."""
     # Evenly spaced about the line in the ellipsoid's own space, where no side is squeezed.
-    middle = _inverse(shape) * s.pole
+    middle = inverse_of(shape) * s.pole
     across = unit((shape * (q - p)).cross(middle))
     beside = middle.norm() * (shape * across)
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]

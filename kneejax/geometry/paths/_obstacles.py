@@ -5,39 +5,27 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import TypeAlias
 
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
+from kneejax.geometry._pose import Frame, framed, numbers
 from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.paths._ellipsoid import around_ellipsoid
-from kneejax.geometry.paths._round import (
-    Section,
-    Wrapped,
-    around_cylinder,
-    around_sphere,
-    section,
-    section_by_side,
-)
+from kneejax.geometry.paths._round import Wrapped, around_cylinder, around_sphere
 
 #: Name of a side of a cylinder -> where it is in the cylinder's frame.
 SIDES: dict[str, Vector] = {"+x": AXES.x, "-x": -AXES.x, "+y": AXES.y, "-y": -AXES.y}
 
-Around: TypeAlias = Callable[..., Wrapped]
-
 
 class Obstacle(eqx.Module):
-    """A convex body that fibres cannot pass through, fixed to a bone.
+    """A convex body that fibres cannot pass through, fixed to a bone."""
 
-    Attributes:
-        frame: the obstacle's frame in the bone's.
-    """
-
-    frame: eqx.AbstractVar[Frame]
+    @property
+    @abstractmethod
+    def frame(self) -> Frame:
+        """The obstacle's frame in the bone's."""
 
     @property
     @abstractmethod
@@ -46,18 +34,14 @@ class Obstacle(eqx.Module):
 
     @property
     @abstractmethod
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         """The function that winds a path around this kind."""
 
     @property
-    def section(self) -> Callable[[Vector, Vector], Section]:
-        """The function that finds the way around, where the obstacle is scaled to a sphere."""
-        return section
-
-    @property
-    def keeps_side(self) -> bool:
-        """Whether a path may not go to the other side where that is shorter."""
-        return False
+    def passes(self) -> Vector | None:
+        """The side on which paths pass, however far that leads around; None where they take the
+        shorter way."""
+        return None
 
 
 class WrapSphere(Obstacle):
@@ -73,12 +57,8 @@ class WrapSphere(Obstacle):
         (20.0, 0.0)
     """
 
-    radius: Array
-    frame: Frame
-
-    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
-        self.radius = jnp.asarray(radius, float)
-        self.frame = Frame() if frame is None else frame
+    radius: Array = numbers()
+    frame: Frame = framed()
 
     @property
     def semi_axes_along_frame(self) -> Vector:
@@ -86,7 +66,7 @@ class WrapSphere(Obstacle):
         return Vector(self.radius, self.radius, self.radius)
 
     @property
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         return around_sphere
 
 
@@ -106,18 +86,10 @@ class WrapCylinder(Obstacle):
         (10.0, '+x')
     """
 
-    radius: Array
-    length: Array
-    frame: Frame
-    side: str = eqx.field(static=True)
-
-    def __init__(
-        self, radius: ArrayLike, length: ArrayLike, frame: Frame | None = None, side: str = ""
-    ):
-        self.radius = jnp.asarray(radius, float)
-        self.length = jnp.asarray(length, float)
-        self.frame = Frame() if frame is None else frame
-        self.side = side
+    radius: Array = numbers()
+    length: Array = numbers()
+    frame: Frame = framed()
+    side: str = eqx.field(static=True, default="")
 
     def __check_init__(self):
         if self.side and self.side not in SIDES:
@@ -129,16 +101,12 @@ class WrapCylinder(Obstacle):
         return Vector(self.radius, self.radius, jnp.full_like(self.radius, jnp.inf))
 
     @property
-    def around(self) -> Around:
-        return partial(around_cylinder, section=self.section)
+    def around(self) -> Callable[..., Wrapped]:
+        return partial(around_cylinder, side=self.passes)
 
     @property
-    def section(self) -> Callable[[Vector, Vector], Section]:
-        return partial(section_by_side, side=SIDES[self.side]) if self.side else section
-
-    @property
-    def keeps_side(self) -> bool:
-        return bool(self.side)
+    def passes(self) -> Vector | None:
+        return SIDES.get(self.side)
 
 
 class WrapEllipsoid(Obstacle):
@@ -153,12 +121,8 @@ class WrapEllipsoid(Obstacle):
         [30.0, 18.0, 12.0]
     """
 
-    semi_axes: Array
-    frame: Frame
-
-    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
-        self.semi_axes = jnp.asarray(semi_axes, float)
-        self.frame = Frame() if frame is None else frame
+    semi_axes: Array = numbers()
+    frame: Frame = framed()
 
     @property
     def semi_axes_along_frame(self) -> Vector:
@@ -166,5 +130,5 @@ class WrapEllipsoid(Obstacle):
         return Vector.of(self.semi_axes)
 
     @property
-    def around(self) -> Around:
+    def around(self) -> Callable[..., Wrapped]:
         return around_ellipsoid

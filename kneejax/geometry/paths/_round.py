@@ -20,13 +20,15 @@ meet again at the end: the path is then about to lose its place as the shortest 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.custom_derivatives import SymbolicZero
 
-from kneejax.geometry._vectors import AXES, Vector, minus
+from kneejax.geometry._vectors import AXES, Component, Vector, minus, plus, times
 from kneejax.numerics import arctan2
 
 #: Heights above the surface below this (relative, squared) count as on it: an end on the
@@ -52,8 +54,8 @@ class Wrapped(NamedTuple):
     normals: tuple[Vector, Vector]
     pieces: tuple[Array, Array]
     transfer: tuple[Array, Array, Array]
-    opposite: Array
-    aim: tuple[Array, ...]
+    opposite: Array  # length of the path round another side
+    aim: tuple[Array, ...] = ()
 
 
 class Section(NamedTuple):
@@ -69,20 +71,17 @@ class Section(NamedTuple):
     forward: Vector
     pole: Vector
     tangents: tuple[Array, Array]
-    opposite: Array
 
 
 def unit(a: Vector) -> Vector:
     """Direction of a vector; zero for the zero vector, with finite derivatives."""
-    square = jnp.asarray(a @ a, float)
-    positive = square > 0.0
-    inverse = jnp.where(positive, 1.0 / jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
-    return inverse * a
+    square = a @ a
+    return a / jnp.sqrt(jnp.where(square > 0.0, square, jnp.inf))
 
 
-def unit_outside(a: Vector) -> Vector:
-    """Direction of a point outside the unit sphere; shorter than one for a point inside."""
-    return a / jnp.sqrt(jnp.maximum(a @ a, 1.0))
+def inverse_of(a: Vector) -> Vector:
+    """One over each component."""
+    return Vector(1.0 / a.x, 1.0 / a.y, 1.0 / a.z)
 
 
 def choose(condition: Array, a: Vector, b: Vector) -> Vector:
@@ -90,61 +89,97 @@ def choose(condition: Array, a: Vector, b: Vector) -> Vector:
     return Vector(*(jnp.where(condition, i, j) for i, j in zip(a, b, strict=True)))
 
 
-def section(start: Vector, end: Vector) -> Section:
+def changed(tangent: Vector) -> Vector:
+    """A change of a vector, as a rule with `symbolic_zeros=True` gets it, with known zeros."""
+    return Vector(*(0.0 if isinstance(x, SymbolicZero) else x for x in tangent))
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(2,))
+def section(start: Vector, end: Vector, side: Vector | None = None) -> Section:
     """Tangents to the unit sphere in the plane of its centre and two points outside it, the
-    shorter way around.
+    shorter way around; where the three are on one line, in a plane across the axis of the least
+    component of `start`.
 
-    Where the three are on one line any plane does; the one nearest to the least component of
-    `start` is taken.
+    With a `side` (a direction across Z) the points lie in the plane across Z, and the way is the
+    one that passes on that side of the axis, however far it leads around.
     """
-    out = unit_outside(start)
-    along = out @ end
-    across = end - along * out
-    width = across.norm()
-    # Any direction across a line through the centre: start the line, drop its part along.
-    x, y, z = (jnp.abs(c) for c in out)
-    least_x, least_y = (x <= y) & (x <= z), (y < x) & (y <= z)
-    axis = Vector(1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
-    beside = unit(axis - axis @ out * out)
-    aligned = width < 1e-12 * end.norm()
-    forward = choose(aligned, beside, across / jnp.where(aligned, 1.0, width))
-    return _tangents(start, end, forward, width)
-
-
-def section_by_side(start: Vector, end: Vector, side: Vector) -> Section:
-    """The same in the plane across Z, the way that passes on a given side of the axis (a direction
-    across Z), however far it leads around; the Z of both ends counts for nothing."""
-    ends = unit_outside(start), unit_outside(end)
-    # From `start` over `side` to `end`. The end that stands farther off the line along `side`
-    # decides: the other may go past the far side.
-    lead = (ends[0] - ends[1]).cross(side) @ AXES.z
-    pole = Vector(0.0, 0.0, jnp.where(lead >= 0.0, 1.0, -1.0))
-    forward = pole.cross(ends[0])
-    return _tangents(start, end, forward, forward @ end)
-
-
-def _tangents(start: Vector, end: Vector, forward: Vector, width: Array) -> Section:
-    """Tangents to the unit sphere of a path that leaves `start` forward, a unit vector across it
-    in the plane of the section; `width` is how far `end` lies that way, negative beyond half a
-    turn."""
-    square = start @ start, end @ end
-    distance = tuple(jnp.sqrt(jnp.maximum(s, 1.0)) for s in square)
-    tangents = tuple(jnp.sqrt(jnp.maximum(s - 1.0, ON_SURFACE)) for s in square)
+    distance = _distance(start), _distance(end)
     out, out_end = start / distance[0], end / distance[1]
-    along, pole = out @ end, out.cross(forward)
-    back = out_end.cross(pole)
+    along = out @ end
+    if side is None:
+        across = end - along * out
+        width = across.norm()
+        # Any direction across a line through the centre; across Z too where all else is.
+        x, y, z = (jnp.abs(c) for c in out)
+        least_x, least_y = (x <= y) & (x <= z), (y < x) & (y <= z)
+        axis = Vector(1.0 * least_x, 1.0 * least_y, 1.0 * ~(least_x | least_y))
+        beside = unit(out.cross(axis))
+        aligned = width < 1e-12 * end.norm()
+        forward = choose(aligned, beside, across / jnp.where(aligned, 1.0, width))
+        pole = out.cross(forward)
+    else:
+        # From `start` over `side` to `end`. The end that stands farther off the line along `side`
+        # decides: the other may go past the far side.
+        lead = (out - out_end).cross(side) @ AXES.z
+        pole = Vector(0.0, 0.0, jnp.where(lead >= 0.0, 1.0, -1.0))
+        forward = pole.cross(out)
+        width = forward @ end
+    tangents = tuple(jnp.sqrt(jnp.maximum(p @ p - 1.0, ON_SURFACE)) for p in (start, end))
     first = (out + tangents[0] * forward) / distance[0]
-    last = (out_end + tangents[1] * back) / distance[1]
+    last = (out_end + tangents[1] * out_end.cross(pole)) / distance[1]
     # Arguments of complex numbers add: one arctangent for the angle less its two free parts.
     free = 1.0 - tangents[0] * tangents[1], tangents[0] + tangents[1]
     turn = arctan2(width * free[0] - along * free[1], along * free[0] + width * free[1])
-    between = arctan2(width, along)
-    # Beyond half a turn both count on.
+    # Beyond half a turn it counts on.
     turn = jnp.where((width < 0.0) & (turn < 0.0), turn + 2.0 * jnp.pi, turn)
-    between = jnp.where(width < 0.0, between + 2.0 * jnp.pi, between)
-    # Round the other side the ends see each other at 2 pi less their angle.
-    opposite = 2.0 * jnp.pi + turn - 2.0 * between
-    return Section(turn, (first, last), forward, pole, (tangents[0], tangents[1]), opposite)
+    return Section(turn, (first, last), forward.full(), pole.full(), tangents)
+
+
+@partial(section.defjvp, symbolic_zeros=True)
+def _section_jvp(side, primals, tangents):
+    """Contacts turn in the plane with the ends and as the straight pieces grow, and with the plane;
+    traced through `section` the change is seven times as many operations."""
+    (start, end), (d_start, d_end) = primals, map(changed, tangents)
+    s = section(start, end, side)
+    distance = _distance(start), _distance(end)
+    out, out_end = start / distance[0], end / distance[1]
+    width, size = s.forward @ end, end.norm()
+    # The plane's normal stays across both ends: it turns along `out` and along `forward`.
+    lower, sideways = times(1.0 / distance[0], s.pole @ d_start), s.pole @ d_end
+    steep = 1.0 / jnp.where(jnp.abs(width) < 1e-12 * size, jnp.inf, width)
+    tilt = times(minus(times(out @ end, lower), sideways), steep)
+    d_pole = tilt * s.forward - lower * out
+
+    def piece(p: Vector, d_p: Vector, tangent: Array) -> Component:
+        square = tangent * tangent
+        return times(jnp.where(square > ON_SURFACE, 1.0 / tangent, 0.0), p @ d_p)
+
+    d_tangents = piece(start, d_start, s.tangents[0]), piece(end, d_end, s.tangents[1])
+    swing = times(1.0 / distance[0], s.forward @ d_start)
+    swing_end = times(1.0 / distance[1], s.pole.cross(out_end) @ d_end)
+    angles = (
+        plus(swing, times(1.0 / (distance[0] * distance[0]), d_tangents[0])),
+        minus(swing_end, times(1.0 / (distance[1] * distance[1]), d_tangents[1])),
+    )
+    d_contacts = tuple(
+        angle * s.pole.cross(contact) - (contact @ d_pole) * s.pole
+        for angle, contact in zip(angles, s.contacts, strict=True)
+    )
+    d_forward = -tilt * s.pole - swing * out
+    change = Section(minus(angles[1], angles[0]), d_contacts, d_forward, d_pole, d_tangents)
+    return s, jax.tree.map(lambda x, dx: jnp.broadcast_to(dx, x.shape), s, change)
+
+
+def _distance(p: Vector) -> Array:
+    """From the centre; one for a point inside the unit sphere."""
+    return jnp.sqrt(jnp.maximum(p @ p, 1.0))
+
+
+def other_way(s: Section, start: Vector, end: Vector) -> Array:
+    """Angle of the arc round the other side: there the ends see each other at 2 pi less theirs."""
+    width = s.forward @ end
+    between = arctan2(width, s.forward.cross(s.pole) @ end)
+    return 2.0 * jnp.pi + s.turn - 2.0 * jnp.where(width < 0.0, between + 2.0 * jnp.pi, between)
 
 
 def joined(first: Array, arc: tuple[Array, Array, Array, Array], last: Array) -> tuple[Array, ...]:
@@ -155,25 +190,23 @@ def joined(first: Array, arc: tuple[Array, Array, Array, Array], last: Array) ->
 
 
 def around_sphere(
-    start: Vector, end: Vector, shape: Vector, aim: tuple[Array, ...] = ()
+    start: Vector, end: Vector, shape: Vector, s: Section | None = None, aim: tuple[Array, ...] = ()
 ) -> Wrapped:
-    """The taut path around a sphere of radius `shape[0]`."""
+    """The taut path around a sphere of radius `shape[0]`, in a section that may be known."""
     radius = shape[0]
-    s = section(start / radius, end / radius)
-    contacts = radius * s.contacts[0], radius * s.contacts[1]
+    p, q = start / radius, end / radius
+    s = section(p, q) if s is None else s
     first, last = radius * s.tangents[0], radius * s.tangents[1]
     sine, cosine = jnp.sin(s.turn), jnp.cos(s.turn)
-    length = first + radius * s.turn + last
     return Wrapped(
-        length,
+        first + radius * s.turn + last,
         s.pole.cross(s.contacts[0]),
         s.pole.cross(s.contacts[1]),
-        contacts,
+        (radius * s.contacts[0], radius * s.contacts[1]),
         s.contacts,
         (first, last),
         joined(first, (cosine, radius * sine, -sine / radius, cosine), last),
-        first + radius * s.opposite + last,
-        (),
+        first + radius * other_way(s, p, q) + last,
     )
 
 
@@ -181,16 +214,16 @@ def around_cylinder(
     start: Vector,
     end: Vector,
     shape: Vector,
+    s: Section | None = None,
     aim: tuple[Array, ...] = (),
     *,
-    section: Callable[[Vector, Vector], Section] = section,
+    side: Vector | None = None,
 ) -> Wrapped:
-    """The taut path around an endless cylinder of radius `shape[0]` about Z: a helix between."""
+    """The taut path around an endless cylinder of radius `shape[0]` about Z: a helix between; round
+    another side it is endless where the side is given."""
     radius = shape[0]
-    s = section(
-        Vector(start.x / radius, start.y / radius, 0.0 * start.z),
-        Vector(end.x / radius, end.y / radius, 0.0 * end.z),
-    )
+    p, q = (Vector(x.x / radius, x.y / radius, 0.0 * x.z) for x in (start, end))
+    s = section(p, q, side) if s is None else s
     rise = minus(end[2], start[2])
     flat = radius * (s.tangents[0] + s.turn + s.tangents[1])
     flat = jnp.maximum(flat, 1e-9 * radius)
@@ -205,7 +238,10 @@ def around_cylinder(
         directions.append(Vector(x / stretch, y / stretch, slope / stretch))
         contacts.append(Vector(radius * point.x, radius * point.y, height))
     one, arc = jnp.ones_like(length), radius * s.turn * stretch
-    other = radius * (s.tangents[0] + s.opposite + s.tangents[1])
+    opposite = jnp.full_like(length, jnp.inf)
+    if side is None:
+        other = first + radius * other_way(s, p, q) + last
+        opposite = jnp.sqrt(other * other + rise * rise)
     first, last = first * stretch, last * stretch
     return Wrapped(
         length,
@@ -215,21 +251,23 @@ def around_cylinder(
         s.contacts,
         (first, last),
         joined(first, (one, arc, 0.0 * one, one), last),
-        jnp.sqrt(other * other + rise * rise),
-        (),
+        opposite,
     )
 
 
 def differentiate(
-    w: Wrapped, leave: Vector, reach: Vector, start: Vector, end: Vector
-) -> tuple[Array, Vector, Vector]:
-    """Changes of length and of both directions with changes of the ends (module docstring)."""
-    (n0, n1), (first, last), (a, b, d) = w.normals, w.pieces, w.transfer
-    b0, b1 = n0.cross(w.leave), n1.cross(w.reach)
-    spread = jnp.maximum(b, LEAST_SPREAD * jnp.abs(w.length))
+    w: Wrapped, known: Wrapped, start: Vector, end: Vector
+) -> tuple[Component, Vector, Vector]:
+    """Changes of length and of both directions with changes of the ends (module docstring): the
+    directions of a path, and what else is known of it."""
+    (n0, n1), (first, last), (a, b, d) = known.normals, known.pieces, known.transfer
+    b0, b1 = n0.cross(known.leave), n1.cross(known.reach)
+    spread = 1.0 / jnp.maximum(b, LEAST_SPREAD * jnp.abs(known.length))
     y0, y1 = b0 @ start, b1 @ end
+    dips = times(1.0 / first, minus(0.0, n0 @ start)), times(1.0 / last, n1 @ end)
+    turns = times(spread, minus(y1, times(a, y0))), times(spread, minus(times(d, y1), y0))
     return (
-        minus(reach @ end, leave @ start),
-        -(n0 @ start) / first * n0 + (y1 - a * y0) / spread * b0,
-        n1 @ end / last * n1 + (d * y1 - y0) / spread * b1,
+        minus(w.reach @ end, w.leave @ start),
+        dips[0] * n0 + turns[0] * b0,
+        dips[1] * n1 + turns[1] * b1,
     )

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
-from jax.custom_derivatives import SymbolicZero
 from jax.typing import ArrayLike
 
-from kneejax.geometry._vectors import Vector
-from kneejax.geometry.paths._ellipsoid import search, trace
-from kneejax.geometry.paths._obstacles import (
-    Around,
-    Obstacle,
-    WrapCylinder,
-    WrapEllipsoid,
+from kneejax.geometry._vectors import Vector, plus
+from kneejax.geometry.paths._ellipsoid import Aim, search, trace
+from kneejax.geometry.paths._obstacles import Obstacle, WrapCylinder, WrapEllipsoid
+from kneejax.geometry.paths._round import (
+    Section,
+    Wrapped,
+    changed,
+    choose,
+    differentiate,
+    inverse_of,
+    section,
+    unit,
 )
-from kneejax.geometry.paths._round import Section, Wrapped, choose, differentiate, unit
 from kneejax.numerics import as_known, none_of, ruled
 
 #: Wrap angle over which a free path turns into a wrapped one, rad.
@@ -92,35 +96,48 @@ def taut(
         (1.2848, True)
     """
     start, end, shape = _common(obstacle, start, end)
-    inverse = Vector(*(1.0 / a for a in shape))
-    p, q = inverse * start, inverse * end
     line = end - start
-    straight = line.norm()
-    ahead = unit(line)
+    straight, ahead, inverse = line.norm(), unit(line), inverse_of(shape)
+    p, q = inverse * start, inverse * end
     inside = jnp.minimum(p @ p, q @ q) < 1.0 - _INSIDE
-    free = jax.lax.stop_gradient(obstacle.section(p, q))
-    near = (free.turn > -_width(free, width)) & ~inside & (straight > 0.0)
-
-    far = [jnp.ones_like(straight) * point for point in _HARMLESS]
-    p, q = choose(near, p, far[0]), choose(near, q, far[1])
-    held = Vector(*(jnp.where(jnp.isinf(a), 1.0, a) for a in shape))
-    start_near = choose(near, start, held * far[0])
-    end_near = choose(near, end, held * far[1])
-    length, leave, reach, rest = _wound(obstacle.around, start_near, end_near, shape)
-
-    s = obstacle.section(p, q)
-    share, slope, by_start, by_end = _blend(s, p, q, inverse, width)
-    share, slope = jnp.where(near, share, 0.0), jnp.where(near, slope, 0.0)
-    detour = jnp.where(near, length - straight, 0.0)
-    pull_start = (share - 1.0) * ahead - share * leave + detour * slope * by_start
-    pull_end = (1.0 - share) * ahead + share * reach + detour * slope * by_end
+    outside = ~inside & (straight > 0.0)
+    ends, scaled = _outside(outside, start, end, shape)
+    s = section(*scaled, obstacle.passes)
+    w = _wound(obstacle.around, *ends, shape, s)
+    share, slope, by_start, by_end = _blend(s, *scaled, inverse, width)
+    share, slope = jnp.where(outside, share, 0.0), jnp.where(outside, slope, 0.0)
+    detour = jnp.where(share > 0.0, w.length - straight, 0.0)
+    pull_start = (share - 1.0) * ahead - share * w.leave + detour * slope * by_start
+    pull_end = (1.0 - share) * ahead + share * w.reach + detour * slope * by_end
     excess = detour * share
+
+    # Nothing of what follows carries a derivative.
+    start, line, p, q, turn, w = lax.stop_gradient((start, line, p, q, s.turn, w))
+    angle = jnp.where(outside, turn, -jnp.pi)
+    wraps = (share > 0.0) & (angle > 0.0)
+    ahead_scaled = q - p
+    square = ahead_scaled @ ahead_scaled
+    part = jnp.clip(-(p @ ahead_scaled) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    leaves, arrives = (choose(wraps, point, start + part * line) for point in w.contacts)
+    # Of an arc of more than half a turn the middle lies across from that of its ends.
+    middle = jnp.where(angle > jnp.pi, -1.0, 1.0) * (leaves + arrives)
+    beyond_ends = jnp.zeros_like(wraps)
+    if isinstance(obstacle, WrapCylinder):
+        middle = Vector(middle.x, middle.y, 0.0 * middle.z)
+        height = jnp.maximum(jnp.abs(leaves.z), jnp.abs(arrives.z))
+        beyond_ends = wraps & (height > 0.5 * obstacle.length)
     return TautPath(
         straight + excess,
         excess,
         pull_start,
         pull_end,
-        *_report(obstacle, start, end, near, inside, free, rest),
+        angle,
+        leaves,
+        arrives,
+        side=unit(middle),
+        detour_other_side=jnp.where(wraps, w.opposite - w.length, jnp.inf),
+        inside=inside,
+        beyond_ends=beyond_ends,
     )
 
 
@@ -145,23 +162,17 @@ def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> 
     start, end, shape = _common(obstacle, start, end)
     path = taut(obstacle, start, end)
     wraps = path.angle > 0.0
-    one = jnp.ones_like(path.length)
-    held = Vector(*(jnp.where(jnp.isinf(a), 1.0, a) for a in shape))
-    far = [held * (one * x) for x in _HARMLESS]
-    begin, finish = choose(wraps, start, far[0]), choose(wraps, end, far[1])
-    along = jnp.linspace(0.0, 1.0, n - 2).reshape(-1, *(1,) * one.ndim)
+    ends, (p, q) = _outside(wraps, start, end, shape)
+    s = section(p, q, obstacle.passes)
+    aim = Aim(jnp.ones_like(s.turn), jnp.zeros_like(s.turn), s.turn)
     if isinstance(obstacle, WrapEllipsoid):
-        touching = trace(begin, finish, shape, search(begin, finish, shape)[0], n - 2)
-    else:
-        inverse = Vector(*(1.0 / a for a in shape))
-        s = obstacle.section(inverse * begin, inverse * finish)
-        cosine, sine = jnp.cos(along * s.turn), jnp.sin(along * s.turn)
-        quarter = s.pole.cross(s.contacts[0])
-        x, y, z = cosine * s.contacts[0] + sine * quarter
-        if isinstance(obstacle, WrapCylinder):
-            z = path.leaves[2] + along * (path.arrives[2] - path.leaves[2])
-        touching = held * Vector(x, y, z)
-    fractions = jnp.linspace(0.0, 1.0, n).reshape(-1, *(1,) * one.ndim)
+        aim, _ = search(ends[1], p, q, s, shape)
+    touching = trace(p, s, shape, aim, n - 2)
+    if isinstance(obstacle, WrapCylinder):
+        along = jnp.linspace(0.0, 1.0, n - 2).reshape(-1, *(1,) * s.turn.ndim)
+        height = path.leaves.z + along * (path.arrives.z - path.leaves.z)
+        touching = Vector(touching.x, touching.y, height)
+    fractions = jnp.linspace(0.0, 1.0, n).reshape(-1, *(1,) * s.turn.ndim)
     points = []
     for a, b, middle in zip(start, end, touching, strict=True):
         bent = jnp.concatenate([jnp.expand_dims(a, 0), middle, jnp.expand_dims(b, 0)])
@@ -174,6 +185,18 @@ def _common(obstacle: Obstacle, start: Vector, end: Vector) -> tuple[Vector, Vec
     arrays = (*start, *end, *obstacle.semi_axes_along_frame)
     every = jnp.broadcast_arrays(*(jnp.asarray(a, float) for a in arrays))
     return Vector(*every[:3]), Vector(*every[3:6]), Vector(*every[6:])
+
+
+def _outside(
+    condition: Array, start: Vector, end: Vector, shape: Vector
+) -> tuple[tuple[Vector, Vector], tuple[Vector, Vector]]:
+    """Ends where a condition holds, harmless ones elsewhere: in mm, and scaled."""
+    size, inverse = Vector(*(jnp.where(jnp.isinf(a), 1.0, a) for a in shape)), inverse_of(shape)
+    first, last = (
+        choose(condition, point, size * far)
+        for point, far in zip((start, end), _HARMLESS, strict=True)
+    )
+    return (first, last), (inverse * first, inverse * last)
 
 
 def _width(s: Section, width: ArrayLike) -> Array:
@@ -204,68 +227,23 @@ def _blend(
 
 
 def _wound(
-    around: Around, start: Vector, end: Vector, shape: Vector
-) -> tuple[Array, Vector, Vector, Wrapped]:
-    """Length and directions of the wrapped path, and the rest of it, which has no derivative."""
-    w = around(*lax.stop_gradient((start, end, shape)))
-    return ruled(partial(_winding, around), (w.length, w.leave, w.reach, w), start, end, shape)
+    around: Callable[..., Wrapped], start: Vector, end: Vector, shape: Vector, s: Section
+) -> Wrapped:
+    """The wrapped path, of which only length and directions have a derivative."""
+    w = around(*lax.stop_gradient((start, end, shape, s)))
+    return ruled(partial(_winding, around), w, start, end, shape)
 
 
-def _winding(around, out, primals, tangents):
+def _winding(around, w, primals, tangents):
     start, end, shape = primals
     # Its normals and the rest change with the ends as the search for the path does.
-    known = as_known(around, out[3], start, end, shape)
-    moved = [Vector(*map(_change, d)) for d in tangents[:2]]
-    length, leave, reach = differentiate(known, out[1], out[2], *moved)
-    if not all(isinstance(t, SymbolicZero) for t in tangents[2]):
+    known = as_known(around, w, start, end, shape)
+    by_start, by_end, by_shape = map(changed, tangents)
+    length, leave, reach = differentiate(w, known, by_start, by_end)
+    if not all(isinstance(x, float) for x in by_shape):
         # For a fixed aim one step of Newton's rule is left in the path, so its derivative is that
         # of the taut path.
-        reshaped = Vector(*map(_change, tangents[2]))
-
-        def again(shape: Vector) -> tuple[Array, Vector, Vector]:
-            w = around(start, end, shape, known.aim)
-            return w.length, w.leave, w.reach
-
-        _, more = jax.jvp(again, (shape,), (reshaped,))
-        length = length + more[0]
-        leave, reach = leave + more[1], reach + more[2]
-    return out, (length, leave, reach, none_of(out[3]))
-
-
-def _change(tangent: Any) -> Array:
-    """The tangent as an array."""
-    if isinstance(tangent, SymbolicZero):
-        return jnp.zeros(tangent.shape, tangent.dtype)
-    return tangent
-
-
-def _report(
-    obstacle: Obstacle,
-    start: Vector,
-    end: Vector,
-    near: Array,
-    inside: Array,
-    free: Section,
-    w: Wrapped,
-) -> tuple[Any, ...]:
-    """What a path reports besides its length: nothing here carries a derivative."""
-    start, end, free, w = jax.lax.stop_gradient((start, end, free, w))
-    axes = obstacle.semi_axes_along_frame
-    angle = jnp.where(inside, -jnp.pi, free.turn)
-    wraps = near & (angle > 0.0)
-    inverse = Vector(*(1.0 / jax.lax.stop_gradient(a) for a in axes))
-    p, line = inverse * start, inverse * (end - start)
-    square = line @ line
-    part = jnp.clip(-(p @ line) / jnp.where(square > 0.0, square, 1.0), 0.0, 1.0)
-    nearest = start + part * (end - start)
-    leaves, arrives = choose(wraps, w.contacts[0], nearest), choose(wraps, w.contacts[1], nearest)
-    # Of an arc of more than half a turn the middle lies across from that of its ends.
-    middle = jnp.where(angle > jnp.pi, -1.0, 1.0) * (leaves + arrives)
-    if isinstance(obstacle, WrapCylinder):
-        middle = Vector(middle.x, middle.y, 0.0 * middle.z)
-        height = jnp.maximum(jnp.abs(leaves[2]), jnp.abs(arrives[2]))
-        beyond = wraps & (height > 0.5 * obstacle.length)
-    else:
-        beyond = jnp.zeros_like(wraps)
-    detour = jnp.where(wraps & (not obstacle.keeps_side), w.opposite - w.length, jnp.inf)
-    return angle, leaves, arrives, unit(middle), detour, inside, beyond
+        reshaped = Vector(*(jnp.zeros_like(x) + t for x, t in zip(shape, by_shape, strict=True)))
+        _, more = jax.jvp(lambda x: around(start, end, x, None, known.aim), (shape,), (reshaped,))
+        length, leave, reach = plus(length, more.length), leave + more.leave, reach + more.reach
+    return w, none_of(w)._replace(length=length, leave=leave, reach=reach)

@@ -17,8 +17,9 @@ from __future__ import annotations
 import functools
 import math
 import operator
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import accumulate
 
 import equinox as eqx
 import jax
@@ -51,8 +52,19 @@ def partials(
         >>> float(d[0][0]), float(d[1][0]), float(d[0][1])
         (10.5, 11.0, 4.0)
     """
-    found = _partials(coefficients, s, t, order)
-    return tuple(tuple(0.0 if x is None else x for x in row) for row in found)
+    return _scaled(_partials(coefficients, s, t, order))
+
+
+def _scaled(table, by: tuple[Component, Component] = (1.0, 1.0)):
+    """Partial derivatives, 0.0 for None, times a factor for each time that one was taken."""
+    powers = [list(accumulate(len(table) * [x], times, initial=1.0)) for x in by]
+    return tuple(
+        tuple(
+            0.0 if x is None else times(x, times(powers[0][i], powers[1][j]))
+            for j, x in enumerate(row)
+        )
+        for i, row in enumerate(table)
+    )
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(3,))
@@ -142,71 +154,62 @@ class SplineTables(eqx.Module):
         return cls(jnp.concatenate(values), *numbers)
 
 
+def _known(coefficients: Array | SplineTables) -> tuple[Array, Array | int, Array, Array]:
+    """Control values, the row where each point's begin, and numbers of its cells along both."""
+    if isinstance(coefficients, SplineTables):
+        tables = coefficients
+        return tables.values, tables.begins, tables.rows - 3, tables.columns - 3
+    rows, columns = coefficients.shape[:2]
+    return coefficients, 0, rows - 3, columns - 3
+
+
 @partial(jax.custom_jvp, nondiff_argnums=(3,))
-def spline_partials(
+def _spline_partials(
     coefficients: Array | SplineTables, s: Array, t: Array, order: int
-) -> tuple[tuple[Array, ...], ...]:
-    """Partial derivatives of a uniform cubic B-spline over -1..1 x -1..1 up to a total order.
+) -> tuple[tuple[Array | None, ...], ...]:
+    """Partial derivatives, as `partials`, of a uniform cubic B-spline; None for 0.0.
 
-    The spline is twice continuously differentiable; third derivatives are constant in each cell,
-    higher ones zero. Beyond the region the outermost cells continue.
-
-    Args:
-        coefficients: control values, shape `(m + 3, n + 3, ...)` for `m x n` cells; or tables.
-        s: first variable, any shape.
-        t: second variable, same shape.
-        order: highest total order.
-
-    Returns:
-        `d` with `d[i][j]` the derivative taken `i` times by `s` and `j` times by `t`,
-        for `i + j <= order`.
+    Variables are counted in cells. The spline is twice continuously differentiable; third
+    derivatives are constant in each cell. Beyond the region the outermost cells continue.
 
     Source: de Boor, A Practical Guide to Splines (1978), chapter IX, for equal distances.
-
-    Example:
-        >>> import jax.numpy as jnp
-        >>> plane = jnp.arange(5.0)[:, None] + jnp.zeros((5, 4))
-        >>> d = spline_partials(plane, jnp.array(0.5), jnp.array(0.1), 1)
-        >>> float(round(d[0][0], 9)), float(round(d[1][0], 9)), float(abs(round(d[0][1], 9)))
-        (2.5, 1.0, 0.0)
     """
-    if isinstance(coefficients, SplineTables):
-        table, begins = coefficients.values, coefficients.begins
-        rows, columns = coefficients.rows, coefficients.columns
-    else:
-        table, begins = coefficients, 0
-        rows, columns = table.shape[:2]
+    table, begins, rows, columns = _known(coefficients)
     across, batch = table.shape[1], table.shape[2:]
-    first, in_first = _cell(s, rows - 3)
-    second, in_second = _cell(t, columns - 3)
-    by_s, by_t = _weights(in_first, rows - 3, order), _weights(in_second, columns - 3, order)
+    (first, in_first), (second, in_second) = _cell(s, rows), _cell(t, columns)
     table, size = table.reshape(-1), int(np.prod(batch))
     corner = size * ((begins + first) * across + second)
     if size > 1:  # each of a batch reads its own control values
         corner = corner + jnp.arange(size, dtype=corner.dtype).reshape(batch)
+    # No number without sign counts from the end, for which JAX would look at each.
+    corner = corner.astype(jnp.uint32)
 
     def control(i: int, j: int) -> Array:
         # The cell is known to exist: a check of every index would double the cost.
-        return table.at[corner + size * (i * across + j)].get(mode="promise_in_bounds")
+        place = corner + np.uint32(size * (i * across + j))
+        return table.at[place].get(mode="promise_in_bounds")
 
+    by_s, by_t = _weights(in_first), _weights(in_second)
     near = [[control(i, j) for j in range(4)] for i in range(4)]
-    lines = [[_sum(near[i], by_t[k]) for i in range(4)] for k in range(order + 1)]
+    lines = [[_sum(near[i], four) for i in range(4)] for four in by_t[: order + 1]]
+    return _table(lambda i, j: _sum(lines[j], by_s[i]), order)
+
+
+def _table(one: Callable[[int, int], Array], order: int) -> tuple[tuple[Array | None, ...], ...]:
+    """Derivatives up to a total order, those above the third in one variable None."""
+    rows = range(order + 1)
     return tuple(
-        tuple(_sum(lines[j], by_s[i]) for j in range(order - i + 1)) for i in range(order + 1)
+        tuple(one(i, j) if max(i, j) <= 3 else None for j in range(order - i + 1)) for i in rows
     )
 
 
-@partial(spline_partials.defjvp, symbolic_zeros=True)
+@partial(_spline_partials.defjvp, symbolic_zeros=True)
 def _spline_partials_jvp(order, primals, tangents):
     coefficients, s, t = primals
-    more, change = spline_partials(coefficients, s, t, order + 1), tangents[0]
-    if isinstance(coefficients, SplineTables):
-        begins, change = coefficients.begins, change.values
-        rows, columns = coefficients.rows, coefficients.columns
-    else:
-        begins, (rows, columns) = 0, coefficients.shape[:2]
-    moved = not isinstance(change, SymbolicZero)
-    linear = _by_all(change, begins, rows, columns, s, t, order) if moved else None
+    more, linear = _spline_partials(coefficients, s, t, order + 1), None
+    change = tangents[0].values if isinstance(coefficients, SplineTables) else tangents[0]
+    if not isinstance(change, SymbolicZero):
+        linear = _by_all(change, *_known(coefficients)[1:], s, t, order)
     return change_of_table(more, linear, tangents[1], tangents[2], order)
 
 
@@ -218,49 +221,39 @@ def _by_all(change: Array, begins, rows, columns, s: Array, t: Array, order: int
     """
     batch = change.shape[2:]
     table = change.reshape(*change.shape[:2], *(1,) * (jnp.ndim(s) - len(batch)), *batch)
-    down = _among_all(s, rows - 3, begins, len(table), order)
-    across = _among_all(t, columns - 3, 0, table.shape[1], order)
-    lines = [jnp.sum(table * of_columns, axis=1) for of_columns in across]
-    return tuple(
-        tuple(jnp.sum(lines[j] * down[i], axis=0) for j in range(order - i + 1))
-        for i in range(order + 1)
-    )
+    down = _among_all(s, rows, begins, len(table))
+    across = _among_all(t, columns, 0, table.shape[1])
+    lines = [jnp.sum(table * of_columns, axis=1) for of_columns in across[: order + 1]]
+    return _table(lambda i, j: jnp.sum(lines[j] * down[i], axis=0), order)
 
 
-def _among_all(x: Array, cells, begins, count: int, order: int) -> list[Array]:
+def _among_all(x: Array, cells, begins, count: int) -> list[Array]:
     """Weights of all rows, or columns, of a table at each point, `(count, ...)`: four are not 0."""
     first, inside = _cell(x, cells)
     number = jnp.arange(count).reshape(-1, *(1,) * jnp.ndim(x))
     return [
         sum(jnp.where(begins + first + k == number, w, 0.0) for k, w in enumerate(four))
-        for four in _weights(inside, cells, order)
+        for four in _weights(inside)
     ]
 
 
-def _cell(x: Array, count: Array | int) -> tuple[Array, Array]:
-    """Number of the cell and place in it, 0..1, which is NaN where `x` is."""
-    along = (0.5 * count) * (x + 1.0)
+def _cell(along: Array, count: Array | int) -> tuple[Array, Array]:
+    """Number of the cell and place in it, 0..1, which is NaN where `along` is."""
     below = jnp.clip(jnp.floor(along), 0, count - 1)
     # A NaN may become any whole number.
     return jnp.clip(below.astype(jnp.int32), 0, count - 1), along - below
 
 
-def _weights(x: Array, count: Array | int, order: int) -> list[tuple[Array, ...]]:
-    """The four basis functions of a cell and their derivatives in the scaled variable."""
-    y, zero = 1.0 - x, jnp.zeros_like(x)
-    rows = (
+def _weights(x: Array) -> tuple[tuple[Component, ...], ...]:
+    """The four basis functions of a cell, then their three derivatives."""
+    y = 1.0 - x
+    return (
         (y * y * y / 6.0, ((3.0 * x - 6.0) * x * x + 4.0) / 6.0,
          ((3.0 * y - 6.0) * y * y + 4.0) / 6.0, x * x * x / 6.0),
         (-0.5 * y * y, (1.5 * x - 2.0) * x, (2.0 - 1.5 * y) * y, 0.5 * x * x),
         (y, 3.0 * x - 2.0, 3.0 * y - 2.0, x),
-        (zero - 1.0, zero + 3.0, zero - 3.0, zero + 1.0),
+        (-1.0, 3.0, -3.0, 1.0),
     )  # fmt: skip
-    nothing = (zero,) * 4
-    factors = (1.0, *((0.5 * count) ** k for k in range(1, order + 1)))
-    return [
-        tuple(factor * w if k else w for w in (rows[k] if k < len(rows) else nothing))
-        for k, factor in enumerate(factors)
-    ]
 
 
 def _sum(values, weights) -> Array:
@@ -283,19 +276,19 @@ def table_partials(
     """Partial derivatives of a table `(m, n, ...)` in one of the `BASES` by both variables, each in
     its own unit; see `partials`. Over `region`, limits of both, the table's variables are -1..1."""
     ends = jnp.stack(jnp.broadcast_arrays(*region))
-    middle, by = 0.5 * (ends[:, 0] + ends[:, 1]), 2.0 / (ends[:, 1] - ends[:, 0])
-    s, t = place[0] - middle[0], place[1] - middle[1]
+    lower, upper = ends[:, 0], ends[:, 1]
     if basis == POWER:
+        middle, by = 0.5 * (lower + upper), 2.0 / (upper - lower)
         # Coefficients in the variables' units: one product each, instead of one a derivative.
         powers, batch = coefficients.shape[:2], coefficients.shape[2:]
         table = coefficients.reshape(powers + (1,) * (by.ndim - 1 - len(batch)) + batch)
         each = by ** np.arange(float(max(powers))).reshape(-1, *(1,) * by.ndim)
-        return partials(table * each[: powers[0], None, 0] * each[: powers[1], 1], s, t, order)
-    found = spline_partials(coefficients, s * by[0], t * by[1], order)
-    return tuple(
-        tuple(times(x, by[0] ** i * by[1] ** j) for j, x in enumerate(row))
-        for i, row in enumerate(found)
-    )
+        table = table * each[: powers[0], None, 0] * each[: powers[1], 1]
+        return partials(table, place[0] - middle[0], place[1] - middle[1], order)
+    _, _, rows, columns = _known(coefficients)
+    by = rows / (upper[0] - lower[0]), columns / (upper[1] - lower[1])
+    s, t = ((x - low) * per for x, low, per in zip(place, lower, by, strict=True))
+    return _scaled(_spline_partials(coefficients, s, t, order), by)
 
 
 def checked_basis(basis: str, shape: tuple[int, ...], what: str) -> None:

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
+from kneejax.geometry._pose import Frame, framed, numbers
 from kneejax.geometry._vectors import AXES, Component, Matrix, Vector, minus, times
 from kneejax.geometry.surfaces._bases import (
     CUBIC_SPLINE,
@@ -53,25 +52,11 @@ class Condyle(Surface):
         20.0
     """
 
-    coefficients: Array
-    angle: Array
-    width: Array
-    frame: Frame
-    basis: str = eqx.field(static=True)
-
-    def __init__(
-        self,
-        coefficients: ArrayLike,
-        angle: ArrayLike,
-        width: ArrayLike,
-        frame: Frame | None = None,
-        basis: str = POWER,
-    ):
-        self.coefficients = jnp.asarray(coefficients, float)
-        self.angle = jnp.asarray(angle, float)
-        self.width = jnp.asarray(width, float)
-        self.frame = Frame() if frame is None else frame
-        self.basis = basis
+    coefficients: Array = numbers()
+    angle: Array = numbers()
+    width: Array = numbers()
+    frame: Frame = framed()
+    basis: str = eqx.field(static=True, default=POWER)
 
     def __check_init__(self):
         checked_basis(self.basis, self.coefficients.shape, "Condyle")

@@ -5,9 +5,8 @@ from __future__ import annotations
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
+from kneejax.geometry._pose import Frame, framed, numbers
 from kneejax.geometry._vectors import AXES, ZERO, Component, Matrix, Vector, minus
 from kneejax.geometry.surfaces._bases import CUBIC_SPLINE, POWER, checked_basis, table_partials
 from kneejax.geometry.surfaces._surface import Height, Surface, continued, excess
@@ -73,9 +72,9 @@ class Plateau(Surface):
         x: lower and upper end of the region, mm, shape `(2, ...)`.
         z: likewise.
         frame: placement in the tibia.
+        basis: `power` or `cubic_spline`.
         outline: border of the cartilage, corners `(x, z)` in order, shape `(k, 2, ...)`, mm; None
             where the whole region is covered.
-        basis: `power` or `cubic_spline`.
 
     Example:
         >>> from kneejax.geometry import normal
@@ -84,28 +83,12 @@ class Plateau(Surface):
         [-0.0, 1.0, -0.0]
     """
 
-    coefficients: Array
-    x: Array
-    z: Array
-    frame: Frame
-    outline: Array | None
-    basis: str = eqx.field(static=True)
-
-    def __init__(
-        self,
-        coefficients: ArrayLike,
-        x: ArrayLike,
-        z: ArrayLike,
-        frame: Frame | None = None,
-        basis: str = POWER,
-        outline: ArrayLike | None = None,
-    ):
-        self.coefficients = jnp.asarray(coefficients, float)
-        self.x = jnp.asarray(x, float)
-        self.z = jnp.asarray(z, float)
-        self.frame = Frame() if frame is None else frame
-        self.outline = None if outline is None else jnp.asarray(outline, float)
-        self.basis = basis
+    coefficients: Array = numbers()
+    x: Array = numbers()
+    z: Array = numbers()
+    frame: Frame = framed()
+    basis: str = eqx.field(static=True, default=POWER)
+    outline: Array | None = numbers(default=None)
 
     def __check_init__(self):
         checked_basis(self.basis, self.coefficients.shape, "Plateau")

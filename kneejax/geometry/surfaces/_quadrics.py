@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
+from kneejax.geometry._pose import Frame, framed, numbers
 from kneejax.geometry._vectors import AXES, Vector
 from kneejax.geometry.surfaces._surface import Height, Surface, excess, from_anterior
 from kneejax.numerics import safe_sqrt
@@ -25,12 +24,8 @@ class Plane(Surface):
         [-0.0, 1.0, -0.0]
     """
 
-    frame: Frame
-    half_extent: Array
-
-    def __init__(self, frame: Frame | None = None, half_extent: ArrayLike = (1e3, 1e3)):
-        self.frame = Frame() if frame is None else frame
-        self.half_extent = jnp.asarray(half_extent, float)
+    frame: Frame = framed()
+    half_extent: Array = numbers(default=(1e3, 1e3))
 
     def point(self, a: Array, b: Array) -> Vector:
         return Vector(a, 0.0, b)
@@ -72,12 +67,8 @@ class Sphere(Surface):
         [1.0, -0.0, 0.0]
     """
 
-    radius: Array
-    frame: Frame
-
-    def __init__(self, radius: ArrayLike, frame: Frame | None = None):
-        self.radius = jnp.asarray(radius, float)
-        self.frame = Frame() if frame is None else frame
+    radius: Array = numbers()
+    frame: Frame = framed()
 
     def point(self, a: Array, b: Array) -> Vector:
         return self.radius * _direction(a, b)
@@ -86,8 +77,7 @@ class Sphere(Surface):
         return point.norm() - self.radius
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
-        x, y, z = direction
-        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+        return _angles(direction)
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return _full_turn(self.radius)
@@ -106,12 +96,8 @@ class Ellipsoid(Surface):
         200.0
     """
 
-    semi_axes: Array
-    frame: Frame
-
-    def __init__(self, semi_axes: ArrayLike, frame: Frame | None = None):
-        self.semi_axes = jnp.asarray(semi_axes, float)
-        self.frame = Frame() if frame is None else frame
+    semi_axes: Array = numbers()
+    frame: Frame = framed()
 
     def point(self, a: Array, b: Array) -> Vector:
         return Vector.of(self.semi_axes) * _direction(a, b)
@@ -123,8 +109,7 @@ class Ellipsoid(Surface):
         return (size - 1.0) * size / (inverse * scaled).norm()
 
     def start(self, direction: Vector) -> tuple[Array, Array]:
-        x, y, z = Vector.of(self.semi_axes) * direction
-        return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
+        return _angles(Vector.of(self.semi_axes) * direction)
 
     def bounds(self) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
         return _full_turn(self.semi_axes[0])
@@ -132,6 +117,11 @@ class Ellipsoid(Surface):
 
 def _direction(a: Array, b: Array) -> Vector:
     return Vector(jnp.cos(b) * jnp.cos(a), -jnp.cos(b) * jnp.sin(a), jnp.sin(b))
+
+
+def _angles(direction: Vector) -> tuple[Array, Array]:
+    x, y, z = direction
+    return from_anterior(x, y), jnp.arctan2(z, safe_sqrt(x * x + y * y))
 
 
 def _full_turn(like: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:

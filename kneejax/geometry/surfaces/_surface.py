@@ -68,13 +68,12 @@ class Height(eqx.Module):
 
 
 class Surface(eqx.Module):
-    """What contact needs to know of a surface.
+    """What contact needs to know of a surface."""
 
-    Attributes:
-        frame: placement of the surface in its bone.
-    """
-
-    frame: eqx.AbstractVar[Frame]
+    @property
+    @abc.abstractmethod
+    def frame(self) -> Frame:
+        """Placement of the surface in its bone."""
 
     @abc.abstractmethod
     def point(self, a: Array, b: Array) -> Vector:

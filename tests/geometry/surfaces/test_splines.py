@@ -11,11 +11,15 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import kneejax.geometry as geo
-from kneejax.geometry.surfaces import _bases
-from kneejax.geometry.surfaces._bases import partials
+from kneejax.geometry.surfaces import CUBIC_SPLINE
+from kneejax.geometry.surfaces._bases import partials, table_partials
 
+LIMITS = np.array([-1.0, 1.0])
 # One program for each shape, where operation by operation would be a hundred small ones.
-spline_partials = jax.jit(_bases.spline_partials, static_argnums=3)
+spline_partials = jax.jit(
+    lambda c, s, t, order: table_partials(CUBIC_SPLINE, c, (s, t), (LIMITS, LIMITS), order),
+    static_argnums=3,
+)
 point_of = jax.jit(lambda surface, a, b: surface.point(a, b).full())
 level_of = jax.jit(lambda surface, point: surface.level(point))
 # To the last bit alike: so no kernel of one may round otherwise than the other's.
@@ -92,7 +96,7 @@ def test_derivatives_through_it_agree_with_central_differences(rng, central_diff
     c, point = rng.normal(size=(7, 6)), rng.uniform(-0.9, 0.9, 2)
 
     def table(flat, order):
-        d = _bases.spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
+        d = spline_partials(flat[2:].reshape(7, 6), flat[0], flat[1], order)
         return jnp.stack([x for row in d for x in row])
 
     @partial(jax.jit, static_argnums=1)
