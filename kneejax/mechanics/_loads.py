@@ -22,6 +22,7 @@ from kneejax.geometry import (
     State,
     Vector,
     grood_suntay_axes,
+    numbers,
 )
 from kneejax.mechanics._wrench import Wrench, generalised_force
 
@@ -197,25 +198,11 @@ class ConstantTensionLine(eqx.Module):
         (20.0, 'tibia')
     """
 
-    tension: Array
-    origin: Array
-    insertion: Array
-    name: str = eqx.field(static=True)
-    bone: str = eqx.field(static=True)
-
-    def __init__(
-        self,
-        tension: ArrayLike,
-        origin: ArrayLike,
-        insertion: ArrayLike,
-        name: str = "line",
-        bone: str = TIBIA,
-    ):
-        self.tension = jnp.asarray(tension, float)
-        self.origin = jnp.asarray(origin, float)
-        self.insertion = jnp.asarray(insertion, float)
-        self.name = name
-        self.bone = bone
+    tension: Array = numbers()
+    origin: Array = numbers()
+    insertion: Array = numbers()
+    name: str = eqx.field(static=True, default="line")
+    bone: str = eqx.field(static=True, default=TIBIA)
 
     @property
     def bodies(self) -> Pair:

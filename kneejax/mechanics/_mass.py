@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry import FEMUR, TIBIA, ZERO, Matrix, Placement, State, Vector
+from kneejax.geometry import FEMUR, TIBIA, ZERO, Matrix, Placement, State, Vector, numbers
 from kneejax.mechanics._wrench import Wrench, Wrenches
 from kneejax.numerics import traced
 
@@ -40,14 +40,9 @@ class Mass(eqx.Module):
 of the two others
     """
 
-    mass_kg: Array
-    center_mm: Array
-    inertia_kg_mm2: Array
-
-    def __init__(self, mass_kg: ArrayLike, center_mm: ArrayLike, inertia_kg_mm2: ArrayLike):
-        self.mass_kg = jnp.asarray(mass_kg, float)
-        self.center_mm = jnp.asarray(center_mm, float)
-        self.inertia_kg_mm2 = jnp.asarray(inertia_kg_mm2, float)
+    mass_kg: Array = numbers()
+    center_mm: Array = numbers()
+    inertia_kg_mm2: Array = numbers()
 
     def __check_init__(self):
         if traced(self) or not all(isinstance(x, Array) for x in (self.mass_kg, self.center_mm)):

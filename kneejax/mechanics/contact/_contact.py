@@ -13,15 +13,8 @@ import dataclasses
 import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.geometry import (
-    FEMUR_AND_TIBIA,
-    Pair,
-    Placement,
-    Surface,
-    partials,
-)
+from kneejax.geometry import FEMUR_AND_TIBIA, Pair, Placement, Surface, numbers, partials
 from kneejax.mechanics._wrench import Wrench
 from kneejax.mechanics.contact import _border, _patch
 from kneejax.mechanics.contact import _cartilage_law as law
@@ -73,48 +66,17 @@ class Contact(eqx.Module):
 
     femoral: Surface
     tibial: Surface
-    youngs_modulus: Array
-    poisson_ratio: Array
-    layer_thickness: Array
-    layer_variation: Array | None
-    onset_width: Array
-    law: str = eqx.field(static=True)
-    form: str = eqx.field(static=True)
-    points: tuple[int, int] = eqx.field(static=True)
-    bodies: Pair = eqx.field(static=True)
-    damper: ContactDamper | None
-    ring: Ring | None
-
-    def __init__(
-        self,
-        femoral: Surface,
-        tibial: Surface,
-        youngs_modulus: ArrayLike = 5.0,
-        poisson_ratio: ArrayLike = 0.45,
-        layer_thickness: ArrayLike = 6.0,
-        onset_width: ArrayLike = 0.02,
-        law: str = "log",
-        form: str = ELLIPTICAL_PATCH,
-        points: tuple[int, int] = (24, 24),
-        layer_variation: ArrayLike | None = None,
-        bodies: Pair = FEMUR_AND_TIBIA,
-        damper: ContactDamper | None = None,
-        ring: Ring | None = None,
-    ):
-        self.femoral = femoral
-        self.tibial = tibial
-        self.youngs_modulus = jnp.asarray(youngs_modulus, float)
-        self.poisson_ratio = jnp.asarray(poisson_ratio, float)
-        self.layer_thickness = jnp.asarray(layer_thickness, float)
-        varies = layer_variation is not None
-        self.layer_variation = jnp.asarray(layer_variation, float) if varies else None
-        self.onset_width = jnp.asarray(onset_width, float)
-        self.law = law
-        self.form = form
-        self.points = points
-        self.bodies = bodies
-        self.damper = damper
-        self.ring = ring
+    youngs_modulus: Array = numbers(default=5.0)
+    poisson_ratio: Array = numbers(default=0.45)
+    layer_thickness: Array = numbers(default=6.0)
+    onset_width: Array = numbers(default=0.02)
+    law: str = eqx.field(static=True, default="log")
+    form: str = eqx.field(static=True, default=ELLIPTICAL_PATCH)
+    points: tuple[int, int] = eqx.field(static=True, default=(24, 24))
+    layer_variation: Array | None = numbers(default=None)
+    bodies: Pair = eqx.field(static=True, default=FEMUR_AND_TIBIA)
+    damper: ContactDamper | None = None
+    ring: Ring | None = None
 
     def __check_init__(self):
         if self.law not in law.LAWS:

@@ -27,7 +27,7 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from kneejax.geometry import Plateau, Vector
+from kneejax.geometry import Plateau, Vector, numbers
 from kneejax.mechanics.contact._points import Points
 from kneejax.numerics import jvp_of_moved, ruled, safe_sqrt
 
@@ -53,34 +53,14 @@ class Ring(eqx.Module):
             cut through.
     """
 
-    youngs_modulus: Array
-    cross_section: Array
-    horn_stiffness: Array
-    coronary_stiffness: Array
-    middle: Array
-    horns: Array
-    hoop_left: Array
-    sections: int = eqx.field(static=True)
-
-    def __init__(
-        self,
-        youngs_modulus: ArrayLike,
-        cross_section: ArrayLike,
-        horn_stiffness: ArrayLike,
-        coronary_stiffness: ArrayLike,
-        middle: ArrayLike,
-        horns: ArrayLike,
-        sections: int = 12,
-        hoop_left: ArrayLike = 1.0,
-    ):
-        self.youngs_modulus = jnp.asarray(youngs_modulus, float)
-        self.cross_section = jnp.asarray(cross_section, float)
-        self.horn_stiffness = jnp.asarray(horn_stiffness, float)
-        self.coronary_stiffness = jnp.asarray(coronary_stiffness, float)
-        self.middle = jnp.asarray(middle, float)
-        self.horns = jnp.asarray(horns, float)
-        self.hoop_left = jnp.asarray(hoop_left, float)
-        self.sections = sections
+    youngs_modulus: Array = numbers()
+    cross_section: Array = numbers()
+    horn_stiffness: Array = numbers()
+    coronary_stiffness: Array = numbers()
+    middle: Array = numbers()
+    horns: Array = numbers()
+    sections: int = eqx.field(static=True, default=12)
+    hoop_left: Array = numbers(default=1.0)
 
     @property
     def angle(self) -> Array:
