@@ -12,15 +12,15 @@ from types import GenericAlias
 import pytest
 
 import kneejax
-import kneejax.files
 
-#: `kneejax.files` and all its folders import a module when a name is first asked for.
-FOLDERS = [
-    importlib.import_module(x.name)
-    for x in pkgutil.iter_modules(kneejax.files.__path__, "kneejax.files.")
-    if x.ispkg
+#: What imports a module when a name is first asked for. No module may have that name itself: once
+#: it is imported, it hides what the name stands for.
+FACES = [
+    room
+    for x in pkgutil.walk_packages(kneejax.__path__, "kneejax.")
+    if x.ispkg and hasattr(room := importlib.import_module(x.name), "__getattr__")
 ]
-FACES = (kneejax, kneejax.files, *FOLDERS)
+FACES.append(kneejax)
 
 
 def stated(package):

@@ -17,9 +17,9 @@ from kneejax.mechanics import Knee
 from kneejax.numerics import check_installed
 from kneejax.parameters import UnknownParameter, default_bounds, select
 from kneejax.quantities import FIBRE_QUANTITIES
+from kneejax.report.describe import knee_text
 from kneejax.report.doubts import given_doubts
 from kneejax.report.flexion import evaluation_answer
-from kneejax.report.knee_text import knee_text
 from kneejax.statics import Status
 from kneejax.studies import stages_on_terminal
 

@@ -32,6 +32,7 @@ from kneejax.geometry._pose import Frame as Frame
 from kneejax.geometry._pose import Placement as Placement
 from kneejax.geometry._pose import Pose as Pose
 from kneejax.geometry._pose import angles_from_rotation as angles_from_rotation
+from kneejax.geometry._pose import framed as framed
 from kneejax.geometry._pose import numbers as numbers
 from kneejax.geometry._pose import rotation_from_angles as rotation_from_angles
 from kneejax.geometry._vectors import AXES as AXES

@@ -62,8 +62,9 @@ class Placement(eqx.Module):
 
 
 def numbers(**default: Any) -> Any:
-    """A field of a module, of numbers, which it has as an array; or None."""
-    return eqx.field(converter=lambda x: None if x is None else _floats(x), **default)
+    """A field of a module, of numbers, which it has as an array; None where that is its default."""
+    optional = default.get("default", 0.0) is None
+    return eqx.field(converter=lambda x: x if optional and x is None else _floats(x), **default)
 
 
 class Frame(eqx.Module):

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from kneejax.report.calibration_verdict import Outcome as Outcome
     from kneejax.report.calibration_verdict import calibration_notes as calibration_notes
     from kneejax.report.calibration_verdict import message as message
+    from kneejax.report.describe import knee_text as knee_text
     from kneejax.report.flexion import motion_figure as motion_figure
     from kneejax.report.joint_comparison import comparison_answer as comparison_answer
     from kneejax.report.joint_comparison import comparison_tables as comparison_tables
     from kneejax.report.joint_comparison import joint_comparison_figure as joint_comparison_figure
     from kneejax.report.knee_import import surface_fit_figure as surface_fit_figure
-    from kneejax.report.knee_text import knee_text as knee_text
     from kneejax.report.look.page import write_page as write_page
     from kneejax.report.look.style import picture_png as picture_png
     from kneejax.report.look.style import save_figure as save_figure

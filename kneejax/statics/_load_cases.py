@@ -120,7 +120,9 @@ class LoadCases(eqx.Module):
     def take(self, rows: ArrayLike) -> LoadCases:
         """Some of the load cases, in the order of `rows`."""
         # By NumPy: JAX would compile a program for each number of them.
-        return jax.tree.map(lambda x: numpy_for(x).asarray(x)[np.asarray(rows)], self)
+        xp = numpy_for(self, rows)
+        rows = xp.asarray(rows, int)
+        return jax.tree.map(lambda x: xp.asarray(x)[rows], self)
 
     def loaded(self) -> LoadCases:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""

@@ -92,8 +92,7 @@ def test_halved_attachments_are_gathered_and_as_taut_as_before(grouped):
 
 def test_horns_of_menisci_change_together_and_keep_some_stiffness(small_knee):
     ring = Ring(120.0, 40.0, 180.0, 30.0, [0.0, 0.0], [0.5, 5.8])
-    held = dataclasses.replace(small_knee.contacts[0], form="quadrature", ring=ring)
-    knee = dataclasses.replace(small_knee, contacts=(held, *small_knee.contacts[1:]))
+    knee = dataclasses.replace(small_knee, contacts=(rim(ring), *small_knee.contacts[1:]))
     changes, knees = varied(knee, (), horn_N_per_mm=(-200.0, -90.0, 180.0))
     assert [change.label for change in changes] == ["-90 N/mm", "+180 N/mm"]
     assert {change.parameter for change in changes} == {"menisci.horn_stiffness"}

@@ -23,3 +23,12 @@ def test_what_is_no_number_is_refused_in_one_line(flexion, held, words):
 
 def test_what_is_traced_is_not_looked_at():
     assert jax.eval_shape(lambda x: LoadCases.at(x).flexion, np.zeros(3)).shape == (3,)
+
+
+def test_some_of_the_load_cases_can_be_taken_in_trace_too():
+    cases = LoadCases.at([0.0, 30.0, 60.0])
+    rows = np.array([2, 0])
+    traced = jax.jit(lambda rows: cases.take(rows).flexion)(rows)
+    np.testing.assert_array_equal(traced, cases.take(rows).flexion)
+    np.testing.assert_allclose(traced, np.deg2rad([60.0, 0.0]))
+    assert len(cases.take([])) == 0

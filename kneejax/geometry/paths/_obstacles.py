@@ -25,7 +25,7 @@ class Obstacle(eqx.Module):
     @property
     @abstractmethod
     def frame(self) -> Frame:
-        """The obstacle's frame in the bone's."""
+        """The obstacle's frame in the bone's: a field, `frame: Frame = framed()`."""
 
     @property
     @abstractmethod

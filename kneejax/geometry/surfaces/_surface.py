@@ -73,7 +73,7 @@ class Surface(eqx.Module):
     @property
     @abc.abstractmethod
     def frame(self) -> Frame:
-        """Placement of the surface in its bone."""
+        """Placement of the surface in its bone: a field, `frame: Frame = framed()`."""
 
     @abc.abstractmethod
     def point(self, a: Array, b: Array) -> Vector:

@@ -146,7 +146,7 @@ class Ring(eqx.Module):
         left = narrow / (narrow + sum(ends) * (1.0 - narrow))  # in series with what is whole
         ring = dataclasses.replace(self, hoop_left=self.hoop_left * left)
         turns = np.linspace(begin, end, 721)
-        inner, outer = map(np.asarray, _across(jnp.asarray(outline) - self.middle, turns))
+        inner, outer = map(np.asarray, _across(outline - np.asarray(self.middle), turns))
         known = inner < outer
         low, high = turns[known][[0, -1]]
         if width == 1.0:
@@ -162,7 +162,8 @@ class Ring(eqx.Module):
         return ring, corners[[*range(len(corners)), *[-1] * (len(outline) - len(corners))]]
 
 
-def _across(corners: Array, turns: ArrayLike) -> tuple[Array, Array]:
+@jax.jit
+def _across(corners: ArrayLike, turns: ArrayLike) -> tuple[Array, Array]:
     """Distances at which rays from the origin enter and leave an outline, `(n, ...)`; alike where
     they miss it.
 
@@ -170,7 +171,7 @@ def _across(corners: Array, turns: ArrayLike) -> tuple[Array, Array]:
         corners: in order, shape `(k, 2, ...)`.
         turns: of the rays, from the first axis towards the second, rad, `(n, ...)`.
     """
-    turns = jnp.asarray(turns)[:, None]
+    corners, turns = jnp.asarray(corners), jnp.asarray(turns)[:, None]
     ray = jnp.cos(turns), jnp.sin(turns)
     edge, corner = (jnp.moveaxis(x, 1, 0) for x in (jnp.roll(corners, -1, 0) - corners, corners))
 
@@ -179,8 +180,10 @@ def _across(corners: Array, turns: ArrayLike) -> tuple[Array, Array]:
 
     turned = cross(ray, edge)
     per_turned = 1.0 / jnp.where(turned == 0.0, 1.0, turned)
-    away, part = cross(corner, edge) * per_turned, cross(corner, ray) * per_turned
-    meets = (turned != 0.0) & (part >= 0.0) & (part < 1.0) & (away > 0.0)
+    away = cross(corner, edge) * per_turned
+    # On which side of the ray a corner lies is asked once, for both of its edges.
+    beyond = cross(corner, ray) > 0.0
+    meets = (beyond != jnp.roll(beyond, -1, axis=1)) & (turned != 0.0) & (away > 0.0)
     far = jnp.max(jnp.where(meets, away, 0.0), axis=1)
     near = jnp.min(jnp.where(meets, away, jnp.inf), axis=1)
     # An odd number of times: the origin is inside.

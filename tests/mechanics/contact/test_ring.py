@@ -198,6 +198,21 @@ def area_of(corners):
     return abs(0.5 * np.sum(x[0] * y[1] - x[1] * y[0]))
 
 
+@pytest.mark.parametrize("count", [24, 25, 37])
+def test_rays_through_corners_of_an_outline_see_both_its_edges(count):
+    """At regular angles rays pass through corners, which belong to two edges each."""
+    outline = annulus(count)
+
+    @jax.jit
+    def area(outline):
+        flat = geo.Plateau(np.zeros((1, 1)), [-17.0, 17.0], [-17.0, 17.0], outline=outline)
+        return jnp.sum(RING.midpoints(flat, (36, 4), 0)[2])
+
+    assert float(area(outline)) == pytest.approx(area_of(outline), rel=5e-3)
+    _, left = RING.resected(outline, 0.5, 0.0, 0.4)
+    assert np.linalg.norm(left, axis=1).min() > 7.9
+
+
 @pytest.mark.parametrize(
     ("width", "anterior", "posterior", "left", "hoop"),
     [
