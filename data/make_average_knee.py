@@ -90,7 +90,7 @@ CORONARY_SD = 15.0
 CORONARY_BOUNDS = [5.0, 120.0]
 #: Flexion up to which menisci leave the femur room, degrees: beyond, it takes them along.
 ROOM_DEG = 90.0
-COUPLED_DEG, COUPLED_N, COUPLED_AT = (3.0, 2.0), 110.0, (15, 30, 60, 90)
+COUPLED_DEG, COUPLED_N, COUPLED_AT = (3.0, 4.0), 110.0, (15, 30, 60, 90)
 #: Mean posterior slopes of the medial and the lateral plateau, degrees, of 33 women and 22 men:
 #: Hashemi 2008, the mean of both sexes.
 SLOPES = {"medial": 4.8, "lateral": 6.2}

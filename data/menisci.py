@@ -51,7 +51,7 @@ class Rim:
     height_mm: float
     source: str
     inner_mm: float = 4.0
-    over_mm: float = 0.9
+    over_mm: float = 0.95
     width_mm: float = 10.0
     youngs_modulus_MPa: float = 20.0
     poisson_ratio: float = 0.2
