@@ -32,7 +32,6 @@ COMPARTMENTS = "medial", "lateral"
 WIDTH_MM, HIGHER_MM, LAYER_MM = 10.0, 0.15, 6.0
 #: Along the fibres and across them, MPa; Poisson's ratio across (Haut Donahue et al. 2003).
 ALONG_MPA, ACROSS_MPA, POISSON = 120.0, 20.0, 0.2
-HORNS_DEG = {"medial": (135.0, 405.0), "lateral": (-45.0, 225.0)}
 
 
 def knee_with_menisci(hoop_modulus=ALONG_MPA, coronary=60.0):
@@ -47,9 +46,8 @@ def knee_with_menisci(hoop_modulus=ALONG_MPA, coronary=60.0):
         compartment = name.partition("_")[0]
         below = measured[compartment]
         outline = np.asarray(contact.tibial.outline)
-        middle = 0.5 * (outline.min(axis=0) + outline.max(axis=0))
-        ring = Ring(hoop_modulus, 0.5 * WIDTH_MM * 8.0, 200.0, coronary, middle,
-                    np.deg2rad(HORNS_DEG[compartment]))  # fmt: skip
+        ring = Ring(hoop_modulus, 0.5 * WIDTH_MM * 8.0, 200.0, coronary, contact.ring.middle,
+                    contact.ring.horns)  # fmt: skip
         tibial = dataclasses.replace(
             below.tibial, coefficients=jnp.asarray(_heights(below)), outline=jnp.asarray(outline)
         )

@@ -118,10 +118,11 @@ class LoadCases(eqx.Module):
         return tuple(self.prescribed) == ("flexion",)
 
     def take(self, rows: ArrayLike) -> LoadCases:
-        """Some of the load cases, in the order of `rows`."""
+        """Some of the load cases, in the order of `rows`, or those of a mask."""
         # By NumPy: JAX would compile a program for each number of them.
         xp = numpy_for(self, rows)
-        rows = xp.asarray(rows, int)
+        rows = xp.asarray(rows)
+        rows = rows if rows.size else rows.astype(int)
         return jax.tree.map(lambda x: xp.asarray(x)[rows], self)
 
     def loaded(self) -> LoadCases:

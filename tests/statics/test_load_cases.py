@@ -32,3 +32,5 @@ def test_some_of_the_load_cases_can_be_taken_in_trace_too():
     np.testing.assert_array_equal(traced, cases.take(rows).flexion)
     np.testing.assert_allclose(traced, np.deg2rad([60.0, 0.0]))
     assert len(cases.take([])) == 0
+    masked = cases.take(np.array([False, True, True]))
+    np.testing.assert_allclose(masked.flexion, np.deg2rad([30.0, 60.0]))

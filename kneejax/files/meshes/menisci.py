@@ -178,7 +178,7 @@ def meniscus_of_mesh(
     whence = {**_OF_RING, **dict.fromkeys(ring, "given at import")}
     source["ring"] = "; ".join([f"{stated}", *(f"{x}: {y}" for x, y in whence.items())])
     contact = {
-        "form": QUADRATURE, "points": importing.spread_points([arc, float(width.mean())], least=4),
+        "form": QUADRATURE, "points": importing.spread_points([arc, float(width.mean())], least=6),
         "law": "linear", **MATERIAL,
         "layer_thickness_mm": round(thick + cartilage_mm, 3), **material,
         "ring": {**RING, "cross_section_mm2": round(float(area.mean()), 2),
