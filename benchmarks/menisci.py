@@ -29,7 +29,7 @@ from kneejax.geometry import Pose, State
 from kneejax.mechanics import Ring
 
 COMPARTMENTS = "medial", "lateral"
-WIDTH_MM, HIGHER_MM, LAYER_MM = 10.0, 0.15, 6.0
+WIDTH_MM, HIGHER_MM, LAYER_MM = 10.0, 0.2, 6.0
 #: Along the fibres and across them, MPa; Poisson's ratio across (Haut Donahue et al. 2003).
 ALONG_MPA, ACROSS_MPA, POISSON = 120.0, 20.0, 0.2
 
