@@ -121,9 +121,9 @@ class LoadCases(eqx.Module):
         """Some of the load cases, in the order of `rows`, or those of a mask."""
         # By NumPy: JAX would compile a program for each number of them.
         xp = numpy_for(self, rows)
-        rows = xp.asarray(rows)
-        rows = rows if rows.size else rows.astype(int)
-        return jax.tree.map(lambda x: xp.asarray(x)[rows], self)
+        taken = xp.asarray(rows)
+        taken = taken if taken.size else taken.astype(int)
+        return jax.tree.map(lambda x: xp.asarray(x)[taken], self)
 
     def loaded(self) -> LoadCases:
         """Where the knee is loaded with flexion alone prescribed: from there the others move."""
