@@ -18,61 +18,42 @@ _AT_ONCE = 100
 _MOST_EVALUATIONS = 100
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Answered:
-    """A problem, and balances of its answer.
+def answered(problem: CalibrationProblem, answer: Sequence[float]) -> tuple[Observations, Slopes]:
+    """Load cases, of which those count at which an answer balances, and its balances.
 
-    Attributes:
-        own: the problem.
-        cases: load cases that count: those at which the answer balances.
-        first: balances of the answer.
+    Args:
+        problem: that was solved.
+        answer: values of its parameters, then of constants between frames, `(p,)`.
+
+    Raises:
+        UnsuitableData: forces were read beside poses, which are not drawn again, or the answer has
+            no balance.
     """
+    check_redrawn(problem.fitted.tests)
+    fitted = problem.fitted
+    first = fitted.begin(np.asarray(answer, float)[None])
+    if not first.converged[0].any():
+        raise UnsuitableData("bootstrap: the answer has no balance")
+    return fitted.with_used(first.converged[0] & fitted.used).cases, first
 
-    own: CalibrationProblem
-    cases: Observations
-    first: Slopes
 
-    @classmethod
-    def of(cls, problem: CalibrationProblem, answer: Sequence[float]) -> Answered:
-        """Balance an answer.
-
-        Args:
-            problem: that was solved.
-            answer: values of its parameters, then of constants between frames, `(p,)`.
-
-        Raises:
-            UnsuitableData: forces were read beside poses, which are not drawn again, or the answer
-                has no balance.
-        """
-        check_redrawn(problem.fitted.tests)
-        fitted = problem.fitted
-        first = fitted.begin(np.asarray(answer, float)[None])
-        if not first.converged[0].any():
-            raise UnsuitableData("bootstrap: the answer has no balance")
-        return cls(problem, fitted.with_used(first.converged[0] & fitted.used).cases, first)
-
-    def fitted(
-        self, draws: Sequence[int], data: Callable[[Sequence[int]], Observations]
-    ) -> np.ndarray:
-        """Fit data of each draw, with all parameters free, from the answer.
-
-        Args:
-            draws: their numbers.
-            data: load cases of some draws, a set of data each.
-
-        Returns:
-            Values of each draw, `(draws, p)`; NaN where its fit did not converge.
-        """
-        found = [np.empty((0, len(self.own.start)))]
-        for place in range(0, len(draws), _AT_ONCE):
-            some = draws[place : place + _AT_ONCE]
-            begin = self.first.take(np.zeros(len(some), int))
-            fits = fit_lanes(
-                self.own.fitted.balance, data(some), begin, begin.values, self.own.lower,
-                self.own.upper, most=_MOST_EVALUATIONS,
-            )  # fmt: skip
-            found.append(np.where(fits.converged[:, None], fits.values, np.nan))
-        return np.concatenate(found)
+def _refitted(
+    problem: CalibrationProblem, cases: Observations, first: Slopes, draws: Sequence[int],
+    drawn: Callable[[int], tuple[np.ndarray, np.ndarray]],
+) -> np.ndarray:  # fmt: skip
+    """Fit the data of each draw, target and spread by its number, with all parameters free, from
+    the answer, `(draws, p)`; NaN where a fit did not converge."""
+    found = [np.empty((0, len(problem.start)))]
+    for place in range(0, len(draws), _AT_ONCE):
+        some = draws[place : place + _AT_ONCE]
+        target, spread = map(np.array, zip(*map(drawn, some), strict=True))
+        data, begin = dataclasses.replace(cases, target=target, spread=spread), [0] * len(some)
+        fits = fit_lanes(
+            problem.fitted.balance, data, first.take(begin), first.values[begin], problem.lower,
+            problem.upper, most=_MOST_EVALUATIONS,
+        )  # fmt: skip
+        found.append(np.where(fits.converged[:, None], fits.values, np.nan))
+    return np.concatenate(found)
 
 
 def check_redrawn(tests: Sequence[MeasuredTest]) -> None:
@@ -147,26 +128,24 @@ def bootstrap_by_blocks(
     Source: A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application (1997),
     section 3.8.
     """
-    answered = Answered.of(problem, answer)
-    cases = answered.cases
+    cases, first = answered(problem, answer)
     curves = curves_of(int(cases.posed.sum()), problem.fitted.tests)
     check_curves(curves)
-    count, shape = len(curves), cases.target.shape
-    spread = np.ones(shape) if cases.spread is None else cases.spread
+    count, spread = len(curves), _spread(cases)
 
-    def drawn(some: Sequence[int]) -> Observations:
-        times = np.ones((len(some), *shape))
-        for place, k in enumerate(some):
-            lot = np.random.default_rng([seed, k]).integers(0, count, count)
-            for rows, often in zip(curves, np.bincount(lot, minlength=count), strict=True):
-                times[place, rows] = often
+    def drawn(number: int) -> tuple[np.ndarray, np.ndarray]:
+        lot = np.random.default_rng([seed, number]).integers(0, count, count)
+        times = np.ones((len(spread), 1))
+        for rows, often in zip(curves, np.bincount(lot, minlength=count), strict=True):
+            times[rows] = often
         with np.errstate(divide="ignore"):  # what is not drawn counts for nothing
-            return dataclasses.replace(
-                cases, target=np.tile(cases.target, (len(some), 1, 1)),
-                spread=spread / np.sqrt(times),
-            )  # fmt: skip
+            return cases.target, spread / np.sqrt(times)
 
-    return answered.fitted(draws, drawn)
+    return _refitted(problem, cases, first, draws, drawn)
+
+
+def _spread(cases: Observations) -> np.ndarray:
+    return np.ones(cases.target.shape) if cases.spread is None else cases.spread
 
 
 def check_curves(curves: Sequence[np.ndarray]) -> None:
@@ -224,16 +203,12 @@ def bootstrap(
 
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
     """
-    answered = Answered.of(problem, answer)
-    cases = answered.cases
-    model, spread = cases.observed(answered.first)[0][0], np.asarray(noise, float)
-    spread = np.where(np.isfinite(spread), spread, 0.0)
-    if cases.spread is not None:
-        spread = spread * cases.spread
+    cases, first = answered(problem, answer)
+    model, spread = cases.observed(first)[0][0], _spread(cases)
+    scatter = np.where(np.isfinite(noise), noise, 0.0) * spread
 
-    def made_again(some: Sequence[int]) -> Observations:
-        scatter = [np.random.default_rng([seed, k]).standard_normal(model.shape) for k in some]
-        target = model + spread * np.array(scatter)
-        return dataclasses.replace(cases, target=np.where(np.isnan(cases.target), np.nan, target))
+    def drawn(number: int) -> tuple[np.ndarray, np.ndarray]:
+        errors = scatter * np.random.default_rng([seed, number]).standard_normal(model.shape)
+        return np.where(np.isnan(cases.target), np.nan, model + errors), spread
 
-    return answered.fitted(draws, made_again)
+    return _refitted(problem, cases, first, draws, drawn)

@@ -11,7 +11,7 @@ from kneejax.cli import main
 from kneejax.experiments import MeasuredTest, lab_tests, load_curves, passive_flexion
 from kneejax.files import write_poses
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.bootstrap import Answered, bootstrap, bootstrap_by_blocks, curves_of
+from kneejax.inference.bootstrap import answered, bootstrap, bootstrap_by_blocks, curves_of
 from kneejax.inference.fit import rows_of_tests
 from kneejax.parameters import UnsuitableData
 
@@ -58,7 +58,7 @@ def test_a_curve_is_the_passive_motion_or_a_test_at_one_flexion(asked, truth):
     passive, *others = curves_of(4, asked.tests)
     assert passive.tolist() == [0, 1, 2, 3]
     assert [len(one) for one in others] == [6] * 9  # a row without load tells nothing
-    flexion = Answered.of(asked.problem(), truth).cases.load_cases.flexion
+    flexion = answered(asked.problem(), truth)[0].load_cases.flexion
     assert [np.ptp(np.asarray(flexion)[one]) for one in others] == [0.0] * 9
     # Flexions that a rig does not hold to a degree are one, and so is what shares a constant.
     rows = np.full((4, 5), np.nan)
@@ -72,9 +72,9 @@ def test_a_curve_is_the_passive_motion_or_a_test_at_one_flexion(asked, truth):
 @pytest.fixture(scope="module")
 def linear(asked, truth):
     """What the model gives, how residuals depend on the parameters, and the curves."""
-    answered = Answered.of(asked.problem(), truth)
-    model = answered.cases.observed(answered.first)[0][0]
-    slope = answered.cases.residual(answered.first)[1][0]
+    cases, first = answered(asked.problem(), truth)
+    model = cases.observed(first)[0][0]
+    slope = cases.residual(first)[1][0]
     return model, slope.reshape(*model.shape, -1), curves_of(4, asked.tests)
 
 

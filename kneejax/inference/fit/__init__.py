@@ -2,6 +2,7 @@
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt as BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of as balances_of
+from kneejax.inference.fit._cut import distinct as distinct
 from kneejax.inference.fit._cut import passed as passed
 from kneejax.inference.fit._cut import slack_at as slack_at
 from kneejax.inference.fit._cut import without as without

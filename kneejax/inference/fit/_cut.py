@@ -106,18 +106,21 @@ def balances_of(
 
 
 def _balanced(knee: Knee, vary: Vary, there: LoadCases, own: Own | None) -> Balance:
-    """Load cases that are the same are one: a load that grows and is taken away again, as in most
-    tests, meets each balance twice."""
-    columns = [x.reshape(len(there), -1) for x in jax.tree.leaves(there)]
-    _, first, case = np.unique(np.hstack(columns), axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(first)
-    once, place = first[order], np.argsort(order)[case.reshape(-1)]
-    there = jax.tree.map(lambda x: x[once], there)
+    first, place = distinct(there)
+    once = there.take(first)
 
     def balance(values: np.ndarray, near: Slopes | None) -> Slopes:
-        return balance_with_slopes(knee, vary, values, there, near and near.at(once), own).at(place)
+        return balance_with_slopes(knee, vary, values, once, near and near.at(first), own).at(place)
 
     return balance
+
+
+def distinct(load_cases: LoadCases) -> tuple[np.ndarray, np.ndarray]:
+    """Where each load case stands first, and which of these each one is: a load that grows and is
+    taken away again, as in most tests, meets each balance twice."""
+    columns = [np.reshape(x, (len(load_cases), -1)) for x in jax.tree.leaves(load_cases)]
+    _, first, place = np.unique(np.hstack(columns), axis=0, return_index=True, return_inverse=True)
+    return first, place.reshape(-1)
 
 
 def without(knee: Knee, selection: Selection, names: tuple[str, ...]):

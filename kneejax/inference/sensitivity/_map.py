@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.inference.fit import DEFAULT_WEIGHTS, Problem
-from kneejax.inference.sensitivity._map_study import LoadedMaps, Maps, PassiveMaps
-from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap
+from kneejax.geometry import convert
+from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem, distinct, without
+from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap, worst_condition
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (
     Selection,
@@ -19,8 +20,26 @@ from kneejax.parameters import (
     doubt_value,
     select,
     stated_bounds,
+    unphysiological,
 )
-from kneejax.statics import FAILURES, LoadCases, Progress, Status
+from kneejax.statics import (
+    FAILURES,
+    Equilibria,
+    LoadCases,
+    Progress,
+    Slopes,
+    Status,
+    Vary,
+    balance_lines,
+    balance_many,
+    converged,
+)
+
+#: Balances of a block, about: enough to fill all cores, few enough to hold in memory. A map that
+#: was stopped goes on with its next block.
+_BLOCK = 100_000
+#: Rows of a block at least, so that there are always lanes to fill.
+_FEWEST_ROWS = 16
 
 
 def sensitivity_map(
@@ -89,23 +108,14 @@ def sensitivity_maps(
     limits = map_ranges(knee, pairs, grid=grid, bounds=bounds)
     selection = select(knee, tuple(dict.fromkeys((*(at or ()), *limits))))
     base = _kept(knee, selection, at or {})
-    if loads or tests:
-        if convention != "femoral":
-            raise UnsuitableData(f"convention {convention}: expected femoral where loads act")
-        moved = [test.name for test in tests if test.frames is not None]
-        if moved:
-            raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
-        problem = Problem.of(knee, selection, measured, weights, (), loads, tests, known)
-        study: Maps = LoadedMaps(
-            knee, selection, base, problem.cases.load_cases, weights, problem, offsets, failures
-        )
-    else:
-        flexion, back = np.unique(measured[:, 0], return_inverse=True)
-        study = PassiveMaps(
-            knee, selection, base, LoadCases.at(flexion), weights, back, measured, offsets,
-            convention, failures,
-        )  # fmt: skip
-    each, maps = grid[0] * grid[1] * len(study.load_cases), []
+    if (loads or tests) and convention != "femoral":
+        raise UnsuitableData(f"convention {convention}: expected femoral where loads act")
+    moved = [test.name for test in tests if test.frames is not None]
+    if moved:
+        raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
+    problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, known)
+    study = _Maps(problem, base, convention, failures)
+    each, maps = grid[0] * grid[1] * study.size, []
     for pair in pairs:
         x, y = (np.linspace(*limits[name], count) for name, count in zip(pair, grid, strict=True))
 
@@ -147,7 +157,15 @@ def map_ranges(
     Returns:
         Parameter of a pair -> its lowest and its highest value.
     """
-    selection = select(knee, _distinct_names(knee, pairs))
+    if not pairs:
+        raise UnsuitableData("no pair of parameters: name two, such as PCL.stiffness ACL.stiffness")
+    for pair in pairs:
+        for name in pair:
+            if name.startswith("*"):
+                raise UnknownParameter(f"{name!r} is many parameters: a map takes one per side")
+        if pair[0] == pair[1]:
+            raise UnsuitableData(f"{pair[0]} with itself: a map needs two different parameters")
+    selection = select(knee, tuple(dict.fromkeys(name for pair in pairs for name in pair)))
     lower, upper = stated_bounds(knee, selection, bounds or {})
     for name, end in zip(selection.names, upper.tolist(), strict=True):
         doubt_value(knee, name, end)
@@ -158,16 +176,160 @@ def map_ranges(
     return dict(zip(selection.names, ends, strict=True))
 
 
-def _distinct_names(knee: Knee, pairs: Sequence[tuple[str, str]]) -> tuple[str, ...]:
-    names: list[str] = []
-    if not pairs:
-        raise UnsuitableData("no pair of parameters: name two, such as PCL.stiffness ACL.stiffness")
-    for first, second in pairs:
-        for name in (first, second):
-            if name.startswith("*"):
-                raise UnknownParameter(f"{name!r} is many parameters: a map takes one per side")
-        if first == second:
-            raise UnsuitableData(f"{first} with itself: a map needs two different parameters")
-        select(knee, [first, second])
-        names += [name for name in (first, second) if name not in names]
-    return tuple(names)
+class _Maps:
+    """What all maps of a call share."""
+
+    def __init__(
+        self, problem: Problem, base: np.ndarray, convention: str, failures: tuple[Status, ...]
+    ):
+        """The knee's own balances say what counts and what is physiological; searches begin at
+        those of `base`, values of the parameters, `(p,)`."""
+        self.selection, self.weights, self.base = problem.selection, problem.weights, base
+        self.convention, self.failures = convention, failures
+        cases, knee = problem.cases, problem.knee
+        every, both = cases.load_cases.of(knee), np.stack([base, self.selection.read(knee)])
+        # Load cases with the same ligaments cut, each of them once, and what varies and cuts a knee
+        # whose fibres cannot tear there.
+        self.parts: list[tuple[Knee, Vary, LoadCases]] = []
+        # Which of these, one part after the other, each observed load case is.
+        self.place, self.size = np.zeros(len(every), int), 0
+        found: list[Equilibria] = []
+        for number, names in enumerate(cases.cuts):
+            rows = np.flatnonzero(cases.cut == number)
+            if len(rows):
+                varied = without(knee, self.selection, names)
+                first, place = distinct(every.take(rows))
+                once = every.take(rows[first])
+                self.parts.append((*varied, once))
+                found.append(balance_many(*varied, both, once))
+                self.place[rows] = self.size + place
+                self.size += len(once)
+        used = converged(self._observed(found, "status")[1])
+        if not used.any():
+            raise UnsuitableData("nothing measured has a balance with the knee's own parameters")
+        self.own_table = self._observed(found, "table")[1]
+        self.flexion_deg = problem.measured[:, 0]
+        target = in_convention(cases.target, self.flexion_deg, convention)
+        cases = problem.with_used(used).cases
+        self.cases = dataclasses.replace(cases, target=target, offsets=problem.offsets)
+        self.left_out = int((~self.cases.counted).sum())
+        here = [one.at([0]) for one in found]
+        self.start_objective = float(self._misfit(base[None], here)[0][0])
+
+    def _observed(self, found: Sequence[Equilibria], name: str) -> np.ndarray:
+        """A field of all parts' balances at the load cases as they were observed."""
+        axis = found[0].status.ndim - 1
+        return np.take(np.concatenate([getattr(x, name) for x in found], axis), self.place, axis)
+
+    def _lines(self, values, begin, near, progress: Progress) -> list[Equilibria]:
+        """Balance lines of grid points, as `kneejax.statics.balance_lines`, part by part."""
+        found, done = [], 0
+        for (knee, vary, load_cases), there in zip(self.parts, near, strict=True):
+            found.append(balance_lines(
+                knee, vary, values, load_cases, begin, near=there,
+                progress=lambda count, of, before=done: progress(before + count, of),
+            ))  # fmt: skip
+            done += values.shape[0] * values.shape[1] * len(load_cases)
+        return found
+
+    def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
+        """One map over two parameters, with values `(nx,)` and `(ny,)`, block by block; the store
+        keeps finished blocks."""
+        column, row = (self.selection.names.index(name) for name in pair)
+        middle = int(np.abs(x - self.base[column]).argmin())
+        # One block's rows do not depend on another's: all begin at the same column.
+        spine = self._values(x[middle : middle + 1], y, column, row).swapaxes(0, 1)
+        begin = int(np.abs(y - self.base[row]).argmin())
+        near, parts, size = None, [], self.size
+        rows = max(_FEWEST_ROWS, _BLOCK // (x.size * size))
+        for first in range(0, y.size, rows):
+            block = slice(first, min(first + rows, y.size))
+            name = f"{pair[0]}-{pair[1]}-{first}"
+            known = store.load(name) if store else None
+            if known is None:
+                if near is None:
+                    nothing = [None] * len(self.parts)
+                    near = self._lines(spine, np.array([begin]), nothing, lambda *_: None)
+                values = self._values(x, y[block], column, row)
+                here = self._lines(
+                    values, np.full(len(values), middle), [one.at(0, block) for one in near],
+                    lambda done, _, before=first: report(before * x.size * size + done, 0),
+                )  # fmt: skip
+                known = self._reduced(values, here)
+                if store:
+                    store.save(name, known)
+            parts.append(known)
+            report(block.stop * x.size * size, 0)
+        whole = {key: np.concatenate([part[key] for part in parts], axis=-2) for key in parts[0]}
+        units = (self.selection.unit(column), self.selection.unit(row))
+        start = (float(self.base[column]), float(self.base[row]))
+        return ParameterMap(
+            (pair[0], pair[1]), units, x, y, whole["objective"], whole["partial"],
+            whole["condition"], whole["lost"], start, self.start_objective, self.left_out,
+            self.weights,
+        )  # fmt: skip
+
+    def _values(self, x, y, column: int, row: int) -> np.ndarray:
+        values = np.tile(self.base, (y.size, x.size, 1))
+        values[..., column], values[..., row] = x, y[:, None]
+        return values
+
+    def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
+        shape, counted = values.shape[:-1], self.cases.counted
+        table, status = (self._observed(found, name) for name in ("table", "status"))
+        strange = unphysiological(table, self.own_table)[..., counted]
+        objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), found)
+        return {
+            "objective": objective.reshape(shape),
+            "partial": partial.reshape(5, *shape),
+            "condition": worst_condition(status[..., counted], strange, self.failures),
+            "lost": (~converged(status[..., counted])).sum(axis=-1),
+        }
+
+    def _misfit(self, values: np.ndarray, found: list[Equilibria]) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of squares over all that was observed, `(points,)`, each as it is weighed, and of
+        errors by coordinate, `(5, points)`, as they are."""
+        axis = found[0].status.ndim - 1
+
+        def nodes(name: str) -> np.ndarray:
+            x = self._observed(found, name)
+            return x.reshape(len(values), *x.shape[axis:])
+
+        # Nothing is differentiated; slopes of the right shape are asked for all the same.
+        size = values.shape[1] if self.cases.readings is not None else 1
+        q = nodes("q")
+        if self.convention != "femoral":
+            own = slice(len(TABLE_UNITS))
+            table = in_convention(q[..., own] * TABLE_UNITS, self.flexion_deg, self.convention)
+            q[..., own] = table / TABLE_UNITS
+        still = np.broadcast_to(0.0, (*q.shape, size))
+        stiff = np.broadcast_to(0.0, (*q.shape, q.shape[-1]))
+        rest = nodes("contact_points"), stiff, nodes("status")
+        slopes = Slopes(values[:, :size], q, still, *rest)
+        error, residual = self.cases.error(slopes)[0], self.cases.residual(slopes)[0]
+        return (residual**2).sum(axis=1), np.moveaxis((error**2).sum(axis=1), -1, 0)
+
+
+def in_convention(table: np.ndarray, flexion_deg: np.ndarray, convention: str) -> np.ndarray:
+    """Free coordinates as another convention defines them.
+
+    Args:
+        table: femoral, degrees and mm, `(..., poses, 5)`.
+        flexion_deg: of the poses, `(poses,)`.
+        convention: one of `kneejax.geometry.CONVENTIONS`.
+
+    Returns:
+        Degrees and mm, `(..., poses, 5)`.
+
+    Example:
+        >>> table = np.array([[30.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+        >>> in_convention(table[:, 1:], table[:, 0], "femoral")[0, 2].tolist()
+        1.0
+    """
+    if convention == "femoral":
+        return table
+    flexion = np.broadcast_to(flexion_deg, table.shape[:-1])
+    units = np.r_[np.full(3, 180.0 / np.pi), np.ones(3)]
+    poses = np.moveaxis(np.concatenate([flexion[..., None], table], axis=-1) / units, -1, 0)
+    seen = np.moveaxis(np.asarray(convert(poses, "femoral", convention)), 0, -1)
+    return (seen * units)[..., 1:]

@@ -10,19 +10,15 @@ import kneejax as kj
 from kneejax.inference import (
     Candidate,
     Observations,
-    choose,
-    criterion_of,
     design_tests,
     fit_information,
     information,
-    load_case_derivatives,
-    load_cases_of,
     noise_of,
-    standard_errors,
-    told_by,
     usual_candidates,
 )
-from kneejax.inference.design._candidates import departures
+from kneejax.inference.design import departures, load_cases_of, told_by
+from kneejax.inference.fit import table_of
+from kneejax.inference.optimal_design import choose, criterion_of, standard_errors
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.design import design_notes, design_words
 from kneejax.statics import LoadCases, Status, balance_with_slopes
@@ -64,6 +60,10 @@ def known(knee):
     return selection, fit_information(knee, selection, data, fit), table.T
 
 
+def under_loads(selection, knee, values):
+    return balance_with_slopes(knee, selection.apply, values[None], load_cases_of(TESTS))
+
+
 @pytest.fixture(scope="module")
 def cases():
     """Three knees with what is known of them, and what each usual test would tell."""
@@ -71,15 +71,15 @@ def cases():
     for seed in SEEDS:
         knee = variant(seed)
         selection, data, passive = known(knee)
-        poses = load_case_derivatives(selection, knee, data.values, load_cases_of(TESTS))
+        poses = under_loads(selection, knee, data.values)
         found.append((knee, selection, data, poses, passive))
     return found
 
 
 def told_and_usable(case):
     _, _, data, poses, _ = case
-    usable = poses.status == Status.BALANCED
-    jacobian = np.where(usable[:, None, None], poses.jacobian, 0.0)
+    usable = poses.status[0] == Status.BALANCED
+    jacobian = np.where(usable[:, None, None], table_of(poses)[1][0], 0.0)
     return told_by(TESTS, jacobian, NOISE, data.scale), usable
 
 
@@ -161,12 +161,12 @@ def test_derivatives_under_loads_are_those_of_differences(cases):
 
     def table(part):
         moved = data.values + part * direction
-        return load_case_derivatives(selection, knee, moved, load_cases_of(TESTS)).table
+        return table_of(under_loads(selection, knee, moved))[0][0]
 
     near, far = table(0.5) - table(-0.5), table(1.0) - table(-1.0)
     numeric = (8.0 * near - far) / 6.0
-    exact = poses.jacobian @ direction
-    inside = poses.status == Status.BALANCED
+    exact = table_of(poses)[1][0] @ direction
+    inside = poses.status[0] == Status.BALANCED
     assert inside.sum() > 40
     error = np.abs(exact - numeric).max(axis=1) / np.abs(exact).max(axis=1)
     assert error[inside].max() < 1e-6
@@ -176,12 +176,12 @@ def test_a_test_without_load_is_a_pose_of_the_passive_motion(cases):
     """Every 15 degrees of every 5."""
     for *_, poses, passive in cases:
         rows = [i for i, test in enumerate(TESTS) if test.name == "no load"]
-        np.testing.assert_allclose(poses.table[rows], passive.T[::3], atol=1e-6)
+        np.testing.assert_allclose(table_of(poses)[0][0, rows], passive.T[::3], atol=1e-6)
 
 
 def test_loads_act_as_their_names_say(cases):
     _, _, _, poses, _ = cases[0]
-    by_name = {str(test): row for test, row in zip(TESTS, poses.table, strict=True)}
+    by_name = {str(test): row for test, row in zip(TESTS, table_of(poses)[0][0], strict=True)}
 
     def change(load, flexion):
         return by_name[f"{load} at {flexion} degrees"] - by_name[f"no load at {flexion} degrees"]
@@ -224,7 +224,7 @@ def test_a_design_says_what_to_do_and_keeps_its_books(cases):
     knee, selection, data, poses, _ = cases[0]
     design = design_tests(selection, knee, data, NOISE, count=3)
     told, usable = told_and_usable(cases[0])
-    np.testing.assert_array_equal(design.status, poses.status)
+    np.testing.assert_array_equal(design.status, poses.status[0])
     assert np.isfinite(design.gains).tolist() == usable.tolist()
     np.testing.assert_allclose(design.standard_errors[0], data.standard_error, rtol=1e-6)
     full = data.matrix + told[list(design.chosen)].sum(axis=0)

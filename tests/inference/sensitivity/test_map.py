@@ -80,10 +80,10 @@ def test_what_means_nothing_is_not_drawn(knee, measured):
 
 def test_a_map_goes_on_where_it_was_stopped(knee, measured, monkeypatch, tmp_path):
     """Blocks of four rows; the second run loads the first block and computes the others."""
-    from kneejax.inference.sensitivity import _map_study
+    from kneejax.inference.sensitivity import _map
 
-    monkeypatch.setattr(_map_study, "_BLOCK", 1)
-    monkeypatch.setattr(_map_study, "_FEWEST_ROWS", 4)
+    monkeypatch.setattr(_map, "_BLOCK", 1)
+    monkeypatch.setattr(_map, "_FEWEST_ROWS", 4)
     complete = sensitivity_map(knee, measured, PAIR, grid=(5, 12))
     with pytest.raises(KeyboardInterrupt):
         sensitivity_map(knee, measured, PAIR, grid=(5, 12), store=CutOff(tmp_path, 1))

@@ -1,4 +1,4 @@
-"""The next best test: which pose, under which load, would tell most about the parameters."""
+"""What to measure next: which pose, under which load, tells most about the parameters."""
 
 from __future__ import annotations
 
@@ -8,24 +8,105 @@ from collections.abc import Sequence
 import numpy as np
 
 from kneejax.geometry import FREE_COORDINATES
-from kneejax.inference.design._candidates import (
-    Candidate,
-    departures,
-    load_case_derivatives,
-    load_cases_of,
-    usual_candidates,
-)
+from kneejax.inference.fit import table_of
 from kneejax.inference.identification import Information
-from kneejax.mechanics import Knee
+from kneejax.inference.optimal_design import CRITERIA, choose, criterion_of, standard_errors
+from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_of, load_words
 from kneejax.numerics import Named
 from kneejax.parameters import Selection, UnsuitableData
-from kneejax.statics import Status
+from kneejax.statics import LoadCases, Slopes, Status, balance_with_slopes
 
-#: What a choice of tests makes small: D the volume of the joint confidence region, A the mean
-#: squared standard error in units of the parameters' scales.
-CRITERIA = ("D", "A")
-# Exchanges that gain less are rounding.
-_GAIN = 1e-10
+#: Loads of the usual tests, of the size that laxity tests use: name of a load -> its size.
+USUAL_LOADS: tuple[dict[str, float], ...] = (
+    {}, {"anterior_N": 100.0}, {"anterior_N": -100.0}, {"internal_Nm": 3.0}, {"internal_Nm": -3.0},
+    {"varus_Nm": 10.0}, {"varus_Nm": -10.0}, {"compression_N": 200.0},
+)  # fmt: skip
+#: Flexions of the usual tests, degrees.
+USUAL_FLEXION_DEG = tuple(range(0, 121, 15))
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """One pose that could be measured: the knee held at a flexion, under a load on the tibia.
+
+    Loads are those of `kneejax.mechanics.load_of`: along the axes of Grood and Suntay, at the
+    tibia's origin, besides the loads of the knee.
+
+    Attributes:
+        name: of the load; candidates that share it are one row of a table or figure.
+        flexion_deg: prescribed flexion.
+        lateral_N: along the femur's transverse axis.
+        anterior_N: along the floating axis.
+        compression_N: along the tibia's long axis, towards the femur.
+        varus_Nm: about the floating axis.
+        internal_Nm: about the tibia's long axis.
+        measured: which free coordinates are measured.
+
+    Example:
+        >>> print(Candidate("drawer", 90.0, anterior_N=-100.0))
+        drawer at 90 degrees
+    """
+
+    name: str
+    flexion_deg: float
+    _: dataclasses.KW_ONLY
+    lateral_N: float = 0.0
+    anterior_N: float = 0.0
+    compression_N: float = 0.0
+    varus_Nm: float = 0.0
+    internal_Nm: float = 0.0
+    measured: tuple[str, ...] = FREE_COORDINATES
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.measured if name not in FREE_COORDINATES]
+        if unknown or not self.measured:
+            what = f"unknown coordinate {unknown[0]!r}" if unknown else "nothing is measured"
+            raise UnsuitableData(f"{self}: {what}; expected any of {', '.join(FREE_COORDINATES)}")
+        for name, value in {"flexion_deg": self.flexion_deg, **self.loads}.items():
+            if not RANGES[name].holds(value):
+                expected = RANGES[name].expected(value)
+                raise UnsuitableData(f"{self}: {name}: {value:g}: expected {expected}")
+
+    def __str__(self) -> str:
+        return f"{self.name} at {self.flexion_deg:g} degrees"
+
+    @property
+    def loads(self) -> dict[str, float]:
+        """Name of a load -> its size."""
+        return {name: getattr(self, name) for name in NAMED_LOADS}
+
+
+def usual_candidates(flexion_deg: Sequence[float] = USUAL_FLEXION_DEG) -> tuple[Candidate, ...]:
+    """The tests of a laxity rig: no load, drawers, torques, varus, valgus and compression.
+
+    Args:
+        flexion_deg: every load is tried at each.
+
+    Returns:
+        Every load of `USUAL_LOADS` at every flexion: 100 N anterior and posterior, 3 N m internal
+        and external, 10 N m varus and valgus, 200 N of compression, or nothing.
+
+    Example:
+        >>> tests = usual_candidates()
+        >>> len(tests), str(tests[27 + 2])
+        (72, 'internal torque 3 N m at 30 degrees')
+    """
+    return tuple(
+        Candidate(load_words(loads), float(angle), **loads)
+        for loads in USUAL_LOADS
+        for angle in flexion_deg
+    )
+
+
+def load_cases_of(candidates: Sequence[Candidate]) -> LoadCases:
+    """The load cases at which a knee must be balanced to predict each candidate.
+
+    Example:
+        >>> load_cases_of([Candidate("drawer", 30.0, anterior_N=100.0)]).flexion.shape
+        (1,)
+    """
+    sizes = {name: np.array([test.loads[name] for test in candidates]) for name in NAMED_LOADS}
+    return LoadCases.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,30 +224,68 @@ def design_tests(
     noise, prior = np.asarray(noise, float), None if prior is None else np.asarray(prior, float)
     check_tests(tests, count, criterion, repeat=repeat)
     _check(selection, known, noise, prior)
-    found = load_case_derivatives(selection, knee, known.values, load_cases_of(tests))
-    usable = found.status == Status.BALANCED
+    load_cases = load_cases_of(tests)
+    found = balance_with_slopes(knee, selection.apply, known.values[None], load_cases)
+    usable = found.status[0] == Status.BALANCED
     if usable.sum() < (1 if repeat else count):
         raise UnsuitableData(
             f"{count} tests wanted, but the model predicts only {usable.sum()} of {len(tests)} "
             "candidates: ask for fewer, or give others"
         )
-    told = told_by(tests, np.where(usable[:, None, None], found.jacobian, 0.0), noise, known.scale)
-    base, added = _base(known, prior)
+    slope = np.where(usable[:, None, None], table_of(found)[1][0], 0.0)
+    told = told_by(tests, slope, noise, known.scale)
+    added = prior
+    if prior is None and np.linalg.eigvalsh(known.matrix)[0] < 1.0:
+        added = known.scale
+    base = known.matrix
+    if added is not None:
+        base = base + np.diag((known.scale / added) ** 2)
     chosen = choose(base, told, count, criterion, usable=usable, repeat=repeat)
     covariance = np.linalg.inv(base) * np.outer(known.scale, known.scale)
     bends = departures(selection, knee, known.values, covariance, noise, tests, chosen, found)
     steps = base + np.concatenate([np.zeros((1, *base.shape)), np.cumsum(told[list(chosen)], 0)])
     after, each = base + told, criterion_of(steps, criterion) / len(base)
+    before, then = criterion_of(base, criterion), criterion_of(after, criterion)
+    gains = (before - then) / (2 * np.log(2)) if criterion == "D" else 1.0 - then / before
     errors = np.where(usable[:, None], standard_errors(after) * known.scale, np.nan)
     return Design(
         criterion=criterion, names=known.names, scale=known.scale, candidates=tests,
-        status=found.status, chosen=chosen, standard_errors=standard_errors(steps) * known.scale,
+        status=found.status[0], chosen=chosen, standard_errors=standard_errors(steps) * known.scale,
         criterion_values=np.exp(each / 2) if criterion == "D" else np.sqrt(each),
-        gains=np.where(usable, _gain(base, after, criterion), np.nan),
+        gains=np.where(usable, gains, np.nan),
         standard_errors_next=errors, departures=bends, prior=added,
         prior_assumed=prior is None and added is not None,
         freed=tuple(n for n, on in zip(known.names, known.at_bound, strict=True) if on),
     )  # fmt: skip
+
+
+def departures(
+    selection: Selection, knee: Knee, values: np.ndarray, covariance: np.ndarray, noise: np.ndarray,
+    candidates: Sequence[Candidate], chosen: Sequence[int], foreseen: Slopes,
+) -> np.ndarray:  # fmt: skip
+    """How wrong first derivatives are over the width that matters, for each chosen test,
+    `(chosen,)`.
+
+    Parameters, of `covariance` `(p, p)` before the tests, move by one standard deviation along what
+    the test tells most about, both ways: the change of the pose that the derivative leaves out, as
+    a part of the one it gives. Infinite where the moved knee has no balance.
+    """
+    parts: dict[int, float] = {}
+    (table,), (slope,) = table_of(foreseen)
+    for row in set(chosen):
+        jacobian = slope[row] / noise[:, None]
+        sizes, directions = np.linalg.eigh(jacobian @ covariance @ jacobian.T)
+        step = covariance @ jacobian.T @ directions[:, -1] / np.sqrt(sizes[-1])
+        # As many load cases as there were candidates: one shape, one compilation.
+        copies = [row] * len(candidates)
+        alike, near = load_cases_of([candidates[k] for k in copies]), foreseen.at(copies)
+        for side in (step, -step):
+            moved = (values + side)[None]
+            found = balance_with_slopes(knee, selection.apply, moved, alike, near)
+            change, straight = (table_of(found)[0][0] - table[row]) / noise, jacobian @ side
+            part = np.linalg.norm(change - straight) / np.linalg.norm(straight)
+            parts[row] = max(parts.get(row, 0.0), float(np.nan_to_num(part, nan=np.inf)))
+    return np.array([parts[row] for row in chosen])
 
 
 def told_by(
@@ -183,94 +302,6 @@ def told_by(
     measured = np.array([[c in test.measured for c in FREE_COORDINATES] for test in candidates])
     rows = np.where(measured[:, :, None], jacobian, 0.0) / np.asarray(noise)[:, None] * scale
     return np.einsum("tci,tcj->tij", rows, rows)
-
-
-def choose(
-    base: np.ndarray,
-    told: np.ndarray,
-    count: int,
-    criterion: str = "D",
-    *,
-    usable: np.ndarray | None = None,
-    repeat: bool = False,
-) -> tuple[int, ...]:
-    """Choose candidates: one after the other, then exchanging while that gains.
-
-    The best next one is added until there are enough (greedy). Then each is exchanged for any other
-    candidate while the criterion falls (Fedorov), and the final choice is put in the order in
-    which each next one tells most.
-
-    Args:
-        base: information that exists, regular, `(p, p)`.
-        told: information of each candidate, `(candidates, p, p)`.
-        count: how many to choose.
-        criterion: `D` or `A`.
-        usable: candidates to choose from, `(candidates,)`; all by default.
-        repeat: whether one may be chosen several times.
-
-    Returns:
-        Rows of `told`.
-
-    Example:
-        >>> base, told = np.eye(2), np.array([np.diag([9.0, 0.0]), np.diag([1.0, 1.0])])
-        >>> choose(base, told, 1)
-        (0,)
-    """
-    usable = np.ones(len(told), bool) if usable is None else np.asarray(usable, bool)
-    rows: list[int] = _greedy(base, told, count, criterion, usable, repeat)
-    total = base + told[rows].sum(axis=0)
-    best = float(criterion_of(total, criterion))
-    improved = True
-    while improved:
-        improved = False
-        for place in range(count):
-            others = total - told[rows[place]]
-            values = criterion_of(others + told, criterion)
-            values[~usable] = np.inf
-            if not repeat:
-                values[rows] = np.inf
-            candidate = int(np.argmin(values))
-            if values[candidate] < best - _GAIN * max(1.0, abs(best)):
-                rows[place], best = candidate, float(values[candidate])
-                total, improved = others + told[candidate], True
-    own, order = told[rows], np.ones(count, bool)
-    return tuple(rows[i] for i in _greedy(base, own, count, criterion, order, False))
-
-
-def criterion_of(information: np.ndarray, criterion: str) -> np.ndarray:
-    """What is made small: minus the log determinant (D) or the trace of the inverse (A).
-
-    Args:
-        information: `(..., p, p)`, regular.
-        criterion: `D` or `A`.
-
-    Example:
-        >>> criterion_of(np.diag([4.0, 4.0]), "A").tolist()
-        0.5
-    """
-    if criterion == "D":
-        return -np.linalg.slogdet(information)[1]
-    return np.trace(np.linalg.inv(information), axis1=-2, axis2=-1)
-
-
-def standard_errors(information: np.ndarray) -> np.ndarray:
-    """Standard errors that regular information promises, `(..., p)`.
-
-    Example:
-        >>> standard_errors(np.diag([4.0, 100.0])).tolist()
-        [0.5, 0.1]
-    """
-    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1))
-
-
-def _greedy(base, told, count, criterion, usable, repeat) -> list[int]:
-    rows, total, free = [], base, usable.copy()
-    for _ in range(count):
-        values = np.where(free, criterion_of(total + told, criterion), np.inf)
-        rows.append(int(np.argmin(values)))
-        total = total + told[rows[-1]]
-        free[rows[-1]] = repeat
-    return rows
 
 
 def check_tests(
@@ -305,17 +336,3 @@ def _check(selection, known, noise, prior) -> None:
     for name, width in zip(known.names, prior, strict=True):
         if not width > 0:
             raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
-
-
-def _base(known: Information, prior: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
-    """Information before the tests, scaled, and the prior in it."""
-    if prior is not None:
-        return known.matrix + np.diag((known.scale / prior) ** 2), prior
-    if np.linalg.eigvalsh(known.matrix)[0] >= 1.0:
-        return known.matrix, None
-    return known.matrix + np.eye(len(known.names)), known.scale
-
-
-def _gain(base: np.ndarray, after: np.ndarray, criterion: str) -> np.ndarray:
-    before, then = criterion_of(base, criterion), criterion_of(after, criterion)
-    return (before - then) / (2 * np.log(2)) if criterion == "D" else 1.0 - then / before
