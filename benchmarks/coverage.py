@@ -191,8 +191,7 @@ def intervals(knee, design: Design, draws: int, seed: int | None):
     if seed is not None:
         errors = generator.standard_normal(errors.shape)
     seen = np.where(cases.seen, 0.0, np.nan)
-    spread = 1.0 if cases.spread is None else cases.spread
-    target = cases.observed(exact)[0][row] + seen + design.noise * spread * errors
+    target = cases.observed(exact)[0][row] + seen + design.noise * cases.spread * errors
     answers, found = [], []
     for first in range(0, draws, design.at_once):
         lot = target[first : first + design.at_once]

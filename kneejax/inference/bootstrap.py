@@ -131,7 +131,7 @@ def bootstrap_by_blocks(
     cases, first = answered(problem, answer)
     curves = curves_of(int(cases.posed.sum()), problem.fitted.tests)
     check_curves(curves)
-    count, spread = len(curves), _spread(cases)
+    count, spread = len(curves), cases.spread
 
     def drawn(number: int) -> tuple[np.ndarray, np.ndarray]:
         lot = np.random.default_rng([seed, number]).integers(0, count, count)
@@ -142,10 +142,6 @@ def bootstrap_by_blocks(
             return cases.target, spread / np.sqrt(times)
 
     return _refitted(problem, cases, first, draws, drawn)
-
-
-def _spread(cases: Observations) -> np.ndarray:
-    return np.ones(cases.target.shape) if cases.spread is None else cases.spread
 
 
 def check_curves(curves: Sequence[np.ndarray]) -> None:
@@ -204,7 +200,7 @@ def bootstrap(
     Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
     """
     cases, first = answered(problem, answer)
-    model, spread = cases.observed(first)[0][0], _spread(cases)
+    model, spread = cases.observed(first)[0][0], cases.spread
     scatter = np.where(np.isfinite(noise), noise, 0.0) * spread
 
     def drawn(number: int) -> tuple[np.ndarray, np.ndarray]:

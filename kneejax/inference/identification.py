@@ -309,7 +309,7 @@ def fit_information(
     Returns:
         The `Information`.
     """
-    counted = data.counted & fit.converged[0]
+    counted = data.used & fit.converged[0]
     _, rows = dataclasses.replace(data, used=counted).residual(fit)
     slack = slack_at(knee, selection, data, fit)
     flexion_deg = np.rad2deg(np.asarray(data.load_cases.flexion))[counted]
@@ -317,7 +317,7 @@ def fit_information(
         rows[0], 1.0, selection.names, fit.values[0], scale=scale, at_bound=at_bound,
         flexion_deg=flexion_deg, slack={name: where[counted] for name, where in slack.items()},
     )  # fmt: skip
-    return dataclasses.replace(answer, lost=int(data.counted.sum() - counted.sum()))
+    return dataclasses.replace(answer, lost=int(data.used.sum() - counted.sum()))
 
 
 def noise_of(noise_mm: float, noise_deg: float) -> np.ndarray:

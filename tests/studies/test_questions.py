@@ -12,7 +12,7 @@ from kneejax import inference, studies
 from kneejax.experiments import COUNTED_FROM
 from kneejax.geometry import CONVENTIONS, FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.inference import calibration
-from kneejax.inference.calibration._search import USUAL_CYCLES
+from kneejax.inference.calibration._question import USUAL_CYCLES
 from kneejax.inference.fit import DEFAULT_WEIGHTS
 from kneejax.mechanics import AXES, NAMED_LOADS
 from kneejax.numerics import MissingPackage

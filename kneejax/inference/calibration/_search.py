@@ -3,60 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
-import fnmatch
 from collections.abc import Sequence
 
 import numpy as np
 
+from kneejax.inference.calibration._question import PROCEDURES, CalibrationProblem
 from kneejax.inference.calibration._result import Ending, Iteration
-from kneejax.inference.fit import Problem, Progress, SeveralKnees, fit_lanes
+from kneejax.inference.fit import Problem, Progress, SeveralKnees, fit_lanes, minimise_bounded
 from kneejax.statics import Slopes
 
-
-@dataclasses.dataclass(frozen=True)
-class Stage:
-    """A part of a search: what is free in it, and which data count.
-
-    Attributes:
-        parameters: names or wildcards of those that are free, all others stay where they are;
-            empty for all. Constants between frames are free in every stage.
-        data: names of tests, and `poses`; empty for all.
-
-    Example:
-        >>> Stage(("*.reference_strain",), ("poses",)).frees("ACL.reference_strain")
-        True
-    """
-
-    parameters: tuple[str, ...] = ()
-    data: tuple[str, ...] = ()
-
-    def frees(self, name: str) -> bool:
-        """Whether a parameter of the search is free in this stage."""
-        patterns = [form for own in self.parameters for form in (own, f"{own}.*")]
-        return not patterns or any(fnmatch.fnmatchcase(name, form) for form in patterns)
-
-
-#: What a stage calls the passive motion.
-POSES = "poses"
-_LENGTHS = Stage(("*.reference_strain", "*.slack_length"))
-#: The procedures of paper 1, and one whose stages are a study's own.
-PROCEDURES = {
-    "I": (Stage(("*.stiffness",)), _LENGTHS),
-    "II": (_LENGTHS, Stage(("*.stiffness",))),
-    "III": (Stage(),),
-    "S": (),
-}
-#: Procedures where none are named.
-USUAL_PROCEDURES = ("III",)
-
-
-def procedures_of(named: Sequence[str], stages: Sequence[Stage]) -> tuple[str, ...]:
-    """The procedures that are named; where none are, `S` if there are stages, `III` otherwise."""
-    return tuple(named) or (("S",) if stages else USUAL_PROCEDURES)
-
-
-#: How often I and II go through their stages where nobody says: once, as paper 1 did.
-USUAL_CYCLES = 1
 _MAX_EVALUATIONS = 200
 # A search ends when this many accepted steps lower chi squared by less than this altogether.
 _WINDOW, _INSIGNIFICANT = 6, 0.5
@@ -64,8 +19,9 @@ _WINDOW, _INSIGNIFICANT = 6, 0.5
 _RTOL, _ATOL = 1e-10, 1e-9
 # Effect of a number, relative to the largest of all, below which poses hardly depend on it.
 _SILENT = 1e-3
-# Cycles that Anderson's extrapolation looks back on.
-_MEMORY = 6
+# Cycles that Anderson's extrapolation looks back on, and the relative decrease of the objective in
+# a cycle that ends the search.
+_MEMORY, _TOLERANCE = 6, 1e-6
 
 
 @dataclasses.dataclass
@@ -120,47 +76,48 @@ class Trail:
 
 
 def run_procedure(
-    problem: Problem,
-    procedure: str,
-    start: Slopes,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    cycles: int = USUAL_CYCLES,
-    tolerance: float = 1e-6,
-    method: str = "least_squares",
-    stages: Sequence[Stage] = (),
-    unit: float = np.inf,
+    one: CalibrationProblem, knees: SeveralKnees, procedure: str, starts: Sequence[Slopes],
     progress: Progress | None = None,
-) -> Trail:
-    """Search by one of paper 1's procedures, or in stages of one's own.
+) -> list[Trail]:  # fmt: skip
+    """Search by one of paper 1's procedures, or in stages of one's own, side by side where the
+    search allows it.
 
     Args:
-        problem: what is fitted.
-        procedure: `I` (stiffnesses, then slack lengths), `II` (the reverse), `III` (all) or `S`
-            (`stages`).
-        start: balances at the first values, one variant.
-        lower: bounds.
-        upper: bounds.
-        cycles: how often I and II may be gone through.
-        tolerance: relative decrease of the objective in a cycle that ends the search.
-        method: of each stage, a key of `METHODS`.
-        stages: of procedure S, gone through once.
-        unit: what the objective rises by where chi squared rises by one, infinite where the noise
-            is not stated: what a fit leaves, if that is less, tells when steps gain nothing.
-        progress: told of each step and its errors.
+        one: says between which bounds and how is searched.
+        knees: what is fitted.
+        procedure: a key of `PROCEDURES`.
+        starts: balances at the first values, one variant a knee.
+        progress: told of each step and its errors; of a knee alone.
 
     Returns:
-        The trail.
+        A trail each.
     """
-    trail, knees = Trail(start, np.inf, [], {}, progress=progress), SeveralKnees.of([problem])
-    cycles = cycles if len(PROCEDURES[procedure]) > 1 else 1
-    begun, ended, before = [], [], None
-    for _ in range(cycles):
+    by_turns = one.cycles > 1 and len(PROCEDURES[procedure]) > 1
+    if len(knees) > 1 and (by_turns or one.method != "least_squares"):
+        each = ((SeveralKnees.of([x]), [y]) for x, y in zip(knees.problems, starts, strict=True))
+        return [run_procedure(one, knee, procedure, start, progress)[0] for knee, start in each]
+    if by_turns:
+        return [_by_turns(one, knees, procedure, starts[0], progress)]
+    trails = [Trail(start, np.inf, [], {}) for start in starts]
+    if len(knees) == 1:
+        knees, trails[0].progress = SeveralKnees.of(knees.problems), progress
+    _go_through(one, knees, procedure, trails)
+    return trails
+
+
+def _by_turns(
+    one: CalibrationProblem, knees: SeveralKnees, procedure: str, start: Slopes,
+    progress: Progress | None,
+) -> Trail:  # fmt: skip
+    """Cycles through the stages of one knee, until they no longer lower the objective."""
+    (problem,), trail = knees.problems, Trail(start, np.inf, [], {}, progress=progress)
+    knees, begun, ended, before = SeveralKnees.of([problem]), [], [], None
+    for _ in range(one.cycles):
         reached, here = trail.objective, trail.x
-        _go_through(knees, procedure, [trail], lower, upper, method, stages, unit)
-        if cycles == 1 or trail.objective < 1e-16 * problem.cases.numbers:
+        _go_through(one, knees, procedure, [trail])
+        if trail.objective < 1e-16 * problem.cases.numbers:
             return trail
-        if begun and reached - trail.objective <= tolerance * reached:
+        if begun and reached - trail.objective <= _TOLERANCE * reached:
             if before is None and (anew := _taut_again(problem, trail, start)) is not None:
                 before, begun, ended = trail, [], []
                 trail = Trail(anew, np.inf, [], dict(trail.counts), progress=progress)
@@ -170,49 +127,23 @@ def run_procedure(
             return trail
         begun.append(here)
         ended.append(trail.x)
-        _accelerate(problem, trail, begun[-_MEMORY:], ended[-_MEMORY:], lower, upper)
+        _accelerate(one, problem, trail, begun[-_MEMORY:], ended[-_MEMORY:])
     trail.converged = False
     return trail
 
 
-def run_side_by_side(
-    knees: SeveralKnees, procedure: str, starts: Sequence[Slopes], lower: np.ndarray,
-    upper: np.ndarray, cycles: int = USUAL_CYCLES, method: str = "least_squares",
-    stages: Sequence[Stage] = (), unit: float = np.inf, progress: Progress | None = None,
-) -> list[Trail]:  # fmt: skip
-    """As `run_procedure`, of several knees at once where the search allows it.
-
-    Args:
-        knees: what is fitted; and all others as there, one start a knee.
-
-    Returns:
-        A trail each.
-    """
-    several = PROCEDURES[procedure] or tuple(stages)
-    if len(knees) == 1 or method != "least_squares" or cycles > 1 and len(several) > 1:
-        search = {"method": method, "stages": stages, "unit": unit, "progress": progress}
-        return [
-            run_procedure(problem, procedure, start, lower, upper, cycles, **search)
-            for problem, start in zip(knees.problems, starts, strict=True)
-        ]
-    trails = [Trail(start, np.inf, [], {}) for start in starts]
-    _go_through(knees, procedure, trails, lower, upper, method, stages, unit)
-    return trails
-
-
 def _go_through(
-    knees: SeveralKnees, procedure: str, trails: Sequence[Trail], lower, upper, method: str,
-    stages: Sequence[Stage], unit: float,
-) -> None:  # fmt: skip
+    one: CalibrationProblem, knees: SeveralKnees, procedure: str, trails: Sequence[Trail]
+) -> None:
     """Once through all stages of a procedure."""
-    several = PROCEDURES[procedure] or tuple(stages)
+    several = PROCEDURES[procedure] or one.stages
+    search = _stage if one.method == "least_squares" else _stage_by_lbfgsb
     for number, stage in enumerate(several, 1):
         chosen = [stage.frees(name) for name in knees.problems[0].selection.names]
         if any(chosen):
             free = np.array(chosen + [True] * len(knees.problems[0].offsets))
             name = f"{procedure}.{number}" if len(several) > 1 else procedure
-            own = knees.with_data(stage.data)
-            METHODS[method](own, trails, free, lower, upper, name, unit)
+            search(one, knees.with_data(stage.data), trails, free, name)
     if any(stage.data for stage in several):
         for problem, trail in zip(knees.problems, trails, strict=True):
             trail.objective = problem.objective(trail.known)
@@ -228,7 +159,9 @@ def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
     return found if silent.any() and found.converged.all() else None
 
 
-def _accelerate(problem: Problem, trail: Trail, begun, ended, lower, upper) -> None:
+def _accelerate(
+    one: CalibrationProblem, problem: Problem, trail: Trail, begun: list, ended: list
+) -> None:
     """Go on where the cycles were heading; kept only where it lowers the objective.
 
     Alternating between coupled blocks converges linearly: near the answer of paper 1's twin the
@@ -239,31 +172,25 @@ def _accelerate(problem: Problem, trail: Trail, begun, ended, lower, upper) -> N
     """
     if len(begun) < 2:
         return
-    if len(begun) > 2 and _improves(
-        problem, trail, np.clip(_anderson(begun, ended, upper - lower), lower, upper)
-    ):
-        return
+
+    def improves(trial: np.ndarray) -> bool:
+        found = problem.balance(np.clip(trial, one.lower, one.upper)[None], trail.known)
+        objective = problem.objective(found)
+        trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
+        lower = objective < trail.objective
+        if lower:
+            _move(problem, trail, found, objective, "acceleration")
+        return lower
+
+    if len(begun) > 2:
+        # Where the cycles would stop if they were linear.
+        moved = (np.array(ended) - np.array(begun)) / (one.upper - one.lower)
+        mix, *_ = np.linalg.lstsq((moved[1:] - moved[:-1]).T, moved[-1], rcond=1e-12)
+        if improves(ended[-1] - np.diff(ended, axis=0).T @ mix):
+            return
     move, times = ended[-1] - begun[-1], 1.0
-    while _improves(problem, trail, np.clip(ended[-1] + times * move, lower, upper)):
+    while improves(ended[-1] + times * move):
         times *= 2.0
-
-
-def _anderson(begun, ended, width: np.ndarray) -> np.ndarray:
-    """Where cycles from `begun` to `ended` would stop if they were linear: `(p,)`."""
-    moved = (np.array(ended) - np.array(begun)) / width
-    mix, *_ = np.linalg.lstsq((moved[1:] - moved[:-1]).T, moved[-1], rcond=1e-12)
-    return ended[-1] - np.diff(ended, axis=0).T @ mix
-
-
-def _improves(problem: Problem, trail: Trail, trial: np.ndarray) -> bool:
-    """Move the trail to a trial point if the objective is lower there."""
-    found = problem.balance(trial[None], trail.known)
-    objective = problem.objective(found)
-    trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
-    lower = objective < trail.objective
-    if lower:
-        _move(problem, trail, found, objective, "acceleration")
-    return lower
 
 
 def _count(problem: Problem, trail: Trail, found: Slopes, stage: str) -> None:
@@ -282,11 +209,11 @@ def _move(problem: Problem, trail: Trail, found: Slopes, objective: float, stage
 
 
 def _stage(
-    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str, unit: float
+    one: CalibrationProblem, knees: SeveralKnees, trails: Sequence[Trail], free, name: str
 ) -> None:
     """A stage, of several knees at once; each ends by itself."""
     here = np.stack([trail.x for trail in trails])
-    box = (np.where(free, bound, here) for bound in (lower, upper))
+    box = (np.where(free, bound, here) for bound in (one.lower, one.upper))
     reached: list[list[float]] = [[] for _ in trails]
     spare = max(knees.cases.numbers - int(free.sum()), 1)
     for trail in trails:
@@ -303,7 +230,7 @@ def _stage(
                 reached[row].append(trail.objective)
                 steps = reached[row]
                 gain = steps[-_WINDOW] - steps[-1] if len(steps) >= _WINDOW else np.inf
-                trail.flat = bool(gain < _INSIGNIFICANT * min(steps[-1] / spare, unit))
+                trail.flat = bool(gain < _INSIGNIFICANT * min(steps[-1] / spare, one.noise.unit))
         return np.array([trails[row].flat for row in rows])
 
     fit = fit_lanes(
@@ -322,11 +249,9 @@ def together(trails: Sequence[Trail]) -> Slopes:
 
 
 def _stage_by_lbfgsb(
-    knees: SeveralKnees, trails: Sequence[Trail], free, lower, upper, name: str, unit: float
+    one: CalibrationProblem, knees: SeveralKnees, trails: Sequence[Trail], free, name: str
 ) -> None:
     """A stage of one knee."""
-    from kneejax.inference.fit import minimise_bounded
-
     (problem,), (trail,) = knees.problems, trails
     origin = trail.x
 
@@ -344,21 +269,14 @@ def _stage_by_lbfgsb(
             _move(problem, trail, found, value, name)
         return value, 2.0 * (residual @ jacobian)[free]
 
-    scale = _telling_changes(problem, trail.known, upper - lower)
-    answer = minimise_bounded(objective, origin[free], lower[free], upper[free], scale[free])
+    # How far each parameter alone must move to move the poses as far as they are off; its ligament
+    # may be slack at every pose.
+    (residual, jacobian), width = problem.residual(trail.known), one.upper - one.lower
+    effect = np.linalg.norm(jacobian, axis=0) * width
+    effect = np.maximum(effect, 1e-3 * effect.max() or 1.0)
+    scale = width * max(float(np.linalg.norm(residual)), 1e-6) / effect
+    box = origin[free], one.lower[free], one.upper[free], scale[free]
+    answer = minimise_bounded(objective, *box)
     if answer.converged:
         trail.known, trail.objective = balance(answer.x), answer.value
     trail.converged, trail.reason = answer.converged, answer.reason
-
-
-def _telling_changes(problem: Problem, known: Slopes, width: np.ndarray) -> np.ndarray:
-    """How far each parameter alone must move to move the poses as far as they are off, `(p,)`."""
-    residual, jacobian = problem.residual(known)
-    effect = np.linalg.norm(jacobian, axis=0) * width
-    # The ligament of a parameter may be slack at every pose.
-    effect = np.maximum(effect, 1e-3 * effect.max() or 1.0)
-    return width * max(float(np.linalg.norm(residual)), 1e-6) / effect
-
-
-#: How a stage is searched: with the exact Jacobian, or with the gradient alone (jaxopt).
-METHODS = {"least_squares": _stage, "lbfgsb": _stage_by_lbfgsb}

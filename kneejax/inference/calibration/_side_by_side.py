@@ -7,18 +7,11 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from kneejax.geometry import FREE_COORDINATES, scales
-from kneejax.inference.calibration._calibrate import (
-    CalibrationProblem,
-    fit_of,
-    motion_of,
-    rmse_of,
-    squares_of,
-    starts_of,
-)
-from kneejax.inference.calibration._quality import fitted_tests, misfits, misfits_of_test
-from kneejax.inference.calibration._result import Calibration, Fit, versions
-from kneejax.inference.calibration._search import Trail, run_procedure, run_side_by_side, together
+from kneejax.geometry import scales
+from kneejax.inference.calibration._answer import answer_of, fit_of, starts_of
+from kneejax.inference.calibration._question import CalibrationProblem
+from kneejax.inference.calibration._result import Calibration, Fit
+from kneejax.inference.calibration._search import Trail, run_procedure, together
 from kneejax.inference.fit import (
     Noise,
     Problem,
@@ -173,7 +166,7 @@ def _answers(
     begin = [first.take([row]) for row in range(len(members))]
     knees, fits, sure = _fits(knees, members, begin, progress)
     every = zip(members, knees.problems, begin, fits, sure, strict=True)
-    answers = [_answer(*each) for each in every]
+    answers = [answer_of(*each) for each in every]
     anew = {}
     for row, answer in enumerate(answers):
         problem, objective = knees.problems[row], answer.fit.objective
@@ -194,7 +187,7 @@ def _answers(
     own = [members[row] for row in rows]
     some, fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
     for row, problem, *rest in zip(rows, some.problems, fits, sure, strict=True):
-        again = _answer(members[row], problem, begin[row], *rest)
+        again = answer_of(members[row], problem, begin[row], *rest)
         # Its own noise, where that is estimated, would make any fit as good as another.
         there = _continued(knees.problems[row], first.knee[row], _values(again))
         if knees.problems[row].objective(there) < answers[row].fit.objective:
@@ -214,7 +207,7 @@ def _past_what_blocks(
     if problem.cases.passages:
         return None
     residual, _ = problem.residual(there)
-    cases = np.flatnonzero(problem.cases.counted)
+    cases = np.flatnonzero(problem.used)
     largest = np.abs(residual[: 5 * len(cases)]).reshape(-1, 5).max(axis=1)
     off = ~(largest <= _BLOCKED * np.sqrt(min(variance, one.noise.unit)))
     if not off.any():
@@ -224,14 +217,14 @@ def _past_what_blocks(
     stiffness = np.nan_to_num(there.tangent[0][cases]) * units[:, None] * units
     least = np.linalg.eigvalsh(0.5 * (stiffness + stiffness.swapaxes(1, 2)))[:, 0]
     least[~there.converged[0][cases]] = 0.0
-    found = []
+    found, plain = [], dataclasses.replace(one, method="least_squares")
     for far in (least < _SOFT * np.median(least), off):
         if not far.any() or far.mean() > _FEW:
             continue
-        used, begin = problem.cases.counted.copy(), there
+        used, begin = problem.used.copy(), there
         used[cases[far]] = False
         for own in (problem.with_used(used), problem):
-            trail = run_procedure(own, "III", begin, one.lower, one.upper, unit=one.noise.unit)
+            (trail,) = run_procedure(plain, SeveralKnees.of([own]), "III", [begin])
             begin = _continued(problem, there.knee[0], trail.x)
             found.append(begin)
     known = [one for one in found if np.isfinite(problem.objective(one))]
@@ -255,8 +248,6 @@ def _fits(
     balances; and how sure that of the first is, a knee each."""
     one = members[0]
     lower, upper = one.lower, one.upper
-    search = {"cycles": one.cycles, "method": one.method, "stages": one.stages,
-              "unit": one.noise.unit, "progress": progress}  # fmt: skip
     fits, sure = [[] for _ in members], []
     every = range(len(members))
     for number, procedure in enumerate(one.procedures):
@@ -264,7 +255,7 @@ def _fits(
         if one.starts > 1 and procedure == "III":
             if one.noise.estimated and not number:
                 # Ends of several starts are compared with the noise that one of them leaves.
-                trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+                trails = run_procedure(one, knees, procedure, begin, progress)
                 left = one.noise.left(knees.cases, together(trails), lower, upper)
                 knees = knees.weighing(left) if one.noise.weighs else knees
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
@@ -272,7 +263,7 @@ def _fits(
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
             pairs = zip(knees.problems, first, best, strict=True)
             begin = [_continued(one, found.knee[0], values) for one, found, values in pairs]
-        trails = run_side_by_side(knees, procedure, begin, lower, upper, **search)
+        trails = run_procedure(one, knees, procedure, begin, progress)
         lap("search")
         if not number:
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
@@ -287,9 +278,8 @@ def _fits(
                 trails = [_at_the_bottom(*each, one.noise) for each in where]
             lap("limits")
         for row, trail in enumerate(trails):
-            own, problem = members[row], knees.problems[row]
-            likely = None if number else sure[row]
-            fit = fit_of(problem, procedure, trail, own.start, own.lower, own.upper, likely)
+            problem = knees.problems[row]
+            fit = fit_of(members[row], problem, procedure, trail, None if number else sure[row])
             if reached:
                 ends, objectives = reached[row]
                 known = np.isfinite(objectives)
@@ -342,28 +332,3 @@ def _continued_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
         return np.empty(0)
     residual, _ = problem.cases.residual(problem.begin(values))
     return np.nan_to_num(np.sum(residual**2, axis=1), nan=np.inf)
-
-
-def _answer(
-    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit],
-    likely: MaximumLikelihood,
-) -> Calibration:  # fmt: skip
-    """What is reported of one knee; seconds are those of all, and follow."""
-    start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
-    poses = int(problem.used[problem.cases.posed].sum())
-    stated, counted = one.noise.stated, one.noise.counted
-    poor = misfits(fits[0].rmse, start_rmse, stated, counted, poses)
-    for own, before in zip(fits[0].tests, start_tests, strict=True):
-        poor += misfits_of_test(own, before, stated, counted)
-    knee, noise = problem.knee, map(float, likely.noise)
-    return Calibration(
-        title=one.title, knee=knee.name, measured=problem.measured,
-        start=motion_of(problem, first), start_rmse=start_rmse, start_tests=start_tests,
-        start_partial_objectives=squares_of(problem, first),
-        start_objective=problem.objective(first), fits=tuple(fits),
-        ligaments=knee.ligaments.names, contacts=knee.contact_names, truth=dict(one.truth),
-        noise=dict(zip(FREE_COORDINATES, noise, strict=True)),
-        noise_estimated=likely.noise_estimated, misfits=poor, weights=problem.weights,
-        left_out=int((~problem.used).sum()), seconds={}, versions=versions(),
-        settings=dict(one.settings),
-    )  # fmt: skip

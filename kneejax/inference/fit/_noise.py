@@ -130,8 +130,8 @@ class Noise:
         noise = np.where(self.unknown, noise, self.stated)
         if not self.estimated:
             return noise
-        poses = int(data.counted.sum())
-        seen = data.seen[data.counted].T
+        poses = int(data.used.sum())
+        seen = data.seen[data.used].T
         # Each constant that was taken out takes the freedom of one number from its coordinate.
         share = 1.0 - data.taken / np.maximum(seen.sum(axis=1), 1)
         residual, slope = dataclasses.replace(data, noise=noise).residual(fits)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
@@ -43,6 +43,11 @@ def _of_tibia(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
     return found.q[..., own], found.jacobian[..., own, :]
 
 
+def _in_all(number: float) -> Any:
+    """A field that has one number at every load case where nobody says more."""
+    return dataclasses.field(default_factory=lambda: np.array(number))
+
+
 @dataclasses.dataclass(frozen=True)
 class Observations:
     """What was observed of a knee, and how well it is known.
@@ -54,18 +59,17 @@ class Observations:
         noise: standard deviation of each coordinate, degrees and mm, `(5,)`, or one set per fit
             `(fits, 5)`; infinite for a coordinate that does not count.
         offsets: free coordinates whose constant difference to the measurement is free.
-        used: load cases that count, `(load_cases,)`.
+        used: load cases that count, `(load_cases,)`; all by default.
         prior: means and standard deviations of the values, `(p,)` each, that count as observed too,
             means perhaps one set per fit `(fits, p)`; None where nothing is known beforehand.
         clinical: whose translations are those of Grood and Suntay, `(load_cases,)`; frame offsets
-            are not of these. None where no case's are.
-        neutral: load case from which each one is counted, `(load_cases,)`, -1 where the pose counts
-            as it is; None where all do.
+            are not of these.
+        neutral: load case from which each one is counted, `(load_cases,)`; -1, the default, where
+            the pose counts as it is.
         group: load cases that share unknown constants, one a coordinate: their number
-            `(load_cases,)`, -1 for cases without; None where no case has any.
+            `(load_cases,)`; -1, the default, for cases without.
         spread: times its coordinate's noise that an observation has, `(load_cases, 5)`, or one set
-            per fit `(fits, load_cases, 5)`, infinite for one that does not count; None where all
-            have that noise itself.
+            per fit `(fits, load_cases, 5)`, infinite for one that does not count; 1 by default.
         cuts: what was cut, a set of ligaments each; the first is that of a whole knee, none.
         cut: which of these each load case had, `(load_cases,)`; the first by default.
         readings: forces and strains that were read of parts of the knee; None without any.
@@ -76,25 +80,23 @@ class Observations:
     target: np.ndarray
     noise: np.ndarray
     offsets: tuple[str, ...] = ()
-    used: np.ndarray | None = None
+    used: np.ndarray = _in_all(True)
     prior: tuple[np.ndarray, np.ndarray] | None = None
-    clinical: np.ndarray | None = None
-    neutral: np.ndarray | None = None
-    group: np.ndarray | None = None
-    spread: np.ndarray | None = None
+    clinical: np.ndarray = _in_all(False)
+    neutral: np.ndarray = _in_all(-1)
+    group: np.ndarray = _in_all(-1)
+    spread: np.ndarray = _in_all(1.0)
     cuts: tuple[tuple[str, ...], ...] = ((),)
-    cut: np.ndarray = dataclasses.field(default=None)  # pyright: ignore[reportAssignmentType]
+    cut: np.ndarray = _in_all(0)
     readings: Readings | None = None
     passages: tuple[Passage, ...] = ()
 
     def __post_init__(self) -> None:
-        if self.cut is None:
-            object.__setattr__(self, "cut", np.zeros(len(self.load_cases), int))
-
-    @property
-    def counted(self) -> np.ndarray:
-        """Load cases that count, `(load_cases,)`."""
-        return np.ones(len(self.load_cases), bool) if self.used is None else self.used
+        count = len(self.load_cases)
+        for name in ("used", "clinical", "neutral", "group", "cut", "spread"):
+            shape, given = (count, 5) if name == "spread" else (count,), getattr(self, name)
+            if given.ndim == 0:
+                object.__setattr__(self, name, np.broadcast_to(given, shape))
 
     @property
     def moved(self) -> np.ndarray:
@@ -108,7 +110,7 @@ class Observations:
     def count(self) -> int:
         """Rows of the residual."""
         believed = 0 if self.prior is None else len(self.prior[1])
-        return 5 * int(self.counted.sum()) + self._read + believed
+        return 5 * int(self.used.sum()) + self._read + believed
 
     @property
     def numbers(self) -> int:
@@ -123,12 +125,12 @@ class Observations:
     def seen(self) -> np.ndarray:
         """Which numbers were observed and count, `(load_cases, 5)`; the same in every fit."""
         one = self.target.reshape(-1, len(self.load_cases), 5)[0]
-        return ~np.isnan(one) & self.counted[:, None]
+        return ~np.isnan(one) & self.used[:, None]
 
     @property
     def posed(self) -> np.ndarray:
         """Load cases in the frame to which offsets lead, `(load_cases,)`."""
-        return np.ones(len(self.load_cases), bool) if self.clinical is None else ~self.clinical
+        return ~self.clinical
 
     @property
     def taken(self) -> np.ndarray:
@@ -141,18 +143,15 @@ class Observations:
     def _constants(self) -> list[tuple[np.ndarray, int]]:
         """Rows and column of each unknown constant."""
         found = [(self.posed, FREE_COORDINATES.index(name)) for name in self.offsets]
-        if self.group is not None:
-            groups = [self.group == g for g in np.unique(self.group[self.group >= 0])]
-            found += [(rows, column) for rows in groups for column in range(5)]
-        return found
+        groups = [self.group == g for g in np.unique(self.group[self.group >= 0])]
+        return found + [(rows, column) for rows in groups for column in range(5)]
 
     def take(self, rows) -> Observations:
         """The data of some of the fits."""
         target = self.target if self.target.ndim == 2 else self.target[rows]
         noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
-        spread, prior = self.spread, self.prior
-        if spread is not None and spread.ndim == 3:
-            spread = spread[rows]
+        spread = self.spread if self.spread.ndim == 2 else self.spread[rows]
+        prior = self.prior
         if prior is not None and prior[0].ndim == 2:
             prior = prior[0][rows], prior[1]
         return dataclasses.replace(self, target=target, noise=noise, spread=spread, prior=prior)
@@ -167,19 +166,17 @@ class Observations:
             Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`.
         """
         q, slope = _of_tibia(found)
-        if self.clinical is not None and self.clinical.any():
+        if self.clinical.any():
             read, turn = _read_all(np.asarray(self.load_cases.flexion), q)
             q = np.where(self.clinical[:, None], read, q)
             slope = np.where(self.clinical[:, None, None], turn @ slope, slope)
         value, slope = q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
-        if self.neutral is None:
+        away = self.neutral[:, None] >= 0
+        if not away.any():
             return value, slope
-        counts = self.neutral >= 0
-        zero = np.where(counts, self.neutral, 0)
-        away = counts[:, None]
         return (
-            value - np.where(away, value[:, zero], 0.0),
-            slope - np.where(away[..., None], slope[:, zero], 0.0),
+            value - np.where(away, value[:, self.neutral], 0.0),
+            slope - np.where(away[..., None], slope[:, self.neutral], 0.0),
         )
 
     def error(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
@@ -209,10 +206,8 @@ class Observations:
         """Errors over their standard deviations `(fits, r)`, and by the parameters; zero where
         nothing was observed. Those of poses come first, then what was read of the knee's parts, and
         what was known beforehand."""
-        error, slope = (each[:, self.counted] for each in self.error(found))
-        noise = self.noise[..., None, :]
-        if self.spread is not None:
-            noise = noise * self.spread[..., self.counted, :]
+        error, slope = (each[:, self.used] for each in self.error(found))
+        noise = self.noise[..., None, :] * self.spread[..., self.used, :]
         fits, size = found.values.shape
         rows = [(error / noise).reshape(fits, -1)]
         slopes = [(slope / noise[..., None]).reshape(fits, rows[0].shape[1], size)]
@@ -304,5 +299,5 @@ def best_offsets(data: Observations, fit: Slopes) -> list[float]:
         Degrees or mm, in the order of `data.offsets`.
     """
     target = data.target.reshape(len(data.load_cases), 5)
-    error = (data.observed(fit)[0][0] - target)[data.counted & data.posed]
+    error = (data.observed(fit)[0][0] - target)[data.used & data.posed]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]

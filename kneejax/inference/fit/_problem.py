@@ -132,7 +132,7 @@ class Problem:
     @property
     def used(self) -> np.ndarray:
         """Load cases that count: those where the start's model balances, `(cases,)`."""
-        return self.cases.counted
+        return self.cases.used
 
     @property
     def counted_numbers(self) -> int:
@@ -152,8 +152,7 @@ class Problem:
 
     def with_used(self, rows: np.ndarray) -> Problem:
         """The same with only some load cases that count, `(cases,)`, and what they count from."""
-        if self.cases.neutral is not None:
-            rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
+        rows = rows & np.where(self.cases.neutral < 0, True, rows[self.cases.neutral])
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
     def balanced_by(self, first: Slopes) -> Problem:
@@ -234,8 +233,7 @@ class Problem:
     def squares(self, found: Slopes) -> np.ndarray:
         """Sum of squares of each coordinate in one fit, `(5,)`, degree^2 and mm^2; of tests with a
         noise of their own in units of the poses' variance."""
-        error, spread = self.error(found), self.cases.spread
-        return ((error if spread is None else error / spread.T) ** 2).sum(axis=1)
+        return ((self.error(found) / self.cases.spread.T) ** 2).sum(axis=1)
 
     def weighing(self, noise: np.ndarray) -> Problem:
         """The same with another noise, `(5,)`, degrees and mm, by which squares weigh."""

@@ -51,7 +51,7 @@ class Readings:
     def counted(self, cases: Observations) -> np.ndarray:
         """Of which numbers the load case counts, and the one that it is counted from, `(r,)`."""
         zero = np.where(self.neutral >= 0, self.neutral, self.case)
-        return cases.counted[self.case] & cases.counted[zero]
+        return cases.used[self.case] & cases.used[zero]
 
     def error(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """Knee minus what was read, the best unknown constants taken out, `(fits, r)`, and by the

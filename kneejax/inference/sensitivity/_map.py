@@ -212,7 +212,7 @@ class _Maps:
         target = in_convention(cases.target, self.flexion_deg, convention)
         cases = problem.with_used(used).cases
         self.cases = dataclasses.replace(cases, target=target, offsets=problem.offsets)
-        self.left_out = int((~self.cases.counted).sum())
+        self.left_out = int((~self.cases.used).sum())
         here = [one.at([0]) for one in found]
         self.start_objective = float(self._misfit(base[None], here)[0][0])
 
@@ -275,7 +275,7 @@ class _Maps:
         return values
 
     def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
-        shape, counted = values.shape[:-1], self.cases.counted
+        shape, counted = values.shape[:-1], self.cases.used
         table, status = (self._observed(found, name) for name in ("table", "status"))
         strange = unphysiological(table, self.own_table)[..., counted]
         objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), found)

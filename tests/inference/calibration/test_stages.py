@@ -6,8 +6,8 @@ import yaml
 
 import kneejax as kj
 from kneejax.files import InputProblem, write_rows
-from kneejax.inference.calibration import Stage, run_procedure
-from kneejax.inference.fit import Problem
+from kneejax.inference.calibration import CalibrationProblem, Stage, run_procedure
+from kneejax.inference.fit import Noise, Problem, SeveralKnees
 
 NAMES = ("ACL.stiffness", "ACL.reference_strain", "MCL.reference_strain")
 NOISE = np.full(5, 0.1)
@@ -26,8 +26,12 @@ def problem():
 def searched(problem, stages, start):
     truth = np.asarray(problem.selection.read(problem.knee))
     wide = 0.5 * np.abs(truth)
-    begin = problem.begin(start[None])
-    return run_procedure(problem, "S", begin, truth - wide, truth + wide, stages=stages)
+    bounds = truth - wide, truth + wide
+    one = CalibrationProblem(problem, Noise.of(), start, *bounds, ("S",), tuple(stages))
+    (found,) = run_procedure(
+        one, SeveralKnees.of([problem]), "S", [problem.begin(start[None])]
+    )
+    return found
 
 
 @pytest.mark.long
