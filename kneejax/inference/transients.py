@@ -17,9 +17,9 @@ from jax.typing import ArrayLike
 
 from kneejax.dynamics import Given, MovingKnee, Trajectory, given_of, move_within, searched
 from kneejax.geometry import FREE_COORDINATES, coordinate, coordinates_of
-from kneejax.inference.fit import ManyFits, Noise, Observations, fit_lanes, on_bounds, passed
+from kneejax.inference.fit import Noise, Observations, fit_lanes, on_bounds, passed
 from kneejax.inference.intervals import Uncertainty, maximum_likelihood, uncertainty
-from kneejax.mechanics import RANGES, Range, add_lane_axis
+from kneejax.mechanics import RANGES, add_lane_axis
 from kneejax.numerics import WrongValue
 from kneejax.statics import LoadCases, Slopes, converged
 
@@ -31,29 +31,17 @@ _GRIDS = 3
 _SIDES = 1.96
 
 
-@dataclasses.dataclass(frozen=True)
-class Damper:
-    """A number of damping that can be found.
-
-    Attributes:
-        apply: gives a knee that damping.
-        allowed: between which bounds it is sought.
-    """
-
-    apply: Callable[[MovingKnee, Array], MovingKnee]
-    allowed: Range
-
-
 def _of_contacts(moving: MovingKnee, size: Array) -> MovingKnee:
     each = {name: size for name in moving.knee.contact_names}
     return dataclasses.replace(moving, contact_dissipation=each)
 
 
-#: What can be found, by the names of the options of `kneejax simulate`.
-DAMPING: Mapping[str, Damper] = {
-    "critical": Damper(MovingKnee.critically_damped, RANGES["critical"]),
-    "damping_N_s_per_mm": Damper(MovingKnee.damped_everywhere, RANGES["damping_N_s_per_mm"]),
-    "dissipation_s_per_mm": Damper(_of_contacts, RANGES["dissipation_s_per_mm"]),
+#: What can be found within `RANGES`, by the names of the options of `kneejax simulate`, and what
+#: gives a knee that damping.
+DAMPING: Mapping[str, Callable[[MovingKnee, Array], MovingKnee]] = {
+    "critical": MovingKnee.critically_damped,
+    "damping_N_s_per_mm": MovingKnee.damped_everywhere,
+    "dissipation_s_per_mm": _of_contacts,
 }
 
 
@@ -158,7 +146,7 @@ def fit_transient(
     names = tuple(free)
     if not names or not set(names) <= set(DAMPING):
         raise WrongValue("free", str(list(names)), f"some of {', '.join(DAMPING)}")
-    ranges = [DAMPING[name].allowed for name in names]
+    ranges = [RANGES[name] for name in names]
     lower, upper = np.array([(one.lower, one.upper) for one in ranges], float).T
     target = recorded.table()[1:]
     data = Observations(LoadCases.at(np.zeros(len(target))), target, np.ones(target.shape[1]))
@@ -190,13 +178,24 @@ def fit_transient(
     seen = data.seen.any(axis=0)
     noise = Noise.of(weights=np.where(seen, np.nan, 0.0))
     best, weighed = maximum_likelihood(motion, data, fit.slopes, noise, lower, upper)
-    best = dataclasses.replace(best, evaluations=evaluations + best.evaluations)
-    return _fitted(moving, names, found, weighed, best, lower, upper)
+    (error,), _ = weighed.error(best.slopes)
+    (x,), (slope,) = best.values, weighed.residual(best.slopes)[1]
+    spread = uncertainty(slope, on_bounds(x, lower, upper))
+    side = _SIDES * spread.standard_error
+    rms = {
+        name: float(np.sqrt(np.mean(error[weighed.seen[:, k], k] ** 2)))
+        for k, name in enumerate(FREE_COORDINATES)
+        if seen[k]
+    }
+    return FittedTransient(
+        names, x, x - side, x + side, _damped(moving, names, x), found, spread, weighed.noise[0],
+        rms, bool(best.converged[0]), evaluations + best.evaluations,
+    )  # fmt: skip
 
 
 def _damped(moving: MovingKnee, names: Sequence[str], x: Array) -> MovingKnee:
     for k, name in enumerate(names):
-        moving = DAMPING[name].apply(moving, x[k])
+        moving = DAMPING[name](moving, x[k])
     return moving
 
 
@@ -226,28 +225,8 @@ class _Motions:
         every, damped = coordinates_of(self.moving.knee.bodies), _Damped(self.names)
         known = searched(damped(self.moving, None, jnp.asarray(values)), self.given)
         still, asked = np.zeros((1, len(every), len(self.names))), jnp.asarray(self.asked)
-        found = passed(damped, self.moving, None, self.given, known, asked, values, still)
         rows = [every.index(name) for name in FREE_COORDINATES]
-        change = found.q - np.asarray(self.given.q)[:, 0]
+        found = passed(damped, self.moving, None, self.given, known, asked, values, still, rows)
+        change = found.q - np.asarray(self.given.q)[rows, 0]
         change = np.where(converged(found.status)[..., None], change, np.nan)
-        fields = found._replace(q=change[..., rows], jacobian=found.jacobian[..., rows, :])
-        unknown = np.zeros((*found.status.shape, len(rows), len(rows)))
-        return Slopes(values, **fields._asdict(), tangent=unknown)
-
-
-def _fitted(
-    moving, names, found, data: Observations, fit: ManyFits, lower, upper
-) -> FittedTransient:
-    (error,), _ = data.error(fit.slopes)
-    (x,), seen, (slope,) = fit.values, data.seen, data.residual(fit.slopes)[1]
-    spread = uncertainty(slope, on_bounds(x, lower, upper))
-    side = _SIDES * spread.standard_error
-    rms = {
-        name: float(np.sqrt(np.mean(error[seen[:, k], k] ** 2)))
-        for k, name in enumerate(FREE_COORDINATES)
-        if seen[:, k].any()
-    }
-    return FittedTransient(
-        names, x, x - side, x + side, _damped(moving, names, x), found, spread, data.noise[0], rms,
-        bool(fit.converged[0]), fit.evaluations,
-    )  # fmt: skip
+        return dataclasses.replace(found, q=change)

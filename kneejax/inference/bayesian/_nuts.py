@@ -17,7 +17,6 @@ import dataclasses
 import time
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -82,62 +81,45 @@ def sample(
     """
     begin, _, final = _tuning()
     scaled = _Scaled(target, jnp.asarray(origin), jnp.linalg.cholesky(jnp.asarray(covariance)))
-    chains = _Run(scaled, scaled.inwards(start), jax.random.key(seed), progress)
-    rounds = -(-warmup // (_ROUNDS * _CHUNK))
-    chains.total = _CHUNK * (_ROUNDS * rounds + -(-draws // _CHUNK))
+    state, key, tuning = scaled.inwards(start), jax.random.key(seed), begin(_FIRST_STEP)
+    rounds, chunks = -(-warmup // (_ROUNDS * _CHUNK)), -(-draws // _CHUNK)
+    done = evaluations = 0
+    begun, compiling = time.perf_counter(), 0.0
+
+    def advance(count: int, adapting: bool) -> list[dict[str, np.ndarray]]:
+        """Chunks of draws; arrays begin with `(draws, chains)`."""
+        nonlocal state, key, tuning, done, evaluations, compiling
+        seen = []
+        for _ in range(count):
+            key, own = jax.random.split(key)
+            tuning = jax.tree.map(lambda x: jnp.asarray(x, float), tuning)
+            state, tuning, trace = _advance(scaled, state, tuning, own, jnp.asarray(adapting))
+            seen.append({name: np.asarray(values) for name, values in trace.items()})
+            compiling = compiling or time.perf_counter() - begun
+            evaluations += int(seen[-1]["evaluations"].sum())
+            done += _CHUNK
+            if progress:
+                progress(done, _CHUNK * (_ROUNDS * rounds + chunks))
+        return seen
+
     for number in range(_ROUNDS):
-        chains.tuning = begin(_FIRST_STEP)
-        seen = [chains.advance(adapting=True) for _ in range(rounds)]
+        tuning = begin(_FIRST_STEP)
+        seen = advance(rounds, adapting=True)
         if number < _ROUNDS - 1:
-            chains.scale_anew(np.concatenate([s["position"] for s in seen[len(seen) // 2 :]]))
-    warmed = time.perf_counter()
-    evaluations, scaled = chains.evaluations, chains.target
-    seen = [chains.advance(adapting=False) for _ in range(-(-draws // _CHUNK))]
-    trace = {key: np.concatenate([s[key] for s in seen])[:draws] for key in seen[0]}
-    trace = {key: np.swapaxes(value, 0, 1) for key, value in trace.items()}
+            late, outside = [x["position"] for x in seen[len(seen) // 2 :]], scaled.outwards(state)
+            scaled = scaled.scaled_by(np.concatenate(late))
+            state = scaled.inwards(outside)
+    warmed, before = time.perf_counter(), evaluations
+    seen = advance(chunks, adapting=False)
+    trace = {name: np.concatenate([x[name] for x in seen])[:draws] for name in seen[0]}
+    trace = {name: np.swapaxes(value, 0, 1) for name, value in trace.items()}
     position = np.asarray(scaled.outwards(trace.pop("position")))
-    seconds = {"compile": chains.first, "warmup": warmed - chains.begun - chains.first}
+    seconds = {"compile": compiling, "warmup": warmed - begun - compiling}
     seconds["sampling"] = time.perf_counter() - warmed
     return Chains(
-        position=position, **trace, step_size=float(final(chains.tuning)),
-        warmup_evaluations=evaluations, seconds=seconds,
+        position=position, **trace, step_size=float(final(tuning)), warmup_evaluations=before,
+        seconds=seconds,
     )  # fmt: skip
-
-
-class _Run:
-    """Chains under way."""
-
-    def __init__(self, target: _Scaled, state: ChainState, key: Array, progress):
-        self.target, self.state, self.key, self.progress = target, state, key, progress
-        self.tuning: Any = None
-        self.done = self.total = self.evaluations = 0
-        self.begun, self.first = time.perf_counter(), 0.0
-
-    def advance(self, adapting: bool) -> dict[str, np.ndarray]:
-        """A chunk of draws; arrays begin with `(draws, chains)`."""
-        self.key, key = jax.random.split(self.key)
-        tuning = jax.tree.map(lambda x: jnp.asarray(x, float), self.tuning)
-        self.state, self.tuning, trace = _advance(
-            self.target, self.state, tuning, key, jnp.asarray(adapting)
-        )
-        trace = {name: np.asarray(values) for name, values in trace.items()}
-        self.first = self.first or time.perf_counter() - self.begun
-        self.evaluations += int(trace["evaluations"].sum())
-        self.done += _CHUNK
-        if self.progress:
-            self.progress(self.done, self.total)
-        return trace
-
-    def scale_anew(self, seen: np.ndarray) -> None:
-        """Scale by the covariance of draws `(draws, chains, p)`, drawn towards the present one."""
-        old, outside = self.target, self.target.outwards(self.state)
-        points = seen.reshape(-1, seen.shape[-1])
-        count, size = points.shape
-        trust = count / (count + 5.0 * size)
-        found = trust * np.cov(points.T).reshape(size, size) + (1.0 - trust) * np.eye(size)
-        scale = old.scale @ np.linalg.cholesky(found)
-        self.target = _Scaled(old.target, old.outwards(points.mean(axis=0)), scale)
-        self.state = self.target.inwards(outside)
 
 
 class _Scaled(eqx.Module):
@@ -162,6 +144,16 @@ class _Scaled(eqx.Module):
         """Chains in scaled coordinates."""
         position = jnp.linalg.solve(self.scale, (outside.position - self.origin).T).T
         return ChainState(position, outside.value, outside.gradient @ self.scale)
+
+    def scaled_by(self, seen: np.ndarray) -> _Scaled:
+        """The same scaled by the covariance of draws `(draws, chains, p)`, drawn towards the
+        present one."""
+        points = seen.reshape(-1, seen.shape[-1])
+        count, size = points.shape
+        trust = count / (count + 5.0 * size)
+        found = trust * np.cov(points.T).reshape(size, size) + (1.0 - trust) * np.eye(size)
+        scale = self.scale @ np.linalg.cholesky(found)
+        return _Scaled(self.target, self.outwards(points.mean(axis=0)), scale)
 
 
 @compiled()

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.geometry import BY_COORDINATE, FREE_COORDINATES
-from kneejax.inference.bayesian._nuts import Chains, ChainState, sample
+from kneejax.inference.bayesian._nuts import ChainState, sample
 from kneejax.inference.bayesian._priors import (
     MotionDensity,
     Prior,
@@ -217,12 +217,12 @@ def posterior(
     noise = noise_of(noise_mm, noise_deg)
     check_counts(chains, draws, warmup)
     imported("blackjax", "blackjax")
-    imported("arviz", "arviz")
+    arviz = imported("arviz", "arviz")
     # A calibration's problem must not forget its own weights and poses.
     problem = problem.weighing(noise)
     beliefs = normal_priors(problem, priors, bounds)
     found = most_probable(problem, beliefs, np.asarray(fit, float))
-    likely, covariance = found.values[0], laplace_covariance(problem, found, beliefs)
+    covariance = laplace_covariance(problem, found, beliefs)
     deviation = np.sqrt(np.diag(covariance))
     density = MotionDensity.of(problem, noise, beliefs, found, deviation)
     origin, spread = _without_bounds(problem, density, beliefs, found, deviation)
@@ -237,14 +237,34 @@ def posterior(
     seconds = drawn.seconds | {"motions": time.perf_counter() - ended}
     seconds["compile"] += begun_drawing - begun
     seconds["other"] = time.perf_counter() - begun - sum(seconds.values())
-    seconds = adding_up(seconds)
     settings = {"chains": chains, "draws": draws, "warmup": warmup, "seed": seed}
     settings |= {"noise_mm": noise_mm, "noise_deg": noise_deg}
-    known = {p.name: truth[p.name] for p in beliefs if truth and p.name in truth}
-    laplace = likely, covariance
-    return _described(
-        problem, noise, beliefs, laplace, drawn, values, motions, seconds, settings, known
+    dataset = arviz.convert_to_dataset({"values": values})
+    r_hat, bulk, tail = (
+        np.asarray(x["values"])
+        for x in (arviz.rhat(dataset), arviz.ess(dataset), arviz.ess(dataset, method="tail"))
     )
+    flat = motions.reshape(-1, *motions.shape[2:])
+    random = np.random.default_rng([seed, 1])
+    noisy = flat + noise * random.standard_normal((_NOISES, *flat.shape))
+    every = flat, noisy.reshape(-1, *flat.shape[1:])
+    without_noise, with_noise = (np.quantile(each, LEVELS, axis=0).T for each in every)
+    evaluations = {"warmup": drawn.warmup_evaluations, "sampling": int(drawn.evaluations.sum())}
+    evaluations["equilibria"] = sum(evaluations.values()) * int(problem.used.sum())
+    packages = {x: imported(x, x).__version__ for x in ("blackjax", "arviz")}
+    return Posterior(
+        names=tuple(prior.name for prior in beliefs),
+        units=tuple(unit for _, unit in named(problem.selection, problem.offsets)), draws=values,
+        log_density=drawn.value, r_hat=r_hat, effective_sample_size=bulk,
+        tail_effective_sample_size=tail, divergent=drawn.divergent,
+        unbalanced=int(drawn.lost.sum()), measured=problem.measured[problem.used], noise=noise,
+        motions=motions, levels=LEVELS, motion_quantiles=without_noise,
+        predictive_quantiles=with_noise, priors=beliefs, laplace_mean=found.values[0],
+        laplace_covariance=covariance, acceptance=float(drawn.acceptance.mean()),
+        truth={p.name: truth[p.name] for p in beliefs if truth and p.name in truth},
+        evaluations=evaluations, seconds=adding_up(seconds), versions=versions() | packages,
+        settings=settings,
+    )  # fmt: skip
 
 
 def check_counts(chains: int, draws: int, warmup: int = 300) -> None:
@@ -305,35 +325,3 @@ def _motions(problem: Problem, near: Slopes, values: np.ndarray) -> np.ndarray:
     found = problem.balance(chosen, near.take(np.zeros(len(chosen), int)))
     tables = table_of(found)[0][:, problem.used]
     return tables.reshape(len(values), len(rows), -1, 5)
-
-
-def _described(
-    problem, noise, priors, laplace, drawn: Chains, values, motions, seconds, settings, truth
-) -> Posterior:
-    arviz = imported("arviz", "arviz")
-    names = tuple(prior.name for prior in priors)
-    units = tuple(unit for _, unit in named(problem.selection, problem.offsets))
-    dataset = arviz.convert_to_dataset({"values": values})
-    r_hat, bulk, tail = (
-        np.asarray(found["values"])
-        for found in (arviz.rhat(dataset), arviz.ess(dataset), arviz.ess(dataset, method="tail"))
-    )
-    flat = motions.reshape(-1, *motions.shape[2:])
-    random = np.random.default_rng([settings["seed"], 1])
-    noisy = flat + noise * random.standard_normal((_NOISES, *flat.shape))
-    sampling = int(drawn.evaluations.sum())
-    every = flat, noisy.reshape(-1, *flat.shape[1:])
-    without_noise, with_noise = (np.quantile(each, LEVELS, axis=0).T for each in every)
-    evaluations = {"warmup": drawn.warmup_evaluations, "sampling": sampling}
-    evaluations["equilibria"] = sum(evaluations.values()) * int(problem.used.sum())
-    packages = {x: imported(x, x).__version__ for x in ("blackjax", "arviz")}
-    return Posterior(
-        names=names, units=units, draws=values, log_density=drawn.value, r_hat=r_hat,
-        effective_sample_size=bulk, tail_effective_sample_size=tail, divergent=drawn.divergent,
-        unbalanced=int(drawn.lost.sum()), measured=problem.measured[problem.used], noise=noise,
-        motions=motions, levels=LEVELS, motion_quantiles=without_noise,
-        predictive_quantiles=with_noise, priors=priors, laplace_mean=laplace[0],
-        laplace_covariance=laplace[1], truth=truth, acceptance=float(drawn.acceptance.mean()),
-        evaluations=evaluations, seconds=seconds, versions=versions() | packages,
-        settings=settings,
-    )  # fmt: skip

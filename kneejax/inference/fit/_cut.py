@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -227,13 +227,12 @@ class Passage:
             return self._passed(knee, vary, values[own], q[own], slope[own])
 
         parts = on_all_cores(one, range(len(values)))
-        found = Passed(*map(np.concatenate, zip(*parts, strict=True)))
+        found = jax.tree.map(lambda *each: np.concatenate(each), *parts)
         status = np.where(converged(begin.status), found.status, begin.status)
         q = np.where(converged(status)[..., None], found.q, np.nan)
-        unknown = np.zeros((*q.shape, q.shape[-1]))
-        return Slopes(values, q, found.jacobian, found.contact_points, unknown, status)
+        return dataclasses.replace(found, q=q, status=status)
 
-    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Passed:
+    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Slopes:
         frames, led = self.frames, _led(knee, self.frames, self.load_cases)
         moving = frames.moving(knee)
         given = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
@@ -242,19 +241,8 @@ class Passage:
         given, varied = dataclasses.replace(given, q=jnp.asarray(q.T)), _Varied(vary)
         equilibrium = searched(varied(moving, dampers, values), given)
         given, equilibrium = with_idle_steps(given, equilibrium)
-        found = passed(varied, moving, dampers, given, equilibrium, asked, values, slope)
         free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in given.held]
-        return found._replace(q=found.q[..., free], jacobian=found.jacobian[..., free, :])
-
-
-class Passed(NamedTuple):
-    """Fields of `Slopes` that a motion has; arrays begin with variant and time, `q` has all
-    coordinates."""
-
-    q: np.ndarray
-    jacobian: np.ndarray
-    contact_points: np.ndarray
-    status: np.ndarray
+        return passed(varied, moving, dampers, given, equilibrium, asked, values, slope, free)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -271,9 +259,10 @@ class _Varied:
 
 def passed(
     lanes_of: Callable[..., MovingKnee], moving: MovingKnee, fixed: Any, given: Given,
-    equilibrium: Equilibrium, asked: Array, values: ArrayLike, slope: ArrayLike,
-) -> Passed:  # fmt: skip
-    """What variants of a moving knee pass, and its derivatives by the values.
+    equilibrium: Equilibrium, asked: Array, values: np.ndarray, slope: ArrayLike,
+    rows: Sequence[int],
+) -> Slopes:  # fmt: skip
+    """What variants of a moving knee pass, and its derivatives by the values; no stiffness.
 
     Args:
         lanes_of: `(moving, fixed, values) -> variants` whose leaves end in lanes; hashable.
@@ -284,9 +273,12 @@ def passed(
         asked: steps that are asked for.
         values: `(variants, p)`.
         slope: of the starts by the values, `(variants, coordinates, p)`.
+        rows: of the coordinates that are wanted.
     """
-    answer = _passed(lanes_of, moving, fixed, given, equilibrium, asked, values, slope)
-    return Passed(*map(np.asarray, answer))
+    found = _passed(lanes_of, moving, fixed, given, equilibrium, asked, values, slope)
+    q, jacobian, contact_points, status = map(np.asarray, found)
+    unknown = np.zeros((*status.shape, len(rows), len(rows)))
+    return Slopes(values, q[..., rows], jacobian[..., rows, :], contact_points, unknown, status)
 
 
 @compiled(static_argnums=(0,))

@@ -114,7 +114,7 @@ def sensitivity_maps(
     if moved:
         raise UnsuitableData(f"{moved[0]}: a knee in motion; expected tests of a knee at rest")
     problem = Problem.of(knee, selection, measured, weights, offsets, loads, tests, known)
-    study = _Maps(problem, base, convention, failures)
+    study = _Maps(problem, base, weights, convention, failures)
     each, maps = grid[0] * grid[1] * study.size, []
     for pair in pairs:
         x, y = (np.linspace(*limits[name], count) for name, count in zip(pair, grid, strict=True))
@@ -180,11 +180,12 @@ class _Maps:
     """What all maps of a call share."""
 
     def __init__(
-        self, problem: Problem, base: np.ndarray, convention: str, failures: tuple[Status, ...]
-    ):
+        self, problem: Problem, base: np.ndarray, weights: np.ndarray, convention: str,
+        failures: tuple[Status, ...],
+    ):  # fmt: skip
         """The knee's own balances say what counts and what is physiological; searches begin at
         those of `base`, values of the parameters, `(p,)`."""
-        self.selection, self.weights, self.base = problem.selection, problem.weights, base
+        self.selection, self.weights, self.base = problem.selection, weights, base
         self.convention, self.failures = convention, failures
         cases, knee = problem.cases, problem.knee
         every, both = cases.load_cases.of(knee), np.stack([base, self.selection.read(knee)])
