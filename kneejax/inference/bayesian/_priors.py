@@ -114,14 +114,7 @@ def parameter_priors(
     given: Mapping[str, tuple[float, float]] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> tuple[Prior, ...]:
-    """Priors of parameters alone, one each; as `normal_priors`.
-
-    Args:
-        knee: whose values are the middles where none is given.
-        selection: the parameters.
-        given: as in `normal_priors`.
-        bounds: likewise.
-    """
+    """Priors of parameters alone, one each, around the knee's values; as `normal_priors`."""
     values = np.asarray(selection.read(knee))
     usual = prior_scales(selection, values)
     stated(selection, bounds or {}, "bounds")

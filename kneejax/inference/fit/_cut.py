@@ -124,16 +124,8 @@ def distinct(load_cases: LoadCases) -> tuple[np.ndarray, np.ndarray]:
 
 
 def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
-    """A knee in which some fibres cannot tear, and what sets its parameters and cuts them.
-
-    Args:
-        knee: gives everything that is not free.
-        selection: the free parameters.
-        names: ligaments or groups that are cut.
-
-    Returns:
-        The knee, and a function of it and of values.
-    """
+    """A knee in which the fibres of ligaments or groups cannot tear, and a function of it and of
+    values that sets its free parameters and cuts them."""
     if not names:
         return knee, selection.apply
     fibres = tuple(fibres_cut(knee, names))
@@ -145,30 +137,15 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
 
 
 def state_of(knee: Knee, cases: Observations, found: Slopes) -> State:
-    """Where the bones are in the balances of one variant, `(load_cases,)`.
-
-    Args:
-        knee: whose bones they are.
-        cases: at which it was balanced.
-        found: one variant.
-    """
+    """Where the bones are in the balances of one variant, `(load_cases,)`."""
     return State.of(cases.load_cases.prescribed, jnp.asarray(found.q[0].T), knee.bodies)
 
 
 def slack_at(
     knee: Knee, selection: Selection, cases: Observations, found: Slopes
 ) -> dict[str, np.ndarray]:
-    """Where each ligament and group is slack or cut, in the balances of one variant.
-
-    Args:
-        knee: gives everything that is not free.
-        selection: the free parameters.
-        cases: at which it was balanced.
-        found: one variant.
-
-    Returns:
-        Ligament or group -> `(load_cases,)`.
-    """
+    """Ligament or group -> where it is slack or cut in the balances of one variant,
+    `(load_cases,)`."""
     contact_points = jnp.moveaxis(jnp.asarray(found.contact_points[0]), 0, -1)
     own = selection.apply(knee, jnp.asarray(found.values[0]))
     slack = slack_poses(own, state_of(knee, cases, found), contact_points)

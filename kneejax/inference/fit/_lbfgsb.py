@@ -33,14 +33,12 @@ def minimise_bounded(
     value_and_gradient: Callable, start: np.ndarray, lower: np.ndarray, upper: np.ndarray,
     scale: np.ndarray | None = None, tolerance: float = 1e-8, max_steps: int | None = None,
 ) -> Minimum:  # fmt: skip
-    """Minimise a differentiable function within bounds.
+    """Minimise a differentiable function of a vector `(p,)` within bounds.
 
     Args:
-        value_and_gradient: of a vector `(p,)`, a number and a vector `(p,)`. It is called with
-            numbers, so it need not be traceable. Where it is not finite, steps are cut back.
-        start: shape `(p,)`; so are `lower`, `upper` and `scale`.
-        lower: bounds.
-        upper: likewise.
+        value_and_gradient: is called with numbers, so it need not be traceable. Where it is not
+            finite, steps are cut back.
+        start: shape `(p,)`; so are the bounds and `scale`.
         scale: change of each unknown that matters as much as one of any other; the width of the
             bounds by default.
         tolerance: on the projected gradient, in units of `scale` and of the value at the start.

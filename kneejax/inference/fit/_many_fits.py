@@ -120,19 +120,10 @@ def fit_lanes(
 def several_starts(
     problem: Problem, starts: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Run procedure III from several starts at once.
-
-    Args:
-        problem: what is fitted.
-        starts: `(s, p)`; offsets need no start, the best ones are known at every step.
-        lower: bounds.
-        upper: bounds.
-
-    Returns:
-        End points `(s, p)` and their objectives `(s,)`, infinite where a start found no balance.
-    """
+    """End points `(s, p)` of procedure III from several starts `(s, p)` at once, and their
+    objectives `(s,)`, infinite where a start found no balance."""
     size = len(problem.selection)
-    # The best constants between frames are known at every step.
+    # The best constants between frames are known at every step; they need no start.
     prior = problem.cases.prior and tuple(part[:size] for part in problem.cases.prior)
     data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
     balance = balances_of(problem.knee, problem.selection, data)

@@ -118,14 +118,8 @@ class Noise:
     def left(
         self, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray
     ) -> np.ndarray:
-        """The noise as fits leave it, `(fits, 5)`; what is stated stays.
-
-        Args:
-            data: measured motion; its noise weighs what the parameters have absorbed.
-            fits: balances and derivatives at the best fits.
-            lower: bounds, `(p,)`.
-            upper: bounds.
-        """
+        """The noise as the best fits within bounds leave it, `(fits, 5)`; what is stated stays. The
+        noise of the data weighs what the parameters have absorbed."""
         noise = np.array(np.broadcast_to(data.noise, (len(fits.values), 5)), float)
         noise = np.where(self.unknown, noise, self.stated)
         if not self.estimated:

@@ -26,14 +26,8 @@ Balance = Callable[..., Slopes]
 
 
 def table_of(found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-    """Where the tibia is in balances under a prescribed flexion, and its derivative by the values.
-
-    Args:
-        found: balances, of whatever bones: the tibia's coordinates stand first.
-
-    Returns:
-        Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`.
-    """
+    """Where the tibia, whose coordinates stand first, is in balances under a prescribed flexion,
+    degrees and mm, `(fits, load_cases, 5)`, and by the values, `(fits, load_cases, 5, p)`."""
     q, slope = _of_tibia(found)
     return q * TABLE_UNITS, slope * TABLE_UNITS[:, None]
 
@@ -157,14 +151,8 @@ class Observations:
         return dataclasses.replace(self, target=target, noise=noise, spread=spread, prior=prior)
 
     def observed(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """What the model gives to compare with the target, and its derivative by the values.
-
-        Args:
-            found: balances at the load cases.
-
-        Returns:
-            Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`.
-        """
+        """What balances give to compare with the target, degrees and mm, `(fits, load_cases, 5)`,
+        and its derivative by the values, `(fits, load_cases, 5, p)`."""
         q, slope = _of_tibia(found)
         if self.clinical.any():
             read, turn = _read_all(np.asarray(self.load_cases.flexion), q)
@@ -180,15 +168,8 @@ class Observations:
         )
 
     def error(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
-        """Model minus observation, the best unknown constants taken out, and by the values.
-
-        Args:
-            found: balances at the load cases.
-
-        Returns:
-            Degrees and mm, `(fits, load_cases, 5)`, and by the values `(fits, load_cases, 5, p)`;
-            zero where nothing was observed or a load case does not count.
-        """
+        """Model minus observation, the best unknown constants taken out, and by the values; as
+        `observed`, zero where nothing was observed or a load case does not count."""
         value, slope = self.observed(found)
         seen = self.seen
         error = np.where(seen, value - self.target, 0.0)
@@ -289,15 +270,8 @@ def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) ->
 
 
 def best_offsets(data: Observations, fit: Slopes) -> list[float]:
-    """The best constant of each coordinate whose frames may differ, to be added to the model's.
-
-    Args:
-        data: measured motion of one fit.
-        fit: balances of one variant.
-
-    Returns:
-        Degrees or mm, in the order of `data.offsets`.
-    """
+    """The best constant of each of `data.offsets`, to be added to the model's coordinate in the
+    balances of one variant, degrees or mm."""
     target = data.target.reshape(len(data.load_cases), 5)
     error = (data.observed(fit)[0][0] - target)[data.used & data.posed]
     return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]

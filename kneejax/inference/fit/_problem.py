@@ -156,10 +156,7 @@ class Problem:
         return dataclasses.replace(self, cases=dataclasses.replace(self.cases, used=rows))
 
     def balanced_by(self, first: Slopes) -> Problem:
-        """The same with the load cases alone at which the start's model balances.
-
-        Args:
-            first: balances of the start's values.
+        """The same with the load cases alone at which the start balances.
 
         Raises:
             UnsuitableData: there is none.
@@ -181,11 +178,8 @@ class Problem:
         return self.with_used(rows & self.used)
 
     def with_prior(self, means: np.ndarray, prior: Mapping[str, float]) -> Problem:
-        """The same with what is known of some parameters beforehand.
-
-        Args:
-            means: of values, `(p,)`.
-            prior: name, `*.quantity` or quantity -> standard deviation; others have none.
+        """The same with what is known beforehand: means of the values, `(p,)`, and name,
+        `*.quantity` or quantity -> standard deviation; others have none.
 
         Raises:
             UnknownParameter: a name that is not free.

@@ -230,16 +230,7 @@ def maximum_likelihood(
     *,
     far: bool = False,
 ) -> tuple[ManyFits, Observations]:
-    """Fit by maximum likelihood, many times at once.
-
-    Args:
-        balance: of the values that are fitted.
-        data: measured motion; its noise weighs the first fit where some is to be estimated.
-        near: where the fits begin.
-        noise: as stated.
-        lower: bounds, `(p,)`.
-        upper: bounds.
-        far: whether the answers may be far.
+    """Fit by maximum likelihood, many times at once; arguments as in `estimate`.
 
     Returns:
         The fits, and the data with the noise that is stated or that the fits leave, `(fits, 5)`.

@@ -156,26 +156,13 @@ def follow(
     balance: Balance, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray,
     threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE, leave: bool = False,
 ) -> tuple[list[tuple[Profile, ...]], Slopes]:  # fmt: skip
-    """Profiles of many fits at once.
+    """Profiles of many fits at once, one per value each, and balances at the lowest of its arms'
+    last points; with `leave` a fit is left alone as soon as an arm of it finds a better one.
 
     All arms advance together, an evaluation each, to where the linear model at their last points
     says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has
     been beyond the limit of another at a likelihood that the limit excludes, that one walks on from
     there.
-
-    Args:
-        balance: of the values that are fitted.
-        data: measured motion, one for all fits or one each.
-        fits: balances and derivatives at the best fits.
-        lower: bounds, `(p,)`.
-        upper: bounds.
-        threshold: rise of chi squared at the limits.
-        names: of the values, with their units.
-        pace: whether the whole curve is wanted, or its limits only.
-        leave: whether a fit is left alone as soon as an arm of it finds a better one.
-
-    Returns:
-        For each fit one profile per value; and balances at the lowest of its arms' last points.
     """
     residual, slope = data.residual(fits)
     arms = Arms(fits, residual, slope, lower, upper, np.sqrt(threshold), pace)
@@ -194,11 +181,12 @@ def follow(
         values = np.array([n.point.parameters for n in narrow])
         there = _led(balance, arms.near.take(donors), values)
         arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
-    profiles_ = []
-    for fit, one in enumerate(slope):
-        each = enumerate(zip(names, uncertainty(one).standard_error, strict=True))
-        profiles_.append(tuple(_profile(*x, arms, fit, i, threshold) for i, x in each))
-    return profiles_, arms.near.take(arms.lowest())
+    errors = [uncertainty(one).standard_error for one in slope]
+    each = [
+        tuple(_profile(arms, fit, i, *names[i], error[i], threshold) for i in range(len(names)))
+        for fit, error in enumerate(errors)
+    ]
+    return each, arms.near.take(arms.lowest())
 
 
 def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
@@ -220,29 +208,15 @@ def follow_to_the_lowest(
     threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE,
     restarts: int = _RESTARTS,
 ) -> tuple[Slopes, list[tuple[Profile, ...]]]:  # fmt: skip
-    """Profiles of fits; a fit moves where one of its profiles has found a lower valley.
-
-    Args:
-        balance: as in `follow`, and so is all but the last.
-        data: measured motion, one each.
-        fits: the best fits as far as they are known.
-        lower: bounds.
-        upper: bounds.
-        threshold: rise of chi squared at the limits.
-        names: of the values.
-        pace: of the profiles.
-        restarts: how often a fit may move.
-
-    Returns:
-        Where the fits are now, and their profiles.
-    """
+    """Where fits are in the end, and their profiles; a fit moves, `restarts` times at most, where
+    one of its profiles has found a lower valley."""
     rows = np.arange(len(fits.values))
     here = fits.slopes.take(rows)
     found: list[tuple[Profile, ...]] = [()] * len(rows)
     for left in reversed(range(restarts + 1)):
-        own, leave = data.take(rows), left > 0
+        own = data.take(rows)
         again, lowest = follow(
-            balance, own, here.take(rows), lower, upper, threshold, names, pace, leave
+            balance, own, here.take(rows), lower, upper, threshold, names, pace, leave=left > 0
         )
         for row, profiles_ in zip(rows, again, strict=True):
             found[row] = profiles_
@@ -250,14 +224,15 @@ def follow_to_the_lowest(
         if not which.any() or not left:
             break
         rows, lowest = rows[which], lowest.take(which)
-        own, start = data.take(rows), lowest.values
-        moved = fit_lanes(balance, own, lowest, start, lower, upper, most=PATIENT, far=True)
+        moved = fit_lanes(
+            balance, data.take(rows), lowest, lowest.values, lower, upper, most=PATIENT, far=True
+        )
         here.put(rows, moved.slopes)
     return here, found
 
 
 def _profile(
-    name: tuple[str, str], error: float, arms: Arms, fit: int, i: int, threshold: float
+    arms: Arms, fit: int, i: int, name: str, unit: str, error: float, threshold: float
 ) -> Profile:
     down, up = (2 * (fit * arms.size + i) + way for way in (0, 1))
     points = [*reversed(arms.curve(down)[1:]), *arms.curve(up)]
@@ -267,6 +242,6 @@ def _profile(
     )
     values, rise, parameters, _ = map(np.array, zip(*points, strict=True))
     return Profile(
-        *name, arms.points[up][0].value, float(error), values, rise, parameters, low, high,
+        name, unit, arms.points[up][0].value, float(error), values, rise, parameters, low, high,
         arms.end[down], arms.end[up], threshold,
     )  # fmt: skip

@@ -146,17 +146,8 @@ def map_ranges(
     grid: tuple[int, int] = (41, 41),
     bounds: Mapping[str, tuple[float, float]] | None = None,
 ) -> dict[str, tuple[float, float]]:
-    """Over which values maps would go; refuses as `sensitivity_maps` does.
-
-    Args:
-        knee: that has the parameters.
-        pairs: of parameters.
-        grid: points along x and y.
-        bounds: as in `sensitivity_maps`.
-
-    Returns:
-        Parameter of a pair -> its lowest and its highest value.
-    """
+    """Parameter of a pair -> its lowest and its highest value in a map; refuses as
+    `sensitivity_maps` does, whose arguments these are."""
     if not pairs:
         raise UnsuitableData("no pair of parameters: name two, such as PCL.stiffness ACL.stiffness")
     for pair in pairs:

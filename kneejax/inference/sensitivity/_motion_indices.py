@@ -187,17 +187,8 @@ def index_ranges(
     method: str,
     samples: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of each parameter's range, `(p,)` each; refuses as `motion_indices` does.
-
-    Args:
-        knee: gives the middle of the ranges.
-        selection: the parameters.
-        bounds: as in `motion_indices`.
-        ranges: likewise.
-        priors: likewise.
-        method: likewise.
-        samples: likewise.
-    """
+    """Ends of each parameter's range, `(p,)` each; refuses as `motion_indices` does, whose
+    arguments these are."""
     if len(selection) < 2:
         raise UnsuitableData(f"global indices of {selection}: expected at least two parameters")
     base = np.asarray(selection.read(knee))

@@ -140,14 +140,8 @@ def local_sensitivity(
 def step_widths(
     selection: Selection, values: np.ndarray, scale: str, given: Mapping[str, float] | None = None
 ) -> np.ndarray:
-    """One step of a scale in the parameters' own units, `(p,)`; refuses as `local_sensitivity`.
-
-    Args:
-        selection: the parameters.
-        values: of them, `(p,)`.
-        scale: `prior` or `percent`.
-        given: standard deviations of priors, by name, wildcard or quantity.
-    """
+    """One step of a scale in the parameters' own units, `(p,)`; refuses as `local_sensitivity`,
+    whose arguments these are."""
     if scale not in SCALES:
         raise UnsuitableData(f"unknown scale {scale!r}: expected one of {', '.join(SCALES)}")
     if scale == "prior":
@@ -298,13 +292,7 @@ def sweep(
 def sweep_values(
     knee: Knee, parameters: Sequence[str] | Mapping[str, ArrayLike | None], count: int = USUAL_COUNT
 ) -> tuple[Selection, list[np.ndarray]]:
-    """The parameters that a sweep asks for and the values of each; refuses as `sweep` does.
-
-    Args:
-        knee: gives everything that is not varied.
-        parameters: as in `sweep`.
-        count: likewise.
-    """
+    """The parameters that `sweep` asks for and the values of each; refuses as it does."""
     names = list(parameters)
     if not names:
         raise UnsuitableData("no parameter to sweep: name at least one, such as ACL.stiffness")
