@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.experiments import Mechanics
+from kneejax.experiments import MeasuredTest, Mechanics
 from kneejax.geometry import BY_COORDINATE, COLUMNS, FREE_COORDINATES
-from kneejax.inference.calibration._quality import FittedTest, Misfit
 from kneejax.inference.intervals import IntervalKind
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named
@@ -125,6 +124,93 @@ class Ending(enum.Enum):
     CONVERGED = "converged"
     FLAT = "converged to within the noise"
     STOPPED = "stopped before it converged"
+
+
+class Fault(enum.Enum):
+    """Why a coordinate is poorly fitted.
+
+    Example:
+        >>> [one.name for one in Fault][:2]
+        ['WORSE_THAN_START', 'BEYOND_NOISE']
+    """
+
+    WORSE_THAN_START = "worse than at the start"
+    BEYOND_NOISE = "more than the stated noise"
+    LARGE = "large"
+
+
+@dataclasses.dataclass(frozen=True)
+class Misfit:
+    """A coordinate in which a fit is poor.
+
+    Attributes:
+        coordinate: which.
+        fault: why.
+        rmse: root mean square error of the fit, mm or degrees.
+        against: what that is compared with: the start's error, the noise, or what is large.
+        test: whose curves they are; empty for the poses.
+
+    Example:
+        >>> Misfit("anterior", list(Fault)[0], rmse=0.9, against=0.3).coordinate
+        'anterior'
+    """
+
+    coordinate: str
+    fault: Fault
+    rmse: float
+    against: float
+    test: str = ""
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class FittedTest:
+    """A measured test beside the same test on a knee.
+
+    Attributes:
+        test: as it was measured.
+        measured: of each row what was compared, counted as the test says, `(n, 5)`; NaN where
+            nothing was.
+        fitted: the same of the knee; the best of unknown constants is added.
+        status: of the knee's balances, one `Status` value a row.
+        readings: the knee's in the place of each of `test.readings`, `(n,)`, in its unit, the best
+            of unknown constants added; NaN where nothing was compared.
+        restless: of a motion that repeats itself, how far it is from where it was a period before,
+            mm or degrees; 0 of all others.
+    """
+
+    test: MeasuredTest
+    measured: np.ndarray
+    fitted: np.ndarray
+    status: np.ndarray
+    readings: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    restless: float = 0.0
+
+    @property
+    def compared(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Coordinate, or name of what was read of a part -> its measured and fitted numbers, `(n,)`
+        each, degrees, mm, N or strain; NaN where nothing was compared."""
+        places = [(name, FREE_COORDINATES.index(name)) for name in self.test.coordinates]
+        pairs = {name: (self.measured[:, k], self.fitted[:, k]) for name, k in places}
+        return pairs | {
+            name: (np.where(np.isfinite(own), self.test.readings[name], np.nan), own)
+            for name, own in self.readings.items()
+        }
+
+    def rmse(self, name: str, flexion_deg: float | None = None) -> float:
+        """Root mean square error in its own unit; NaN where nothing was measured.
+
+        Args:
+            name: one of `compared`, or a free coordinate.
+            flexion_deg: of the curve whose rows count (`MeasuredTest.curve_deg`); all by default.
+        """
+        if name not in self.compared:
+            return np.nan
+        measured, fitted = self.compared[name]
+        own = fitted - measured
+        if flexion_deg is not None:
+            own = own[self.test.curve_deg == flexion_deg]
+        known = own[np.isfinite(own)]
+        return float(np.sqrt(np.mean(known**2))) if len(known) else np.nan
 
 
 @dataclasses.dataclass(frozen=True)

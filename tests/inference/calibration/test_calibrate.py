@@ -7,8 +7,8 @@ import pytest
 
 import kneejax as kj
 from kneejax.files import bundled_path
-from kneejax.inference import identify, synthetic_motion, uncertainty
-from kneejax.inference.calibration._quality import Fault, misfits
+from kneejax.inference import Fault, identify, synthetic_motion, uncertainty
+from kneejax.inference.calibration._answer import misfits
 from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.parameters import UnknownParameter, select
 from kneejax.report.calibration_verdict import calibration_notes

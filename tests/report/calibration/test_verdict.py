@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kneejax import report
-from kneejax.inference.calibration._quality import Fault, Misfit
+from kneejax.inference import Fault, Misfit
 from kneejax.inference.calibration._result import Ending
 from kneejax.inference.intervals._estimate import IntervalKind
 from kneejax.report.calibration_verdict import noise_words, outcome, verdict, warnings
