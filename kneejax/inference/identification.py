@@ -292,7 +292,6 @@ def fit_information(
     data: Observations,
     fit: Slopes,
     *,
-    scale: np.ndarray | None = None,
     at_bound: np.ndarray | None = None,
 ) -> Information:
     """Fisher information of a motion's data at a fit, and where ligaments are slack.
@@ -303,7 +302,6 @@ def fit_information(
         data: the motion. Constant frame offsets take the information that they need; the rest is
             what is told of the parameters.
         fit: balances and derivatives at the fit, one variant (`balance_with_slopes`).
-        scale: `(p,)`; `prior_scales` by default.
         at_bound: parameters on a bound, `(p,)`.
 
     Returns:
@@ -314,8 +312,8 @@ def fit_information(
     slack = slack_at(knee, selection, data, fit)
     flexion_deg = np.rad2deg(np.asarray(data.load_cases.flexion))[counted]
     answer = information(
-        rows[0], 1.0, selection.names, fit.values[0], scale=scale, at_bound=at_bound,
-        flexion_deg=flexion_deg, slack={name: where[counted] for name, where in slack.items()},
+        rows[0], 1.0, selection.names, fit.values[0], at_bound=at_bound, flexion_deg=flexion_deg,
+        slack={name: where[counted] for name, where in slack.items()},
     )  # fmt: skip
     return dataclasses.replace(answer, lost=int(data.used.sum() - counted.sum()))
 

@@ -215,7 +215,7 @@ def _stage(
     here = np.stack([trail.x for trail in trails])
     box = (np.where(free, bound, here) for bound in (one.lower, one.upper))
     reached: list[list[float]] = [[] for _ in trails]
-    spare = max(knees.cases.numbers - int(free.sum()), 1)
+    spare = max(knees.whole.cases.numbers - int(free.sum()), 1)
     for trail in trails:
         trail.flat = False
 
@@ -234,7 +234,7 @@ def _stage(
         return np.array([trails[row].flat for row in rows])
 
     fit = fit_lanes(
-        knees.balance, knees.cases, together(trails), here, *box,
+        knees.whole.balance, knees.whole.cases, together(trails), here, *box,
         most=_MAX_EVALUATIONS, far=True, rtol=_RTOL, atol=_ATOL, watch=watch,
     )  # fmt: skip
     for trail, converged in zip(trails, fit.converged, strict=True):

@@ -131,7 +131,7 @@ def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> l
     """Answers of knees whose problems have one form."""
     progress("first balances", 0, 0)
     knees = SeveralKnees.of([one.fitted for one in members])
-    first = knees.begin(np.stack([one.start for one in members]))
+    first = knees.whole.begin(np.stack([one.start for one in members]))
     lap("start")
     found, sets = {}, {}
     for row, one in enumerate(members):
@@ -256,7 +256,7 @@ def _fits(
             if one.noise.estimated and not number:
                 # Ends of several starts are compared with the noise that one of them leaves.
                 trails = run_procedure(one, knees, procedure, begin, progress)
-                left = one.noise.left(knees.cases, together(trails), lower, upper)
+                left = one.noise.left(knees.whole.cases, together(trails), lower, upper)
                 knees = knees.weighing(left) if one.noise.weighs else knees
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
             reached = [_from_several(knees.problems[row], members[row]) for row in every]
@@ -269,8 +269,8 @@ def _fits(
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
             # Constants between frames are values like others.
             names = named(one.fitted.selection, one.fitted.offsets)
-            near, data = together(trails), knees.cases
-            sure = estimate(knees.balance, data, near, one.noise, lower, upper, names)
+            near, data = together(trails), knees.whole.cases
+            sure = estimate(knees.whole.balance, data, near, one.noise, lower, upper, names)
             if procedure == "III":
                 if one.noise.weighs:
                     knees = knees.weighing([likely.noise for likely in sure])

@@ -15,7 +15,8 @@ import numpy as np
 
 from kneejax.numerics import imported
 
-_MAX_STEPS = 500
+#: Bound of the projected gradient, in units of the scale and of the value at the start.
+_TOLERANCE = 1e-8
 _LEAST_CACHED = "jax_persistent_cache_min_compile_time_secs"
 
 
@@ -31,7 +32,7 @@ class Minimum(NamedTuple):
 
 def minimise_bounded(
     value_and_gradient: Callable, start: np.ndarray, lower: np.ndarray, upper: np.ndarray,
-    scale: np.ndarray | None = None, tolerance: float = 1e-8, max_steps: int | None = None,
+    scale: np.ndarray | None = None, max_steps: int = 500,
 ) -> Minimum:  # fmt: skip
     """Minimise a differentiable function of a vector `(p,)` within bounds.
 
@@ -41,8 +42,7 @@ def minimise_bounded(
         start: shape `(p,)`; so are the bounds and `scale`.
         scale: change of each unknown that matters as much as one of any other; the width of the
             bounds by default.
-        tolerance: on the projected gradient, in units of `scale` and of the value at the start.
-        max_steps: iterations; 500 by default.
+        max_steps: iterations.
 
     Raises:
         MissingPackage: jaxopt is not installed.
@@ -62,9 +62,8 @@ def minimise_bounded(
                 return jnp.asarray(jnp.inf), jnp.zeros(len(z))
             return jnp.asarray(value / unit), jnp.asarray(gradient * scale / unit)
 
-    most = _MAX_STEPS if max_steps is None else max_steps
     solver = jaxopt.LBFGSB(
-        scaled, value_and_grad=True, tol=tolerance, maxiter=most, stop_if_linesearch_fails=True,
+        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps, stop_if_linesearch_fails=True,
         implicit_diff=False, jit=False,
     )  # fmt: skip
     bounds, least = (jnp.asarray(lower / scale), jnp.asarray(upper / scale)), _LEAST_CACHED
@@ -76,11 +75,11 @@ def minimise_bounded(
     finally:
         jax.config.update(least, usual)
     error, failed, reason = float(state.error), bool(state.failed_linesearch), ""
-    if not error <= tolerance:
+    if not error <= _TOLERANCE:
         ended = "its line search found no lower point" if failed else "the limit of iterations"
         reason = (
             f"L-BFGS-B ended after {int(state.iter_num)} iterations ({ended}): projected gradient "
-            f"{error:.1e}, expected at most {tolerance:.0e}"
+            f"{error:.1e}, expected at most {_TOLERANCE:.0e}"
         )
     x = np.clip(np.asarray(answer) * scale, lower, upper)
     return Minimum(x, float(state.value) * unit, not reason, reason)

@@ -17,9 +17,9 @@ import numpy as np
 
 from kneejax.inference.fit._bounded import BoundedLevenbergMarquardt
 from kneejax.inference.fit._cut import balances_of
-from kneejax.inference.fit._observed import Balance, Observations, best_offsets, with_offsets
+from kneejax.inference.fit._observed import Balance, Observations, best_offsets
 from kneejax.inference.fit._problem import Problem
-from kneejax.statics import Own, Slopes
+from kneejax.statics import Slopes
 
 #: Evaluations of each of several starts.
 _STEPS_OF_STARTS = 40
@@ -63,7 +63,6 @@ def fit_lanes(
     lower: np.ndarray,
     upper: np.ndarray,
     *,
-    asked: np.ndarray | None = None,
     most: int = 60,
     far: bool = False,
     rtol: float = _RTOL,
@@ -79,7 +78,6 @@ def fit_lanes(
         starts: `(fits, p)`.
         lower: bounds, `(p,)` or `(fits, p)`; equal to `upper` holds a parameter.
         upper: bounds.
-        asked: fits to be made, `(fits,)`; the others cost nothing and mean nothing.
         most: evaluations of a fit before it is given up.
         far: whether the answers may be far from the starts; first steps are short then.
         rtol: relative decrease of the sum of squares that ends a fit.
@@ -91,13 +89,11 @@ def fit_lanes(
         The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
         with an infinite `chi2`.
     """
-    count = len(starts)
-    known, evaluations = begin.take(np.arange(count)), 0
-    damping = 1.0 if far else 1e-3
+    here, evaluations = np.arange(len(starts)), 0
+    known = begin.take(here)
     fit = BoundedLevenbergMarquardt(
-        starts, lower, upper, rtol=rtol, atol=atol, first_damping=damping
+        starts, lower, upper, rtol=rtol, atol=atol, first_damping=1.0 if far else 1e-3
     )
-    here = np.arange(count) if asked is None else np.flatnonzero(asked)
     for _ in range(most):
         if not len(here):
             break
@@ -143,20 +139,18 @@ class SeveralKnees:
 
     Attributes:
         problems: one a knee, alike (`form_of`).
-        own: numbers in which the knees differ; None where they do not.
-        cases: what was observed of all of them, a fit each.
+        whole: all of them, with what was observed a fit each.
     """
 
     problems: tuple[Problem, ...]
-    own: Own | None
-    cases: Observations
+    whole: Problem
 
     @classmethod
     def of(cls, problems: Sequence[Problem]) -> SeveralKnees:
         """Problems of one form."""
         first = problems[0]
         if len(problems) == 1:
-            return cls(tuple(problems), None, first.cases)
+            return cls(tuple(problems), first)
         leaves = [jax.tree.leaves(one.knee) for one in problems]
         stacks = (np.stack([np.asarray(x) for x in each]) for each in zip(*leaves, strict=True))
         own = {place: x for place, x in enumerate(stacks) if (x != x[:1]).any()}
@@ -165,47 +159,33 @@ class SeveralKnees:
         if prior is not None:
             prior = np.stack([one.cases.prior[0] for one in problems if one.cases.prior]), prior[1]
         cases = dataclasses.replace(first.cases, target=target, prior=prior)
-        return cls(tuple(problems), own or None, cases)
+        return cls(tuple(problems), dataclasses.replace(first, cases=cases, own=own or None))
 
     def __len__(self) -> int:
         return len(self.problems)
 
-    @property
-    def balance(self) -> Balance:
-        """Balances at values, from near ones, which say whose they are."""
-        first, posed = self.problems[0], self.cases.posed
-        of_parameters = balances_of(first.knee, first.selection, self.cases, self.own)
-        return with_offsets(of_parameters, first.offsets, posed)
-
-    def begin(self, values: np.ndarray) -> Slopes:
-        """Balances of each knee at its values `(knees, p)`, followed from its reference pose."""
-        together = dataclasses.replace(self.problems[0], cases=self.cases)
-        return together.begin(values, self.own)
-
     def take(self, rows: Sequence[int]) -> SeveralKnees:
         """Some of the knees. Balances of all go on saying whose they are."""
-        problems = tuple(self.problems[row] for row in rows)
-        return dataclasses.replace(self, problems=problems, cases=self.cases.take(list(rows)))
+        whole = dataclasses.replace(self.whole, cases=self.whole.cases.take(list(rows)))
+        return SeveralKnees(tuple(self.problems[row] for row in rows), whole)
 
     def with_used(self, rows: np.ndarray) -> SeveralKnees:
         """The same with only some load cases that count, `(cases,)`."""
-        return self._with([one.with_used(rows) for one in self.problems])
+        return self._each(lambda one: one.with_used(rows))
+
+    def with_data(self, names: Sequence[str]) -> SeveralKnees:
+        """The same with some of the data alone (`Problem.with_data`)."""
+        return self._each(lambda one: one.with_data(names))
+
+    def _each(self, change: Callable[[Problem], Problem]) -> SeveralKnees:
+        return SeveralKnees(tuple(map(change, self.problems)), change(self.whole))
 
     def weighing(self, noise: Sequence[np.ndarray]) -> SeveralKnees:
         """The same with a noise each, `(5,)`, where it is known."""
         every = zip(self.problems, noise, strict=True)
         problems = [one if np.isnan(own).any() else one.weighing(own) for one, own in every]
         now = np.stack([one.cases.noise for one in problems])
-        cases = dataclasses.replace(self.cases, noise=now if len(now) > 1 else now[0])
-        return dataclasses.replace(self, problems=tuple(problems), cases=cases)
-
-    def with_data(self, names: Sequence[str]) -> SeveralKnees:
-        """The same with some of the data alone (`Problem.with_data`)."""
-        return self._with([one.with_data(names) for one in self.problems])
-
-    def _with(self, problems: Sequence[Problem]) -> SeveralKnees:
-        cases = dataclasses.replace(self.cases, used=problems[0].cases.used)
-        return dataclasses.replace(self, problems=tuple(problems), cases=cases)
+        return SeveralKnees(tuple(problems), self.whole.weighing(now if len(now) > 1 else now[0]))
 
 
 def form_of(problem: Problem) -> bytes | None:

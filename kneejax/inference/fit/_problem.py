@@ -41,6 +41,7 @@ class Problem:
         offsets: free coordinates with an unknown constant difference to the measurement.
         tests: under load whose rows the cases hold, after the poses; of a knee in motion `stepping`
             chooses the steps first.
+        own: of several knees of one structure the numbers in which they differ.
 
     Example:
         >>> import kneejax as kj
@@ -56,6 +57,7 @@ class Problem:
     cases: Observations
     offsets: tuple[str, ...] = ()
     tests: tuple[MeasuredTest, ...] = ()
+    own: Own | None = None
 
     @classmethod
     def of(
@@ -148,7 +150,7 @@ class Problem:
 
     def rows_of_tests(self) -> list[slice]:
         """Load cases of each test's rows."""
-        return rows_of_tests(len(self.measured), self.tests)
+        return rows_of_tests(int(self.cases.posed.sum()), self.tests)
 
     def with_used(self, rows: np.ndarray) -> Problem:
         """The same with only some load cases that count, `(cases,)`, and what they count from."""
@@ -193,17 +195,16 @@ class Problem:
         """The knee with these parameters."""
         return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
 
-    def begin(self, values: np.ndarray, own: Own | None = None) -> Slopes:
-        """Balances at values `(fits, p)`, each followed from the knee's reference pose; `own` are
-        numbers in which knees differ, a fit each."""
+    def begin(self, values: np.ndarray) -> Slopes:
+        """Balances at values `(fits, p)`, each followed from the knee's reference pose."""
         parameters, shifts = np.split(np.asarray(values, float), [len(self.selection)], axis=1)
-        found = balances_of(self.knee, self.selection, self.cases, own)(parameters)
+        found = balances_of(self.knee, self.selection, self.cases, self.own)(parameters)
         return add_offsets(found, shifts, self.offsets, self.cases.posed)
 
     @property
     def balance(self) -> Balance:
-        """Balances at values, from near ones."""
-        of_parameters = balances_of(self.knee, self.selection, self.cases)
+        """Balances at values, from near ones, which say of several knees whose they are."""
+        of_parameters = balances_of(self.knee, self.selection, self.cases, self.own)
         return with_offsets(of_parameters, self.offsets, self.cases.posed)
 
     def table(self, found: Slopes) -> np.ndarray:

@@ -29,13 +29,13 @@ def several():
 @pytest.mark.long
 def test_each_lane_is_its_own_knee(several):
     chosen, start = several.problems[0].selection, np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
-    (attachments,) = several.own.values()
+    (attachments,) = several.whole.own.values()
     assert attachments.shape == (3, 4, 3)
-    found = several.begin(start)
+    found = several.whole.begin(start)
     assert found.knee.tolist() == [0, 1, 2] and found.converged.all()
     # Later balances know whose they are from near ones, in any order.
     order = np.array([2, 0])
-    moved = several.balance(start[order] * 1.05, found.take(order))
+    moved = several.whole.balance(start[order] * 1.05, found.take(order))
     for row, knee in enumerate(order):
         alone = balance_with_slopes(
             knees()[knee], chosen.apply, start[:1] * 1.05, LoadCases.at(FLEXION)
@@ -48,10 +48,11 @@ def test_each_lane_is_its_own_knee(several):
 @pytest.mark.long
 def test_a_lane_s_derivative_is_that_of_its_own_knee(several):
     start = np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
-    begin = several.begin(start)
+    begin = several.whole.begin(start)
     step = 20.0
     for i in range(4):
-        ends = [several.balance(start + way * step * np.eye(4)[i], begin).q for way in (1, -1)]
+        move = step * np.eye(4)[i]
+        ends = [several.whole.balance(start + way * move, begin).q for way in (1, -1)]
         slope = (ends[0] - ends[1]) / (2.0 * step)
         scale = np.abs(begin.jacobian[..., i]).max()
         np.testing.assert_allclose(begin.jacobian[..., i], slope, rtol=0, atol=2e-5 * scale)
