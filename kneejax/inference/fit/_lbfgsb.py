@@ -63,8 +63,8 @@ def minimise_bounded(
             return jnp.asarray(value / unit), jnp.asarray(gradient * scale / unit)
 
     solver = jaxopt.LBFGSB(
-        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps, stop_if_linesearch_fails=True,
-        implicit_diff=False, jit=False,
+        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps,
+        stop_if_linesearch_fails=True, implicit_diff=False, jit=False,
     )  # fmt: skip
     bounds, least = (jnp.asarray(lower / scale), jnp.asarray(upper / scale)), _LEAST_CACHED
     usual = getattr(jax.config, least)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest, counts_like_poses
@@ -50,33 +51,63 @@ def observations(
         (8, [6, 6, 6, 7, 7, 7, -1, -1])
     """
     measured = np.asarray(measured, float).reshape(-1, 6)
-    poses = len(measured)
-    if not tests:
-        load_cases = LoadCases.at(measured[:, 0], tuple(loads))
-        return Observations(load_cases, measured[:, 1:], noise)
-    lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
-    axes = tuple(dict.fromkeys(test.axes for test in tests))
+    poses, places = len(measured), rows_of_tests(len(measured), tests)
+    flexion = np.concatenate(
+        [measured[:, 0], *(x for test in tests for x in (test.bent_deg, _unloaded(test)))]
+    )
+    count = len(flexion)
+    blocks = [slice(*ends) for ends in itertools.pairwise([*(x.start for x in places), count])]
     # What tests had cut, each once; first of all nothing.
     cuts = tuple(dict.fromkeys([(), *(test.cut for test in tests)]))
-    none, acting, count, groups = np.full(poses, -1), [], poses, 0
-    parts = [(measured[:, 0], measured[:, 1:], none, none, np.ones((poses, 5)), 0 * none)]
-    for test in tests:
-        bent, seen, counted = _rows(test, count)
-        own = np.pad(test.groups, (0, len(bent) - len(test.groups)), constant_values=-1)
-        group = np.where(own < 0, -1, own + groups)
-        groups += 1 + int(own.max())
-        spread = _spread(test, noise if stated is None else stated, len(bent))
-        whole, rest = np.arange(len(bent)) < len(test.flexion_deg), test.counted_from != "intact"
-        cut = np.where(whole | rest, cuts.index(test.cut), 0)
-        parts.append((bent, seen, counted, group, spread, cut))
-        acting.append(_acting(test, len(bent), lines, axes))
-        count += len(bent)
-    flexion, target, neutral, group, spread, cut = map(np.concatenate, zip(*parts, strict=True))
-    kinds = _together(tuple(loads), acting, poses, count, len(axes))
+    target, spread = np.full((count, 5), np.nan), np.ones((count, 5))
+    target[:poses] = measured[:, 1:]
+    neutral, group, cut = np.full(count, -1), np.full(count, -1), np.zeros(count, int)
+    for test, rows, block in zip(tests, places, blocks, strict=True):
+        target[rows], neutral[rows] = _seen(test, rows.start)
+        group[rows] = np.where(test.groups < 0, -1, test.groups + 1 + group.max())
+        spread[block] = _spread(test, noise if stated is None else stated)
+        if test.weight is not None:
+            spread[rows] /= np.sqrt(np.where(test.weight > 0, test.weight, 1.0))[:, None]
+        cut[block if test.counted_from != "intact" else rows] = cuts.index(test.cut)
+    acting = _acting(tests, places, blocks, count)
+    still = (0, count - poses), (0, 0)
+    own = (jax.tree.map(lambda x: np.pad(x, still), one.at_each((poses,))) for one in loads)
     return Observations(
-        LoadCases.at(flexion, kinds), target, noise, clinical=np.arange(count) >= poses,
+        LoadCases.at(flexion, (*own, *acting)), target, noise, clinical=np.arange(count) >= poses,
         neutral=neutral, group=group, spread=spread, cuts=cuts, cut=cut,
     )  # fmt: skip
+
+
+def _acting(
+    tests: Sequence[MeasuredTest], places: Sequence[slice], blocks: Sequence[slice], count: int
+) -> list[Load | Pull]:
+    """What acts throughout, what lines pull and what grows, at the rows and the unloaded poses of
+    tests: a load for each of the axes, zero where others act."""
+    point = np.zeros((count, 3))
+    for test, block in zip(tests, blocks, strict=True):
+        point[block] = test.point_mm
+
+    def along(rows: Sequence[slice], sizes: Iterable[Any]) -> np.ndarray:
+        found = np.zeros(count)
+        for own, size in zip(rows, sizes, strict=True):
+            found[own] = size
+        return found
+
+    def loads(rows: Sequence[slice], given: Sequence[Mapping[str, Any]]) -> list[Load]:
+        found = []
+        for way in dict.fromkeys(test.axes for test in tests):
+            own = [x if test.axes == way else {} for test, x in zip(tests, given, strict=True)]
+            sizes = {x: along(rows, (one.get(x, 0.0) for one in own)) for x in NAMED_LOADS}
+            found.append(load_of(**sizes, point=point, axes=way))
+        return found
+
+    still = loads(blocks, [test.constant for test in tests])
+    pulls = [
+        pull_of(line, along(places, (test.tensions.get(line, 0.0) for test in tests)))
+        for line in dict.fromkeys(line for test in tests for line in test.tensions)
+    ]
+    grown = loads(places, [test.loads for test in tests])
+    return [*(one for one in still if one.sizes.any()), *pulls, *grown]
 
 
 def readings_of(
@@ -88,7 +119,7 @@ def readings_of(
     check_readable(knee, names)
     found, groups = [], 0
     for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
-        counted = _rows(test, place.start)[2][: len(test.flexion_deg)]
+        _, counted = _seen(test, place.start)
         weight = np.ones(len(counted)) if test.weight is None else test.weight
         for name, sizes in test.readings.items():
             like_poses = counts_like_poses(name)
@@ -122,8 +153,8 @@ def _unloaded(test: MeasuredTest) -> np.ndarray:
     return np.unique(test.flexion_deg) if test.counts_from_rest else np.empty(0)
 
 
-def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Flexion, target and what it is counted from, of a test's rows and its unloaded poses."""
+def _seen(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray]:
+    """What a test's rows, of which one stands `first`, observed, and what each is counted from."""
     bare, rows = _unloaded(test), len(test.flexion_deg)
     partner, seen = test.partner, _from_partners(test, test.observed)
     counted = np.where(partner >= 0, first + partner, -1)
@@ -132,11 +163,7 @@ def _rows(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray, np.nd
     counted[partner == np.arange(rows)] = -1
     if test.weight is not None:
         seen[test.weight == 0] = np.nan
-    return (
-        np.r_[test.bent_deg, bare],
-        np.vstack([seen, np.full((len(bare), 5), np.nan)]),
-        np.r_[counted, np.full(len(bare), -1)],
-    )
+    return seen, counted
 
 
 def _from_partners(test: MeasuredTest, observed: np.ndarray) -> np.ndarray:
@@ -148,8 +175,8 @@ def _from_partners(test: MeasuredTest, observed: np.ndarray) -> np.ndarray:
     return seen
 
 
-def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
-    """Times the coordinates' noise that a test's rows have, `(count, 5)`."""
+def _spread(test: MeasuredTest, stated: np.ndarray) -> np.ndarray:
+    """Times the coordinates' noise that a test's rows have, `(5,)`."""
     spread = np.ones(5)
     for unit, sd in (("mm", test.sd_mm), ("deg", test.sd_deg)):
         if sd is None:
@@ -162,48 +189,7 @@ def _spread(test: MeasuredTest, stated: np.ndarray, count: int) -> np.ndarray:
             )
         spread[own] = np.where(np.isinf(stated[own]), 1.0, sd / stated[own])
     # The difference of two readings scatters more than one of them.
-    spread *= np.sqrt(2.0) if (test.partner >= 0).any() else 1.0
-    every = np.tile(spread, (count, 1))
-    if test.weight is not None:
-        weight = np.where(test.weight > 0, test.weight, 1.0)
-        every[: len(weight)] /= np.sqrt(weight)[:, None]
-    return every
-
-
-def _acting(
-    test: MeasuredTest, count: int, lines: Sequence[str], axes: Sequence[str]
-) -> list[Load | Pull]:
-    """What acts throughout, what lines pull and what grows, at a test's rows and its unloaded
-    poses: a load for each of the axes, zero along those of other tests."""
-    point = np.tile(test.point_mm, (count, 1))
-    still = {name: np.full(count, test.constant.get(name, 0.0)) for name in NAMED_LOADS}
-    more = count - len(test.flexion_deg)
-    nothing = np.zeros(len(test.flexion_deg))
-    grown = {name: np.r_[test.loads.get(name, nothing), np.zeros(more)] for name in NAMED_LOADS}
-    tensions = [np.r_[test.tensions.get(line, nothing), np.zeros(more)] for line in lines]
-    pulls = map(pull_of, lines, tensions)
-
-    def along(sizes: dict[str, np.ndarray]) -> list[Load]:
-        every = (load_of(**sizes, point=point, axes=way) for way in axes)
-        return [one if one.axes == test.axes else one.times(0.0) for one in every]
-
-    return [*along(still), *pulls, *along(grown)]
-
-
-def _together(
-    loads: tuple[Load | Pull, ...], acting: list[list[Load | Pull]], poses: int, count: int,
-    constants: int,
-) -> tuple[Load | Pull, ...]:  # fmt: skip
-    """Loads at the poses, then those of the tests, each zero where the others act; of the first
-    few, which are constant, those that act."""
-    after = (0, count - poses), (0, 0)
-    own = tuple(jax.tree.map(lambda x: jnp.pad(x, after), one.at_each((poses,))) for one in loads)
-    kinds = [
-        jax.tree.map(lambda *x: jnp.pad(jnp.concatenate(x), ((poses, 0), (0, 0))), *kind)
-        for kind in zip(*acting, strict=True)
-    ]
-    constant = (kind for kind in kinds[:constants] if kind.sizes.any())
-    return (*own, *constant, *kinds[constants:])
+    return spread * (np.sqrt(2.0) if (test.partner >= 0).any() else 1.0)
 
 
 def synthetic_motion(
