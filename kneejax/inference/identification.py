@@ -25,6 +25,7 @@ from kneejax.inference.intervals import (
     Profile,
     estimate,
     maximum_likelihood,
+    propagated,
 )
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named
@@ -263,24 +264,22 @@ def information(
     _check_sizes(jacobian, names, values, scale, held)
     rows, lost = _rows(jacobian, noise)
     weighted = rows * scale
-    free = ~held
-    _, singular, right = np.linalg.svd(weighted[:, free], full_matrices=True)
-    roots = np.zeros(free.sum())
-    roots[: len(singular)] = singular
-    roots[roots <= _ROUNDING * roots.max(initial=0.0)] = 0.0
-    eigenvectors = np.zeros((size, free.sum()))
-    eigenvectors[free] = right.T
+    free = np.flatnonzero(~held)
+    roots, vectors, part = propagated(weighted[:, free], _ROUNDING)
+    eigenvectors, covariance = np.zeros((size, len(free))), np.full((size, size), np.nan)
+    eigenvectors[free], covariance[np.ix_(free, free)] = vectors, part
     # Signs are free: the largest component counts as positive.
     largest = np.abs(eigenvectors).argmax(axis=0)
-    eigenvectors *= np.sign(eigenvectors[largest, np.arange(free.sum())])
-    spread, correlation = _spread(roots, eigenvectors, held)
-    eigenvalues = roots**2
+    eigenvectors *= np.sign(eigenvectors[largest, np.arange(len(free))])
+    spread, eigenvalues = np.sqrt(np.diag(covariance)), roots**2
+    error = np.where(np.isnan(spread) & ~held, np.inf, spread)
     worst = eigenvalues.min(initial=np.inf)
     condition = float(eigenvalues.max(initial=0.0) / worst) if worst > 0 else np.inf
     return Information(
         names=names, values=values, scale=scale, at_bound=held, matrix=weighted.T @ weighted,
-        eigenvalues=eigenvalues, eigenvectors=eigenvectors, standard_error=spread * scale,
-        correlation=correlation, condition_number=condition, weighted=weighted, lost=lost,
+        eigenvalues=eigenvalues, eigenvectors=eigenvectors, standard_error=error * scale,
+        correlation=covariance / np.outer(spread, spread), condition_number=condition,
+        weighted=weighted, lost=lost,
         flexion_deg=None if flexion_deg is None else np.asarray(flexion_deg, float),
         slack=dict(slack or {}),
     )  # fmt: skip
@@ -360,16 +359,3 @@ def _rows(jacobian: np.ndarray, noise: np.ndarray | float) -> tuple[np.ndarray, 
     known = np.isfinite(rows).all(axis=(0, 2) if by_pose else 1)
     rows = rows[:, known] if by_pose else rows[known]
     return rows.reshape(-1, rows.shape[-1]), int((~known).sum())
-
-
-def _spread(roots: np.ndarray, vectors: np.ndarray, held: np.ndarray):
-    """Standard errors in units of the scale, and correlations."""
-    known = roots > 0
-    unknown = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-12
-    half = vectors[:, known] / roots[known]
-    covariance = half @ half.T
-    spread = np.sqrt(np.diag(covariance))
-    spread = np.where(held, np.nan, np.where(unknown, np.inf, spread))
-    finite = np.where(np.isfinite(spread), spread, np.nan)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return spread, covariance / np.outer(finite, finite)

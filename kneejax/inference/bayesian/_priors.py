@@ -215,13 +215,9 @@ class MotionDensity(eqx.Module):
 
     @classmethod
     def of(
-        cls,
-        problem: Problem,
-        noise: np.ndarray,
-        priors: tuple[Prior, ...],
-        near: Slopes,
+        cls, problem: Problem, noise: np.ndarray, priors: tuple[Prior, ...], near: Slopes,
         deviation: np.ndarray,
-    ) -> MotionDensity:
+    ) -> MotionDensity:  # fmt: skip
         """The density of a problem.
 
         `noise` are standard deviations, `(5,)`, degrees and mm; `near` balances at parameters and

@@ -155,12 +155,9 @@ def answer_of(
 
 
 def misfits(
-    rmse: Mapping[str, float],
-    start_rmse: Mapping[str, float],
-    stated: np.ndarray,
-    counted: np.ndarray,
-    poses: int,
-) -> tuple[Misfit, ...]:
+    rmse: Mapping[str, float], start_rmse: Mapping[str, float], stated: np.ndarray,
+    counted: np.ndarray, poses: int,
+) -> tuple[Misfit, ...]:  # fmt: skip
     """Coordinates in which a fit of `poses` is poor, by its root mean square error and the start's.
 
     `stated` are standard deviations, NaN where none is stated, and `counted` says which coordinates

@@ -10,4 +10,5 @@ from kneejax.inference.intervals._profile_arms import Pace as Pace
 from kneejax.inference.intervals._profiles import Profile as Profile
 from kneejax.inference.intervals._profiles import Uncertainty as Uncertainty
 from kneejax.inference.intervals._profiles import profiles as profiles
+from kneejax.inference.intervals._profiles import propagated as propagated
 from kneejax.inference.intervals._profiles import uncertainty as uncertainty

@@ -95,14 +95,9 @@ class Interval:
 
     @classmethod
     def of(
-        cls,
-        profile: Profile,
-        value: float,
-        error: float,
-        lower: float,
-        upper: float,
+        cls, profile: Profile, value: float, error: float, lower: float, upper: float,
         prior: float = np.inf,
-    ) -> Interval:
+    ) -> Interval:  # fmt: skip
         """What is known of a parameter.
 
         A standard error means something where it leads from the estimate to the same limits as the
@@ -177,25 +172,15 @@ def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class MaximumLikelihood:
-    """The best fit to some data, and how sure it is.
+    """The best fit to some data, and how sure it is."""
 
-    Attributes:
-        best: balances at the lowest sum of squares that is known, one fit.
-        intervals: around its values, one each.
-        correlation: of its values, `(p, p)`; NaN for those on a bound.
-        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
-        noise_estimated: whether any of it was estimated from what this fit leaves.
-        converged: whether the fit converged.
-        profiles: from which the intervals are read.
-    """
-
-    best: Slopes
-    intervals: tuple[Interval, ...]
-    correlation: np.ndarray
-    noise: np.ndarray
-    noise_estimated: bool
-    converged: bool
-    profiles: tuple[Profile, ...] = ()
+    best: Slopes  # at the lowest sum of squares that is known, one fit
+    intervals: tuple[Interval, ...]  # around its values, one each
+    correlation: np.ndarray  # of its values, `(p, p)`; NaN for those on a bound
+    noise: np.ndarray  # standard deviation of each coordinate, degrees and mm, `(5,)`
+    noise_estimated: bool  # whether any of it was estimated from what this fit leaves
+    converged: bool  # whether the fit converged
+    profiles: tuple[Profile, ...] = ()  # from which the intervals are read
 
     @classmethod
     def of_fit(cls, fits: ManyFits, weighed: Observations, noise: Noise) -> MaximumLikelihood:
@@ -221,15 +206,9 @@ def rise_at_limits(spare: int | None) -> float:
 
 
 def maximum_likelihood(
-    balance: Balance,
-    data: Observations,
-    near: Slopes,
-    noise: Noise,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    *,
-    far: bool = False,
-) -> tuple[ManyFits, Observations]:
+    balance: Balance, data: Observations, near: Slopes, noise: Noise, lower: np.ndarray,
+    upper: np.ndarray, *, far: bool = False,
+) -> tuple[ManyFits, Observations]:  # fmt: skip
     """Fit by maximum likelihood, many times at once; arguments as in `estimate`.
 
     Returns:
@@ -246,17 +225,10 @@ def maximum_likelihood(
 
 
 def estimate(
-    balance: Balance,
-    data: Observations,
-    near: Slopes,
-    noise: Noise,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    names: Sequence[tuple[str, str]],
-    pace: Pace = Pace.LIMITS,
-    *,
+    balance: Balance, data: Observations, near: Slopes, noise: Noise, lower: np.ndarray,
+    upper: np.ndarray, names: Sequence[tuple[str, str]], pace: Pace = Pace.LIMITS, *,
     far: bool = False,
-) -> list[MaximumLikelihood]:
+) -> list[MaximumLikelihood]:  # fmt: skip
     """The best fits to data, with their limits: those of the profile likelihood.
 
     Args:

@@ -60,18 +60,26 @@ def uncertainty(slope: np.ndarray, held: np.ndarray | None = None) -> Uncertaint
     columns = slope[:, free]
     scale = np.linalg.norm(columns, axis=0)
     scale = np.where(scale > 0, scale, 1.0)
-    _, singular, right = np.linalg.svd(columns / scale, full_matrices=True)
-    roots = np.zeros(len(free))
-    roots[: len(singular)] = singular
-    known = roots > _ROUNDING * roots.max(initial=0.0)
-    half = right[known].T / roots[known] / scale[:, None]
-    part = half @ half.T
-    unknown = (right[~known] ** 2).sum(axis=0) > 1e-12
-    part[unknown], part[:, unknown] = np.nan, np.nan
+    part = propagated(columns / scale, _ROUNDING)[2] / np.outer(scale, scale)
     covariance = np.full((size, size), np.nan)
     covariance[np.ix_(free, free)] = part
     error = np.sqrt(np.diag(covariance))
     return Uncertainty(covariance, error, covariance / np.outer(error, error))
+
+
+def propagated(slope: np.ndarray, rounding: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Singular values of derivatives `(r, p)`, zero below a part of the largest, `(p,)`; their
+    directions, columns `(p, p)`; and the covariance `(p, p)`, NaN where they say nothing."""
+    _, singular, right = np.linalg.svd(slope, full_matrices=True)
+    roots = np.zeros(slope.shape[1])
+    roots[: len(singular)] = singular
+    roots[roots <= rounding * roots.max(initial=0.0)] = 0.0
+    known, vectors = roots > 0, right.T
+    half = vectors[:, known] / roots[known]
+    covariance = half @ half.T
+    unknown = (vectors[:, ~known] ** 2).sum(axis=1) > 1e-12
+    covariance[unknown], covariance[:, unknown] = np.nan, np.nan
+    return roots, vectors, covariance
 
 
 #: How often a lower valley that a profile finds is followed.

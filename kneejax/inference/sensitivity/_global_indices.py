@@ -368,15 +368,10 @@ def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
 
 
 def index_ranges(
-    knee: Knee,
-    selection: Selection,
-    bounds: Mapping[str, tuple[float, float]] | None,
-    ranges: Mapping[str, tuple[float, float]] | None,
-    priors: Mapping[str, float] | None,
-    *,
-    method: str,
-    samples: int,
-) -> tuple[np.ndarray, np.ndarray]:
+    knee: Knee, selection: Selection, bounds: Mapping[str, tuple[float, float]] | None,
+    ranges: Mapping[str, tuple[float, float]] | None, priors: Mapping[str, float] | None, *,
+    method: str, samples: int,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
     """Ends of each parameter's range, `(p,)` each; refuses as `motion_indices` does, whose
     arguments these are."""
     if len(selection) < 2:
