@@ -39,12 +39,6 @@ class Unloaded:
 
     cases: Observations
     tensions: Callable
-    asked: int
-
-    @property
-    def count(self) -> int:
-        """Residuals."""
-        return self.cases.count + self.asked
 
     def take(self, rows) -> Unloaded:
         """The same of some fits."""
@@ -77,7 +71,7 @@ def asked_tensions(knee, selection, flexion):
 
         return moved(values), jax.jacfwd(moved)(values)
 
-    return jax.jit(jax.vmap(with_slopes)), len(chosen)
+    return jax.jit(jax.vmap(with_slopes))
 
 
 def fitted(study, unloaded: bool, starts: int):
@@ -101,7 +95,7 @@ def fitted(study, unloaded: bool, starts: int):
     begin = np.clip(begin, lower + width, upper - width)
     data = cases
     if unloaded:
-        data = Unloaded(cases, *asked_tensions(knee, selection, study.flexion_deg))
+        data = Unloaded(cases, asked_tensions(knee, selection, study.flexion_deg))
     known = balance_with_slopes(knee, selection.apply, begin, cases.load_cases)
     box = (np.tile(bound, (starts, 1)) for bound in (lower, upper))
     balance = balances_of(knee, selection, cases.load_cases)

@@ -106,7 +106,8 @@ def motion_of(problem: Problem, found: Slopes) -> Motion:
     if not len(table):
         parts = len(knee.ligaments.names), len(knee.contact_names)
         return Motion(table, status, *(np.empty((0, count)) for count in parts))
-    mechanics = evaluate_mechanics(knee, state, problem.contact_points(found)[..., rows])
+    contact_points = np.moveaxis(found.contact_points[0, rows], 0, -1)
+    mechanics = evaluate_mechanics(knee, state, contact_points)
     contact_forces = np.linalg.norm(np.asarray(mechanics.contact_force), axis=-1)
     others = {bone: np.asarray(x.to_table()) for bone, x in state.poses.items() if bone != TIBIA}
     return Motion(

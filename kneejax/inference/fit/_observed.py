@@ -101,19 +101,9 @@ class Observations:
         return moved
 
     @property
-    def count(self) -> int:
-        """Rows of the residual."""
-        believed = 0 if self.prior is None else len(self.prior[1])
-        return 5 * int(self.used.sum()) + self._read + believed
-
-    @property
     def numbers(self) -> int:
         """How many numbers were observed and count."""
-        return int(self.seen.sum()) + self._read
-
-    @property
-    def _read(self) -> int:
-        return 0 if self.readings is None else len(self.readings)
+        return int(self.seen.sum()) + (0 if self.readings is None else len(self.readings))
 
     @property
     def seen(self) -> np.ndarray:

@@ -207,18 +207,10 @@ class Problem:
         of_parameters = balances_of(self.knee, self.selection, self.cases, self.own)
         return with_offsets(of_parameters, self.offsets, self.cases.posed)
 
-    def table(self, found: Slopes) -> np.ndarray:
-        """Free coordinates of one fit as they were measured, degrees and mm, `(5, cases)`."""
-        return self.cases.observed(found)[0][0].T
-
     def state(self, found: Slopes) -> State:
         """Where the bones are in one fit, in the model's frame, `(cases,)`."""
         own = without_offsets(found, self.offsets, self.cases.posed)
         return state_of(self.knee, self.cases, own)
-
-    def contact_points(self, found: Slopes) -> np.ndarray:
-        """Contact points of one fit, `(patches, 2, cases)`."""
-        return np.moveaxis(found.contact_points[0], 0, -1)
 
     def error(self, found: Slopes) -> np.ndarray:
         """Model plus constants minus measurement of one fit, `(5, cases)`, degrees and mm; zero

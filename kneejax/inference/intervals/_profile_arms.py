@@ -56,15 +56,6 @@ class Point(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Narrow:
-    """An arm whose limit is too narrow."""
-
-    arm: int  # its row
-    point: Point  # beyond the limit, as likely as what lies inside
-    donor: int  # row of the arm that has been there
-
-
-@dataclasses.dataclass(frozen=True)
 class _Steps:
     """How an arm walks."""
 
@@ -181,29 +172,27 @@ class Arms:
         last = np.array([points[-1].rise for points in self.points]).reshape(-1, 2 * self.size)
         return np.argmin(last, axis=1) + 2 * self.size * np.arange(len(last))
 
-    def too_narrow(self) -> list[Narrow]:
-        """Arms whose limits leave out what other arms of the same fit have seen."""
-        every = np.arange(len(self.active)).reshape(-1, 2 * self.size)
-        return [narrow for rows in every for narrow in self._too_narrow(rows)]
-
-    def _too_narrow(self, rows: np.ndarray) -> Iterator[Narrow]:
+    def too_narrow(self) -> Iterator[tuple[int, int, Point]]:
+        """Arms whose limits leave out what other arms of the same fit have seen: their rows, those
+        of the others, and points of these, as likely as what lies inside."""
         highest = ((1.0 - NEAR) * self.level) ** 2
-        inside = [(row, p) for row in rows for p in self.points[row] if p.rise < highest]
-        if any(point.rise < -BETTER for _, point in inside):
-            return  # The fit itself has to move first.
-        values = np.array([point.parameters for _, point in inside])
-        for row in rows:
-            limit, i, way = self.limit[row], self.index[row], self.way[row]
-            if self.end[row] or not np.isfinite(limit):
-                continue
-            farthest_ = int(np.argmax(way * values[:, i]))
-            if way * (values[farthest_, i] - limit) > NEAR * abs(limit - self.points[row][0].value):
-                donor, point = inside[farthest_]
-                yield Narrow(row, point._replace(value=float(point.parameters[i])), donor)
+        for rows in np.arange(len(self.active)).reshape(-1, 2 * self.size):
+            inside = [(row, p) for row in rows for p in self.points[row] if p.rise < highest]
+            if any(point.rise < -BETTER for _, point in inside):
+                continue  # The fit itself has to move first.
+            values = np.array([point.parameters for _, point in inside])
+            for row in rows:
+                limit, i, way = self.limit[row], self.index[row], self.way[row]
+                if self.end[row] or not np.isfinite(limit):
+                    continue
+                donor, point = inside[int(np.argmax(way * values[:, i]))]
+                value = float(point.parameters[i])
+                if way * (value - limit) > NEAR * abs(limit - self.points[row][0].value):
+                    yield row, donor, point._replace(value=value)
 
     def reopen(
-        self, narrow: Sequence[Narrow], there: Slopes, residual: np.ndarray, slope: np.ndarray,
-        close: bool,
+        self, rows: Sequence[int], points: Sequence[Point], there: Slopes, residual: np.ndarray,
+        slope: np.ndarray, close: bool,
     ) -> None:  # fmt: skip
         """Walk on from points beyond the limits, with the balances, residuals and slopes there.
 
@@ -212,12 +201,11 @@ class Arms:
         """
         lost = np.atleast_1d(~np.isfinite(there.q).all(axis=(1, 2)))
         models = products(residual, slope * self.width)
-        for k, one in enumerate(narrow):
-            row, end = one.arm, one.point.value
+        for k, (row, end) in enumerate(zip(rows, points, strict=True)):
             self.points[row] = [
                 p for p in self.points[row]
-                if self.way[row] * (end - p.value) > 0 and p.rise < self.level**2
-            ] + [one.point]  # fmt: skip
+                if self.way[row] * (end.value - p.value) > 0 and p.rise < self.level**2
+            ] + [end]  # fmt: skip
             self.limit[row], self.looks[row], self.shortened[row] = np.nan, 0, 0
             if lost[k] or close:
                 self._stop(row, "another valley goes farther")

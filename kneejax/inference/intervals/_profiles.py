@@ -182,13 +182,12 @@ def follow(
             arms.advance(rows, found, *of_arms.take(rows).residual(found))
             if leave:
                 arms.leave(rows)
-        narrow = arms.too_narrow()
+        narrow = list(arms.too_narrow())
         if not narrow:
             break
-        rows, donors = (np.array([getattr(n, field) for n in narrow]) for field in ("arm", "donor"))
-        values = np.array([n.point.parameters for n in narrow])
-        there = _led(balance, arms.near.take(donors), values)
-        arms.reopen(narrow, there, *of_arms.take(rows).residual(there), close=last)
+        rows, donors, points = map(list, zip(*narrow, strict=True))
+        there = _led(balance, arms.near.take(donors), np.array([p.parameters for p in points]))
+        arms.reopen(rows, points, there, *of_arms.take(rows).residual(there), close=last)
     errors = [uncertainty(one).standard_error for one in slope]
     each = [
         tuple(_profile(arms, fit, i, *names[i], error[i], threshold) for i in range(len(names)))
