@@ -144,10 +144,7 @@ def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> l
     for rows in sets.values():
         # What has no balance counts for nothing; knees of one set of load cases go on together.
         some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)
-        own = [
-            dataclasses.replace(members[row], fitted=problem)
-            for row, problem in zip(rows, some.problems, strict=True)
-        ]
+        own = [members[row] for row in rows]
         found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
     return [found[row] for row in range(len(members))]
 

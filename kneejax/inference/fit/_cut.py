@@ -92,9 +92,7 @@ def balances_of(
             parts.append((rows, _balanced(base, vary, there, own)))
         for passage in cases.passages:
             if cases.cut[passage.rows[0]] == number:
-                # It begins anew with other values: nothing of near ones is of use.
-                slopes = functools.partial(passage.slopes, base, vary)
-                parts.append((passage.rows, lambda values, near, slopes=slopes: slopes(values)))
+                parts.append((passage.rows, functools.partial(passage.slopes, base, vary)))
 
     def balance(values: np.ndarray, near: Slopes | None = None) -> Slopes:
         if len(parts) == 1:
@@ -193,33 +191,35 @@ class Passage:
         restless = float(np.abs(now - before)[count // 2 :].max()) if periodic else 0.0
         return cls(frames, np.asarray(rows), load_cases, found.grid, restless)
 
-    def slopes(self, knee: Knee, vary: Vary, values: np.ndarray) -> Slopes:
-        """Poses of variants `(variants, p)` at the frames, and their derivatives."""
-        begin = _started(knee, vary, values, self.frames, self.load_cases)
-        q, slope = _start(knee, self.frames, begin)
+    def slopes(
+        self, knee: Knee, vary: Vary, values: np.ndarray, _: Slopes | None = None
+    ) -> Slopes:
+        """Poses of variants `(variants, p)` at the frames, and their derivatives. Each begins anew:
+        nothing of near ones is of use."""
+        frames = self.frames
+        begin = _started(knee, vary, values, frames, self.load_cases)
+        moving, varied, (q, slope) = frames.moving(knee), _Varied(vary), _start(knee, frames, begin)
+        dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
+        asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
+        led = _led(knee, frames, self.load_cases)
+        still = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
+        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in still.held]
 
         # One by one: a program of more lanes compiles for as long as a hundred motions take.
-        def one(row: int):
+        def one(row: int) -> Slopes:
             own = slice(row, row + 1)
-            return self._passed(knee, vary, values[own], q[own], slope[own])
+            given = dataclasses.replace(still, q=jnp.asarray(q[own].T))
+            equilibrium = searched(varied(moving, dampers, values[own]), given)
+            given, equilibrium = with_idle_steps(given, equilibrium)
+            return passed(
+                varied, moving, dampers, given, equilibrium, asked, values[own], slope[own], free
+            )
 
         parts = on_all_cores(one, range(len(values)))
         found = jax.tree.map(lambda *each: np.concatenate(each), *parts)
         status = np.where(converged(begin.status), found.status, begin.status)
         q = np.where(converged(status)[..., None], found.q, np.nan)
         return dataclasses.replace(found, q=q, status=status)
-
-    def _passed(self, knee: Knee, vary: Vary, values, q, slope) -> Slopes:
-        frames, led = self.frames, _led(knee, self.frames, self.load_cases)
-        moving = frames.moving(knee)
-        given = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
-        dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
-        asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
-        given, varied = dataclasses.replace(given, q=jnp.asarray(q.T)), _Varied(vary)
-        equilibrium = searched(varied(moving, dampers, values), given)
-        given, equilibrium = with_idle_steps(given, equilibrium)
-        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in given.held]
-        return passed(varied, moving, dampers, given, equilibrium, asked, values, slope, free)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -35,19 +35,12 @@ Watch = Callable[[np.ndarray, Slopes, np.ndarray, np.ndarray], np.ndarray]
 
 @dataclasses.dataclass(frozen=True)
 class ManyFits:
-    """Where fits ended.
+    """Where fits ended."""
 
-    Attributes:
-        slopes: balances and derivatives there; `slopes.values` are the parameters, `(fits, p)`.
-        chi2: sum of squared errors over their variances, `(fits,)`.
-        converged: whether a fit ended by itself, `(fits,)`.
-        evaluations: of all poses of one fit, summed over fits.
-    """
-
-    slopes: Slopes
-    chi2: np.ndarray
-    converged: np.ndarray
-    evaluations: int
+    slopes: Slopes  # balances and derivatives there
+    chi2: np.ndarray  # sum of squared errors over their variances, `(fits,)`
+    converged: np.ndarray  # whether a fit ended by itself, `(fits,)`
+    evaluations: int  # of all poses of one fit, summed over fits
 
     @property
     def values(self) -> np.ndarray:
@@ -135,15 +128,10 @@ _ALIKE = ("noise", "used", "clinical", "neutral", "group", "spread")
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SeveralKnees:
-    """Problems of one form, each of a knee of its own; a single one is the plainest case.
+    """Problems of one form, each of a knee of its own; a single one is the plainest case."""
 
-    Attributes:
-        problems: one a knee, alike (`form_of`).
-        whole: all of them, with what was observed a fit each.
-    """
-
-    problems: tuple[Problem, ...]
-    whole: Problem
+    problems: tuple[Problem, ...]  # one a knee, alike (`form_of`)
+    whole: Problem  # all of them, with what was observed a fit each
 
     @classmethod
     def of(cls, problems: Sequence[Problem]) -> SeveralKnees:

@@ -27,17 +27,11 @@ _ROUNDING = 1e-7
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """Linear error propagation at a fit.
+    """Linear error propagation at a fit."""
 
-    Attributes:
-        covariance: shape `(p, p)`; NaN for values that were held or of which nothing is known.
-        standard_error: shape `(p,)`.
-        correlation: shape `(p, p)`.
-    """
-
-    covariance: np.ndarray
-    standard_error: np.ndarray
-    correlation: np.ndarray
+    covariance: np.ndarray  # `(p, p)`; NaN for values held or of which nothing is known
+    standard_error: np.ndarray  # `(p,)`
+    correlation: np.ndarray  # `(p, p)`
 
 
 def uncertainty(slope: np.ndarray, held: np.ndarray | None = None) -> Uncertainty:
