@@ -222,10 +222,12 @@ def posterior(
     problem = problem.weighing(noise)
     beliefs = normal_priors(problem, priors, bounds)
     found = most_probable(problem, beliefs, np.asarray(fit, float))
-    covariance = laplace_covariance(problem, found, beliefs)
+    _, jacobian = problem.residual(found)
+    precision = jacobian.T @ jacobian + np.diag([p.sd**-2.0 for p in beliefs])
+    covariance = laplace_covariance(precision)
     deviation = np.sqrt(np.diag(covariance))
     density = MotionDensity.of(problem, noise, beliefs, found, deviation)
-    origin, spread = _without_bounds(problem, density, beliefs, found, deviation)
+    origin, spread = _without_bounds(density, beliefs, found.values[0], deviation, precision)
     start = _starts(problem, density, found, origin, spread, chains, seed)
     begun_drawing = time.perf_counter()
     drawn = sample(
@@ -274,17 +276,15 @@ def check_counts(chains: int, draws: int, warmup: int = 300) -> None:
             raise UnsuitableData(f"{name}: {value}: expected {least} or more")
 
 
-def _without_bounds(problem, density: MotionDensity, priors, found: Slopes, deviation):
+def _without_bounds(density: MotionDensity, priors, likely, deviation, precision):
     """A middle and a covariance in the coordinates that have no bounds."""
-    lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
+    lower, upper = np.array([(p.lower, p.upper) for p in priors]).T
     # At a bound those coordinates are of no use: inside by a standard deviation.
     room = np.fmin(deviation, 0.25 * (upper - lower))
-    values = jnp.asarray(np.clip(found.values[0], lower + room, upper - room))
+    values = jnp.asarray(np.clip(likely, lower + room, upper - room))
     middle, each = density.position(values), jnp.ones(len(values))
     rate = np.asarray(jax.jvp(density.values, (middle,), (each,))[1])
     bend = np.asarray(jax.jvp(jax.grad(density.widening), (middle,), (each,))[1])
-    _, jacobian = problem.residual(found)
-    precision = jacobian.T @ jacobian + np.diag(np.asarray(density.precision))
     return np.asarray(middle), np.linalg.inv(precision * np.outer(rate, rate) - np.diag(bend))
 
 

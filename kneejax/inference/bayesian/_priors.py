@@ -155,10 +155,9 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
     The problem is weighted by one over the noise's variances; the search begins at parameters and
     offsets `fit`, `(p,)`, and raises where a pose that counts has no balance there.
     """
-    lower, upper = (np.array([getattr(p, end) for p in priors]) for end in ("lower", "upper"))
+    lower, upper, mean, sd = np.array([(p.lower, p.upper, p.mean, p.sd) for p in priors]).T
     begin = problem.begin(np.clip(fit[None], lower, upper))
-    believed = np.array([p.mean for p in priors]), np.array([p.sd for p in priors])
-    cases = dataclasses.replace(problem.cases, prior=believed)
+    cases = dataclasses.replace(problem.cases, prior=(mean, sd))
     found = fit_lanes(
         problem.balance, cases, begin, begin.values, lower, upper, most=_MOST_STEPS, far=True
     )
@@ -170,11 +169,9 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
     return found.slopes
 
 
-def laplace_covariance(problem: Problem, found: Slopes, priors: tuple[Prior, ...]) -> np.ndarray:
+def laplace_covariance(precision: np.ndarray) -> np.ndarray:
     """Covariance of the normal density at the most probable parameters (Laplace's approximation),
     `(p, p)`; NaN where data and priors do not determine the parameters."""
-    _, jacobian = problem.residual(found)
-    precision = jacobian.T @ jacobian + np.diag([p.sd**-2.0 for p in priors])
     unit = np.sqrt(np.maximum(np.diag(precision), 1e-300))
     scaled = precision / np.outer(unit, unit)
     if not np.linalg.cond(scaled) < 1e14:

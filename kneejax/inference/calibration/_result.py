@@ -323,8 +323,8 @@ class Calibration(Named):
     def _named(self) -> dict[str, tuple]:
         fits, own = self.fits, self.fits[0].estimates
         motions = [one.motion for one in fits]
-        each = [{x: [getattr(one, x) for one in fit.estimates] for x in _NUMBERS} for fit in fits]
-        numbers = {x: ("procedure parameter", [one[x] for one in each]) for x in _NUMBERS}
+        numbers = {x: ("procedure parameter", [[getattr(one, x) for one in fit.estimates]
+                                               for fit in fits]) for x in _NUMBERS}  # fmt: skip
         return numbers | BY_COORDINATE | {
             "procedure": ("procedure", [fit.procedure for fit in fits]),
             "parameter": ("parameter", [one.name for one in own]),
