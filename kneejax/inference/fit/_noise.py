@@ -30,7 +30,6 @@ class Noise:
         stated: standard deviations, NaN where nobody states one, infinite for a coordinate that
             does not count, `(5,)`.
         ratio: of those that are estimated to each other, `(5,)`.
-        groups: coordinates that share an estimated factor.
         given: whether weights were given, so that all is estimated, whatever is stated.
 
     Example:
@@ -40,7 +39,6 @@ class Noise:
 
     stated: np.ndarray
     ratio: np.ndarray
-    groups: tuple[tuple[int, ...], ...] = ((0, 1), (2, 3, 4))
     given: bool = False
 
     @classmethod
@@ -75,7 +73,7 @@ class Noise:
         ratio = np.where(counts, weights, 1.0) ** -0.5
         if np.allclose(units, units[0], rtol=1e-6):
             return cls(stated, ratio)
-        return cls(stated, ratio, ((0, 1, 2, 3, 4),), True)
+        return cls(stated, ratio, given=True)
 
     @property
     def counted(self) -> np.ndarray:
@@ -139,7 +137,8 @@ class Noise:
             left, *_ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
             absorbed = (left**2).sum(axis=1).reshape(-1, 5).T
             squares = errors[known].T ** 2
-            for group in self.groups:
+            # Coordinates that share an estimated factor.
+            for group in ((0, 1, 2, 3, 4),) if self.given else ((0, 1), (2, 3, 4)):
                 own = [k for k in group if self.unknown[k]]
                 spare = float((seen[own][:, known] - absorbed[own]).sum(axis=1) @ share[own])
                 if spare > 1e-9:

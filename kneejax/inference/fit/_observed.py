@@ -165,12 +165,7 @@ class Observations:
         error = np.where(seen, value - self.target, 0.0)
         slope = np.where(seen[..., None], slope, 0.0)
         for rows, column in self._constants():
-            share = rows & seen[:, column]
-            share = share / max(share.sum(), 1)
-            shift = error[..., column] @ share
-            turn = np.einsum("s,fsp->fp", share, slope[..., column, :])
-            error[..., column] -= np.where(share > 0, shift[:, None], 0.0)
-            slope[..., column, :] -= np.where(share[:, None] > 0, turn[:, None], 0.0)
+            without_mean(error[..., column], slope[..., column, :], rows & seen[:, column])
         return error, slope
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
@@ -191,6 +186,15 @@ class Observations:
             rows.append((found.values - mean) / deviation)
             slopes.append(np.broadcast_to(np.diag(1.0 / deviation), (fits, size, size)))
         return np.hstack(rows), np.concatenate(slopes, axis=1)
+
+
+def without_mean(error: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> None:
+    """Take the best constant out of errors `(fits, n)` with a weight `(n,)`, and out of their
+    slopes `(fits, n, p)`, in place."""
+    own = np.flatnonzero(weight)
+    share = weight[own] / max(weight[own].sum(), 1e-300)
+    error[:, own] -= (error[:, own] @ share)[:, None]
+    slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
 
 
 def _read_all(flexion: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from jax import Array
 
 from kneejax.geometry import OTHER_COLUMNS, State
 from kneejax.inference.fit._cut import without
+from kneejax.inference.fit._observed import without_mean
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt
 from kneejax.parameters import Selection, UnknownParameter, fibre_rows
@@ -65,11 +66,8 @@ class Readings:
         error = np.where(counted, value - self.target, 0.0)
         slope = np.where(counted[:, None], slope, 0.0)
         for group in np.unique(self.group[self.group >= 0]):
-            share = np.where(counted & (self.group == group), self.sd**-2.0, 0.0)
-            own = np.flatnonzero(share)
-            share = share[own] / max(share.sum(), 1e-300)
-            error[:, own] -= (error[:, own] @ share)[:, None]
-            slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
+            own = counted & (self.group == group)
+            without_mean(error, slope, np.where(own, self.sd**-2.0, 0.0))
         return error, slope
 
     def _at_cases(self, cases: Observations, found: Slopes, rows: np.ndarray):
