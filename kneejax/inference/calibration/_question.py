@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.inference.fit import Noise, Problem, check_finite
+from kneejax.inference.fit import Noise, Problem
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, start_within, stated_bounds
 
@@ -145,8 +145,7 @@ class CalibrationProblem:
                 )
         weights = noise.first**-2.0
         fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, noise.stated)
-        check_finite(fitted.measured)
-        _check_offsets(fitted)
+        _check_measured(fitted)
         lower, upper = stated_bounds(knee, selection, bounds or {})
         start = start_within(knee, selection, lower, upper)
         # A frame is rarely off by more than 10 mm or 10 degrees.
@@ -165,8 +164,11 @@ class CalibrationProblem:
         return dataclasses.replace(self, fitted=self.fitted.weighing(np.asarray(noise, float)))
 
 
-def _check_offsets(problem: Problem) -> None:
-    """Refuse constants between frames that absorb all that was measured."""
+def _check_measured(problem: Problem) -> None:
+    """Refuse poses that are not finite, and constants between frames that absorb all of them."""
+    lost = np.flatnonzero(~np.isfinite(problem.measured).all(axis=-1))
+    if len(lost):
+        raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
     poses = np.asarray(problem.cases.load_cases.flexion)[problem.cases.posed]
     angles = len(np.unique(np.round(poses, 12)))
     if problem.offsets and angles < 2:

@@ -27,6 +27,5 @@ from kneejax.inference.fit._observed import table_of as table_of
 from kneejax.inference.fit._observed import without_offsets as without_offsets
 from kneejax.inference.fit._problem import Problem as Problem
 from kneejax.inference.fit._problem import Progress as Progress
-from kneejax.inference.fit._problem import check_finite as check_finite
 from kneejax.inference.fit._problem import named as named
 from kneejax.inference.fit._readings import check_readable as check_readable

@@ -247,17 +247,6 @@ class Problem:
         return float(residual @ residual)
 
 
-def check_finite(measured: np.ndarray) -> None:
-    """Refuse measured poses with a number that is none.
-
-    Raises:
-        UnsuitableData: a row is not finite.
-    """
-    lost = np.flatnonzero(~np.isfinite(measured).all(axis=-1))
-    if len(lost):
-        raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
-
-
 def named(selection: Selection, offsets: Sequence[str] = ()) -> list[tuple[str, str]]:
     """Names and units of parameters, then of constants between frames."""
     parameters = [(name, selection.unit(i)) for i, name in enumerate(selection.names)]

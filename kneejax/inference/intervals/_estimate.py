@@ -121,8 +121,12 @@ class Interval:
         if both_open or not excluded > _TELLING * (upper - lower):
             kind = IntervalKind.NOT_COMPUTED if failed else IntervalKind.NOT_DETERMINED
             return cls(kind, np.nan, np.nan, reason=reason)
-        root = np.sqrt(profile.threshold)
-        low, high, alone = _within_prior(low, high, profile.estimate, root * prior)
+        root, best = np.sqrt(profile.threshold), profile.estimate
+        # Limits are no farther apart than those of the prior. One beyond a bound is missing: the
+        # other side tells how wide the posterior is.
+        wide = float(np.nanmean([best - low, high - best]))
+        share, alone = min(1.0, root * prior / wide), wide > _PRIOR_ALONE * root * prior
+        low, high = float(best - share * (best - low)), float(best + share * (high - best))
         half = root * error
         straight = same_ends((low, high), (value - half, value + half))
         error = float(error) if straight else np.nan
@@ -144,16 +148,6 @@ class Interval:
                 return Interval(IntervalKind.PROFILE, self.low, self.high)
             return dataclasses.replace(self, standard_error=np.nan)
         return self
-
-
-def _within_prior(low: float, high: float, best: float, prior: float) -> tuple[float, float, bool]:
-    """Limits no farther apart than a prior's, whose half width is given, and whether they are
-    nearly its own."""
-    sides = np.array([best - low, high - best])
-    # A limit beyond a bound is missing: the other side tells how wide the posterior is.
-    half = float(np.nanmean(sides))
-    sides *= min(1.0, prior / half)
-    return float(best - sides[0]), float(best + sides[1]), half > _PRIOR_ALONE * prior
 
 
 def same_ends(ends: Sequence[float], others: Sequence[float]) -> bool:
@@ -188,21 +182,6 @@ class MaximumLikelihood:
         size = fits.values.shape[1]
         nothing, own = np.full((size, size), np.nan), weighed.noise[0]
         return cls(fits.slopes, (), nothing, own, noise.estimated, bool(fits.converged[0]))
-
-
-def rise_at_limits(spare: int | None) -> float:
-    """Rise of chi squared at the limits of a 95 % interval.
-
-    Args:
-        spare: numbers measured beyond the unknowns, where the noise is estimated from what the fit
-            leaves (F distribution); None where it is known (chi squared).
-    """
-    # `scipy.stats` takes half a second to import.
-    from scipy import special
-
-    if spare is None:
-        return float(special.chdtri(1, 1.0 - CONFIDENCE))
-    return float(special.fdtri(1, spare, CONFIDENCE))
 
 
 def maximum_likelihood(
@@ -254,7 +233,12 @@ def estimate(
         # What earlier fits leave tells more than the first weights.
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
     fits, weighed = maximum_likelihood(balance, data, near, noise, lower, upper, far=far)
-    threshold = rise_at_limits(spare if noise.estimated else None)
+    # `scipy.stats` takes half a second to import.
+    from scipy import special
+
+    # The F distribution where the noise is estimated from what the fit leaves, or chi squared.
+    known = special.chdtri(1, 1.0 - CONFIDENCE)
+    threshold = float(special.fdtri(1, spare, CONFIDENCE) if noise.estimated else known)
     here, found = follow_to_the_lowest(balance, weighed, fits, lower, upper, threshold, names, pace)
     prior = np.full(size, np.inf) if data.prior is None else data.prior[1]
     _, slope = weighed.residual(here)
