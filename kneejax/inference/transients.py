@@ -185,7 +185,7 @@ def fit_transient(
     rms = {
         name: float(np.sqrt(np.mean(error[weighed.seen[:, k], k] ** 2)))
         for k, name in enumerate(FREE_COORDINATES)
-        if seen[k]
+        if weighed.seen[:, k].any()
     }
     return FittedTransient(
         names, x, x - side, x + side, _damped(moving, names, x), found, spread, weighed.noise[0],

@@ -81,11 +81,11 @@ def balances_of(
     """
     if own and any(cases.cuts):
         raise ValueError("knees side by side have no ligament cut: one whole knee stands for all")
-    every = cases.load_cases.of(knee)
+    every, moved = cases.load_cases.of(knee), [x for one in cases.passages for x in one.rows]
     parts: list[tuple[np.ndarray, Balance]] = []
     for number, names in enumerate(cases.cuts):
         base, vary = without(knee, selection, names)
-        rows = np.flatnonzero((cases.cut == number) & ~cases.moved)
+        rows = np.setdiff1d(np.flatnonzero(cases.cut == number), moved)
         if len(rows):
             # A fit asks a hundred times: what is the same each time is made once.
             there = jax.tree.map(np.asarray, every.take(rows).plain())

@@ -93,14 +93,6 @@ class Observations:
                 object.__setattr__(self, name, np.broadcast_to(given, shape))
 
     @property
-    def moved(self) -> np.ndarray:
-        """Load cases that a knee in motion passes, `(load_cases,)`."""
-        moved = np.zeros(len(self.load_cases), bool)
-        for passage in self.passages:
-            moved[passage.rows] = True
-        return moved
-
-    @property
     def numbers(self) -> int:
         """How many numbers were observed and count."""
         return int(self.seen.sum()) + (0 if self.readings is None else len(self.readings))
