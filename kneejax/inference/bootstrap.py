@@ -134,9 +134,9 @@ def bootstrap_by_blocks(
     count, spread = len(curves), cases.spread
 
     def drawn(number: int) -> tuple[np.ndarray, np.ndarray]:
-        lot = np.random.default_rng([seed, number]).integers(0, count, count)
+        chosen = np.random.default_rng([seed, number]).integers(0, count, count)
         times = np.ones((len(spread), 1))
-        for rows, often in zip(curves, np.bincount(lot, minlength=count), strict=True):
+        for rows, often in zip(curves, np.bincount(chosen, minlength=count), strict=True):
             times[rows] = often
         with np.errstate(divide="ignore"):  # what is not drawn counts for nothing
             return cases.target, spread / np.sqrt(times)

@@ -202,13 +202,13 @@ class Passage:
         dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         led = _led(knee, frames, self.load_cases)
-        still = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
-        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in still.held]
+        at_rest = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
+        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in at_rest.held]
 
         # One by one: a program of more lanes compiles for as long as a hundred motions take.
         def one(row: int) -> Slopes:
             own = slice(row, row + 1)
-            given = dataclasses.replace(still, q=jnp.asarray(q[own].T))
+            given = dataclasses.replace(at_rest, q=jnp.asarray(q[own].T))
             equilibrium = searched(varied(moving, dampers, values[own]), given)
             given, equilibrium = with_idle_steps(given, equilibrium)
             return passed(

@@ -70,8 +70,8 @@ def observations(
             spread[rows] /= np.sqrt(np.where(test.weight > 0, test.weight, 1.0))[:, None]
         cut[block if test.counted_from != "intact" else rows] = cuts.index(test.cut)
     acting = _acting(tests, places, blocks, count)
-    still = (0, count - poses), (0, 0)
-    own = (jax.tree.map(lambda x: np.pad(x, still), one.at_each((poses,))) for one in loads)
+    after = (0, count - poses), (0, 0)
+    own = (jax.tree.map(lambda x: np.pad(x, after), one.at_each((poses,))) for one in loads)
     return Observations(
         LoadCases.at(flexion, (*own, *acting)), target, noise, clinical=np.arange(count) >= poses,
         neutral=neutral, group=group, spread=spread, cuts=cuts, cut=cut,
@@ -101,13 +101,13 @@ def _acting(
             found.append(load_of(**sizes, point=point, axes=way))
         return found
 
-    still = loads(blocks, [test.constant for test in tests])
+    constant = loads(blocks, [test.constant for test in tests])
     pulls = [
         pull_of(line, along(places, (test.tensions.get(line, 0.0) for test in tests)))
         for line in dict.fromkeys(line for test in tests for line in test.tensions)
     ]
     grown = loads(places, [test.loads for test in tests])
-    return [*(one for one in still if one.sizes.any()), *pulls, *grown]
+    return [*(one for one in constant if one.sizes.any()), *pulls, *grown]
 
 
 def readings_of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,15 +12,12 @@ from jax import Array
 
 from kneejax.geometry import OTHER_COLUMNS, State
 from kneejax.inference.fit._cut import without
-from kneejax.inference.fit._observed import without_mean
+from kneejax.inference.fit._observed import Observations, without_mean
 from kneejax.mechanics import Knee
 from kneejax.numerics import compiled, on_all_cores, safe_sqrt
 from kneejax.parameters import Selection, UnknownParameter, fibre_rows
 from kneejax.quantities import nearest_name
 from kneejax.statics import LoadCases, Slopes, Vary, in_lanes
-
-if TYPE_CHECKING:
-    from kneejax.inference.fit._observed import Observations
 
 #: Lanes of a call, as of the derivatives of balances.
 _LANES = 128
