@@ -19,16 +19,8 @@ _MOST_EVALUATIONS = 100
 
 
 def answered(problem: CalibrationProblem, answer: Sequence[float]) -> tuple[Observations, Slopes]:
-    """Load cases, of which those count at which an answer balances, and its balances.
-
-    Args:
-        problem: that was solved.
-        answer: values of its parameters, then of constants between frames, `(p,)`.
-
-    Raises:
-        UnsuitableData: forces were read beside poses, which are not drawn again, or the answer has
-            no balance.
-    """
+    """Load cases, of which those count at which an answer balances, and its balances; refuses what
+    `bootstrap` refuses."""
     check_redrawn(problem.fitted.tests)
     fitted = problem.fitted
     first = fitted.begin(np.asarray(answer, float)[None])
@@ -57,14 +49,8 @@ def _refitted(
 
 
 def check_redrawn(tests: Sequence[MeasuredTest]) -> None:
-    """Refuse tests whose data are not drawn again.
-
-    Args:
-        tests: that were made.
-
-    Raises:
-        UnsuitableData: forces, strains or the patella were read in one of them.
-    """
+    """Refuse (`UnsuitableData`) tests in which forces, strains or the patella were read: these are
+    not drawn again."""
     for test in tests:
         if test.readings:
             words = ", ".join(test.readings)
@@ -145,11 +131,7 @@ def bootstrap_by_blocks(
 
 
 def check_curves(curves: Sequence[np.ndarray]) -> None:
-    """Refuse to draw among too few curves (`curves_of`).
-
-    Raises:
-        UnsuitableData: they are fewer than six.
-    """
+    """Refuse (`UnsuitableData`) to draw among fewer than six curves (`curves_of`)."""
     count = len(curves)
     if count < FEWEST_CURVES:
         raise UnsuitableData(

@@ -291,14 +291,8 @@ def departures(
 def told_by(
     candidates: Sequence[Candidate], jacobian: np.ndarray, noise: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
-    """Information of each candidate, scaled, `(candidates, p, p)`.
-
-    Args:
-        candidates: the tests; only what they measure counts.
-        jacobian: of the five coordinates with respect to the parameters, `(candidates, 5, p)`.
-        noise: standard deviations, `(5,)`.
-        scale: of the parameters, `(p,)`.
-    """
+    """Information of what each candidate measures, by the derivatives of the five coordinates,
+    `(candidates, 5, p)`, in units of the parameters' scales, `(candidates, p, p)`."""
     measured = np.array([[c in test.measured for c in FREE_COORDINATES] for test in candidates])
     rows = np.where(measured[:, :, None], jacobian, 0.0) / np.asarray(noise)[:, None] * scale
     return np.einsum("tci,tcj->tij", rows, rows)
@@ -307,11 +301,8 @@ def told_by(
 def check_tests(
     candidates: Sequence[Candidate], count: int, criterion: str, *, repeat: bool = False
 ) -> None:
-    """Refuse, before anything is computed, what `design_tests` cannot choose; arguments as there.
-
-    Raises:
-        UnsuitableData: an unknown criterion, no test wanted, or fewer candidates than tests.
-    """
+    """Refuse (`UnsuitableData`), before anything is computed, what `design_tests` cannot choose;
+    arguments as there."""
     if criterion not in CRITERIA:
         raise UnsuitableData(f"unknown criterion {criterion!r}: expected D or A")
     if count < 1:

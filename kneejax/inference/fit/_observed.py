@@ -124,13 +124,12 @@ class Observations:
 
     def take(self, rows) -> Observations:
         """The data of some of the fits."""
-        target = self.target if self.target.ndim == 2 else self.target[rows]
-        noise = self.noise if self.noise.ndim == 1 else self.noise[rows]
-        spread = self.spread if self.spread.ndim == 2 else self.spread[rows]
-        prior = self.prior
-        if prior is not None and prior[0].ndim == 2:
-            prior = prior[0][rows], prior[1]
-        return dataclasses.replace(self, target=target, noise=noise, spread=spread, prior=prior)
+        axes = {"target": 2, "noise": 1, "spread": 2}  # of one set for all fits
+        each: dict[str, Any] = {x: getattr(self, x) for x in axes}
+        some = {name: x[rows] for name, x in each.items() if x.ndim > axes[name]}
+        if self.prior is not None and self.prior[0].ndim == 2:
+            some["prior"] = self.prior[0][rows], self.prior[1]
+        return dataclasses.replace(self, **some)
 
     def observed(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
         """What balances give to compare with the target, degrees and mm, `(fits, load_cases, 5)`,

@@ -107,11 +107,7 @@ def _asked(knee: Knee, name: str) -> _Asked:
 
 
 def check_readable(knee: Knee, names) -> None:
-    """Refuse readings of what a knee does not have.
-
-    Raises:
-        UnknownParameter: naming the nearest ligament, group or contact.
-    """
+    """Refuse (`UnknownParameter`, with the nearest name) readings of what a knee does not have."""
     for name in names:
         _asked(knee, name)
 

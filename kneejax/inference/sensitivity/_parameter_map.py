@@ -48,16 +48,8 @@ class Condition(enum.IntEnum):
 def worst_condition(
     status: np.ndarray, unphysiological: np.ndarray, failures: Collection[Status] = FAILURES
 ) -> np.ndarray:
-    """What became of motions: the worst `Condition` over the poses, the last axis of both.
-
-    Args:
-        status: `Status` values, `(..., poses)`.
-        unphysiological: truth values, `(..., poses)`.
-        failures: statuses of balances that count for nothing.
-
-    Returns:
-        `Condition` values, `(...)`.
-    """
+    """What became of motions: the worst `Condition` over the poses, the last axis of `Status`
+    values and of where they are unphysiological; `failures` are statuses that count for nothing."""
     failed = fails(status, failures) | (status == Status.DISLOCATED)
     condition = np.zeros(np.shape(status)[:-1], np.int8)
     worst = [
