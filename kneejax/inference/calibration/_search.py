@@ -80,18 +80,8 @@ def run_procedure(
     progress: Progress | None = None,
 ) -> list[Trail]:  # fmt: skip
     """Search by one of paper 1's procedures, or in stages of one's own, side by side where the
-    search allows it.
-
-    Args:
-        one: says between which bounds and how is searched.
-        knees: what is fitted.
-        procedure: a key of `PROCEDURES`.
-        starts: balances at the first values, one variant a knee.
-        progress: told of each step and its errors; of a knee alone.
-
-    Returns:
-        A trail each.
-    """
+    search allows it, from balances at the first values, one variant a knee; `one` says between
+    which bounds and how. Of a knee alone `progress` is told of each step and its errors."""
     by_turns = one.cycles > 1 and len(PROCEDURES[procedure]) > 1
     if len(knees) > 1 and (by_turns or one.method != "least_squares"):
         each = ((SeveralKnees.of([x]), [y]) for x, y in zip(knees.problems, starts, strict=True))

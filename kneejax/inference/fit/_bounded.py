@@ -20,7 +20,7 @@ All of it is NumPy: by JAX a step compiles for every number of values and readin
 
 from __future__ import annotations
 
-import dataclasses
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,8 +39,7 @@ _RAISE, _LOWER = 4.0, 10.0
 _STUCK = 12
 
 
-@dataclasses.dataclass
-class _Point:
+class _Point(NamedTuple):
     """Of some fits; the first axis counts them. See `BoundedLevenbergMarquardt`."""
 
     x: np.ndarray
@@ -56,13 +55,6 @@ class _Point:
     seen: np.ndarray
     accepted: np.ndarray
     refused: np.ndarray
-
-    def take(self, rows: np.ndarray) -> _Point:
-        return _Point(**{name: x[rows] for name, x in vars(self).items()})
-
-    def put(self, rows: np.ndarray, others: _Point) -> None:
-        for name, x in vars(self).items():
-            x[rows] = getattr(others, name)
 
 
 class BoundedLevenbergMarquardt:
@@ -139,13 +131,15 @@ class BoundedLevenbergMarquardt:
             self._best = self._begun(residual.shape[1])
         width = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)[rows]
         with np.errstate(all="ignore"):
-            point = _judged(self._best.take(rows), self.trial[rows], residual, jacobian, width)
+            before = _Point(*(x[rows] for x in self._best))
+            point = _judged(before, self.trial[rows], residual, jacobian, width)
             bounds = self.lower[rows], self.upper[rows]
             trial, promise = _following(point, bounds, width, self.rtol)
             upcoming = np.max(np.abs(trial - point.x) / width, axis=1, initial=0.0)
             flat = point.accepted & (point.reduction < self.rtol)
             negligible = promise <= self.rtol * np.sum(point.residual**2, axis=1)
-        self._best.put(rows, point)
+        for old, new in zip(self._best, point, strict=True):
+            old[rows] = new
         self.trial[rows] = trial
         ends = flat | negligible | (upcoming < self.atol) | (point.refused > _STUCK)
         self.ended[rows] = ends & np.isfinite(point.residual).all(axis=1)

@@ -28,16 +28,9 @@ def observations(
     """What was measured of a knee: poses as they are, then what tests under load observed.
 
     Each test brings its rows and, where it counts from them, an unloaded pose per flexion, at
-    which nothing is observed.
-
-    Args:
-        measured: poses `(n, 6)` in the order of `kneejax.geometry.COLUMNS`; NaN where a coordinate
-            was not measured.
-        noise: standard deviations of the free coordinates, `(5,)`, degrees and mm.
-        loads: on the tibia while the poses were measured, each one for all poses or one per pose.
-        tests: that were made.
-        stated: standard deviations that are known, NaN elsewhere, infinite for a coordinate that
-            does not count, `(5,)`; a test with its own needs them. `noise` by default.
+    which nothing is observed. Arguments are those of `Problem.of`, with standard deviations in
+    place of weights; `stated` are those that are known, infinite for a coordinate that does not
+    count, and `noise` by default.
 
     Raises:
         UnsuitableData: a test states how well it was measured and the poses do not.

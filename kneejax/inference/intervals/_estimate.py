@@ -102,15 +102,7 @@ class Interval:
 
         A standard error means something where it leads from the estimate to the same limits as the
         profile: the valley is straight, no bound cuts it, and the estimate lies in its middle.
-
-        Args:
-            profile: of it, at the best fit.
-            value: the estimate.
-            error: its standard error; NaN if it has none.
-            lower: bound.
-            upper: bound.
-            prior: standard deviation of the prior that the profile contains; infinite without one.
-                The limits are never farther apart than those of the prior.
+        `prior` is the standard deviation of the prior that the profile contains.
         """
         failed = [why for why in (profile.low_open, profile.high_open) if why not in ("", BOUND)]
         reason = failed[0] if failed else ""
@@ -208,22 +200,12 @@ def estimate(
     upper: np.ndarray, names: Sequence[tuple[str, str]], pace: Pace = Pace.LIMITS, *,
     far: bool = False,
 ) -> list[MaximumLikelihood]:  # fmt: skip
-    """The best fits to data, with their limits: those of the profile likelihood.
+    """The best fits to data, one for all or one each, with their limits: those of the profile
+    likelihood.
 
-    Args:
-        balance: of the values.
-        data: measured motion, one for all fits or one each; its noise weighs the first fit where
-            some is to be estimated.
-        near: where the fits begin.
-        noise: as stated.
-        lower: bounds, `(p,)`.
-        upper: bounds.
-        names: of the values, with their units.
-        pace: whether the whole profiles are wanted, or their limits only.
-        far: whether the answers may be far.
-
-    Returns:
-        One per fit.
+    The noise of the data weighs the first fit where some is to be estimated. Fits begin at balances
+    `near`; `far` says whether their answers may be far from there, and `pace` whether the whole
+    profiles are wanted or their limits only.
     """
     size = len(names)
     spare = int((data.seen.sum(axis=0) - data.taken)[noise.counted].sum()) - size
