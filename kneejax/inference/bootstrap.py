@@ -154,12 +154,9 @@ def _within(test: MeasuredTest) -> np.ndarray:
 
 
 def bootstrap(
-    problem: CalibrationProblem,
-    answer: Sequence[float],
-    noise: Sequence[float],
-    draws: Sequence[int],
-    seed: int = 0,
-) -> np.ndarray:
+    problem: CalibrationProblem, answer: Sequence[float], noise: Sequence[float],
+    draws: Sequence[int], seed: int = 0,
+) -> np.ndarray:  # fmt: skip
     """Fit data that the answer itself would give, with new noise, many times.
 
     A draw depends on the seed and on its own number alone. Each begins at the answer and is fitted

@@ -286,13 +286,9 @@ def information(
 
 
 def fit_information(
-    knee: Knee,
-    selection: Selection,
-    data: Observations,
-    fit: Slopes,
-    *,
+    knee: Knee, selection: Selection, data: Observations, fit: Slopes, *,
     at_bound: np.ndarray | None = None,
-) -> Information:
+) -> Information:  # fmt: skip
     """Fisher information of a motion's data at a fit, and where ligaments are slack.
 
     Args:

@@ -12,14 +12,9 @@ _GAIN = 1e-10
 
 
 def choose(
-    base: np.ndarray,
-    told: np.ndarray,
-    count: int,
-    criterion: str = "D",
-    *,
-    usable: np.ndarray | None = None,
-    repeat: bool = False,
-) -> tuple[int, ...]:
+    base: np.ndarray, told: np.ndarray, count: int, criterion: str = "D", *,
+    usable: np.ndarray | None = None, repeat: bool = False,
+) -> tuple[int, ...]:  # fmt: skip
     """Choose candidates: one after the other, then exchanging while that gains.
 
     The best next one is added until there are enough (greedy). Then each is exchanged for any other

@@ -127,14 +127,9 @@ class Profile:
 
 
 def profiles(
-    knee: Knee,
-    selection: Selection,
-    data: Observations,
-    fit: Slopes,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    threshold: float,
-) -> tuple[Profile, ...]:
+    knee: Knee, selection: Selection, data: Observations, fit: Slopes, lower: np.ndarray,
+    upper: np.ndarray, threshold: float,
+) -> tuple[Profile, ...]:  # fmt: skip
     """Follow every parameter in both directions, the others making up for it as well as they can.
 
     Args:
