@@ -15,6 +15,7 @@ import numpy as np
 
 from kneejax.numerics import imported
 
+_MAX_STEPS = 500
 #: Bound of the projected gradient, in units of the scale and of the value at the start.
 _TOLERANCE = 1e-8
 _LEAST_CACHED = "jax_persistent_cache_min_compile_time_secs"
@@ -32,7 +33,7 @@ class Minimum(NamedTuple):
 
 def minimise_bounded(
     value_and_gradient: Callable, start: np.ndarray, lower: np.ndarray, upper: np.ndarray,
-    scale: np.ndarray | None = None, max_steps: int = 500,
+    scale: np.ndarray | None = None, max_steps: int | None = None,
 ) -> Minimum:  # fmt: skip
     """Minimise a differentiable function of a vector `(p,)` within bounds.
 
@@ -42,7 +43,7 @@ def minimise_bounded(
         start: shape `(p,)`; so are the bounds and `scale`.
         scale: change of each unknown that matters as much as one of any other; the width of the
             bounds by default.
-        max_steps: iterations.
+        max_steps: iterations; 500 by default.
 
     Raises:
         MissingPackage: jaxopt is not installed.
@@ -63,7 +64,7 @@ def minimise_bounded(
             return jnp.asarray(value / unit), jnp.asarray(gradient * scale / unit)
 
     solver = jaxopt.LBFGSB(
-        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps,
+        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps or _MAX_STEPS,
         stop_if_linesearch_fails=True, implicit_diff=False, jit=False,
     )  # fmt: skip
     bounds, least = (jnp.asarray(lower / scale), jnp.asarray(upper / scale)), _LEAST_CACHED
