@@ -288,7 +288,8 @@ def test_published_coupled_motion_is_counted_from_extension(tmp_path):
     # Adduction, internal rotation; the tibia goes where the femur comes from; lateral unknown.
     assert test.observed[at_90, :4].tolist() == [0.65, 14.88, 7.66, 1.75]
     cases = observations(np.zeros((0, 6)), np.ones(5), tests=[test])
-    assert np.asarray(cases.neutral).tolist() == [-1] + [0] * 12 and np.isnan(cases.target[0]).all()
+    assert np.asarray(cases.neutral).tolist() == [0] * 13 and np.nanmax(abs(cases.target[0])) == 0.0
+    assert cases.group.tolist() == [0] * 13
     assert cases.target[at_90, 1] == 14.88
 
 

@@ -21,13 +21,15 @@ if TYPE_CHECKING:
 COUNTED_FROM = {
     "unloaded": "changes from the unloaded pose of the same flexion",
     "intact": "changes from the unloaded pose of the same flexion before anything was cut",
-    "least_load": "poses; the one under the least load of the same flexion counts as zero",
+    "least_load": "poses; the one under the least load of the same flexion counts as zero, its "
+    "error being one constant of the curve",
     "opposite": "poses; each under a positive load less the one under the opposite load, within "
     "5 % of it",
     "offset": "poses; each coordinate is off by an unknown constant, the same in all of the test",
     "offset_each_flexion": "the same, with constants of its own at each flexion",
     "absolute": "poses in the model's own frame",
-    "extension": "changes from the pose at the least flexion, all under the same loads",
+    "extension": "changes from the pose at the least flexion, whose error is one constant of all, "
+    "under the same loads",
 }
 #: What can be read of a part of the knee, as `PART.KIND` -> what that means. Forces are counted as
 #: they are, strains like displacements. Coordinates of the patella, by their columns
@@ -196,7 +198,8 @@ class MeasuredTest:
         setting = np.column_stack([self.flexion_deg, *acting])
         for name, values in seen.items():
             counts = np.isfinite(values) & (weight > 0)
-            for group in np.unique(groups[(groups >= 0) & counts]):
+            constants = (groups >= 0) & counts & self.counted_from.startswith("offset")
+            for group in np.unique(groups[constants]):
                 rows = np.flatnonzero((groups == group) & counts)
                 # What was read twice under the same load differs by noise alone.
                 if self.frames is None and len(np.unique(setting[rows], axis=0)) < 2:
@@ -284,9 +287,17 @@ class MeasuredTest:
     @property
     def groups(self) -> np.ndarray:
         """Rows that share unknown constants: a number each, `(n,)`, -1 where there are none."""
-        if self.counted_from == "offset_each_flexion":
+        # The error of a reading from which others are counted is in all of these.
+        if self.counted_from in ("offset_each_flexion", "least_load"):
             return self.curve
-        return np.full(len(self.flexion_deg), 0 if self.counted_from == "offset" else -1)
+        one = self.counted_from in ("offset", "extension")
+        return np.full(len(self.flexion_deg), 0 if one else -1)
+
+    @property
+    def scatter(self) -> float:
+        """Times the noise of a reading that what is compared has: the difference of two readings
+        has more."""
+        return float(np.sqrt(2.0)) if self.counted_from == "opposite" else 1.0
 
     def _opposite(self, row: int, driving: np.ndarray) -> int:
         """Row under the opposite load, at nearly the same flexion."""

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 import jax
 import numpy as np
 
+from kneejax.experiments import counts_like_poses
 from kneejax.experiments import evaluate as evaluate_mechanics
 from kneejax.experiments import with_flips
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES, TIBIA
@@ -224,11 +225,13 @@ def misfits_of_test(
     for row, name in enumerate(FREE_COORDINATES):
         sd = own.test.sd_mm if COORDINATES[name].unit == "mm" else own.test.sd_deg
         stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated
+    stated = own.test.scatter * stated
     fitted, start = ({x: one.rmse(x) for x in FREE_COORDINATES} for one in (own, before))
     found = misfits(fitted, start, stated, counted, len(own.test.flexion_deg))
     beyond = []
     for name in own.test.readings:
-        rmse, noise = own.rmse(name), float(own.test.sd_of(name))
+        more = own.test.scatter if counts_like_poses(name) else 1.0
+        rmse, noise = own.rmse(name), more * float(own.test.sd_of(name))
         if rmse > more_than_luck(len(own.test.flexion_deg)) * noise:
             beyond.append(Misfit(name, Fault.BEYOND_NOISE, rmse, noise))
     return tuple(dataclasses.replace(one, test=own.test.name) for one in (*found, *beyond))

@@ -10,7 +10,7 @@ import jax
 import numpy as np
 
 from kneejax.experiments import MeasuredTest, counts_like_poses
-from kneejax.geometry import COORDINATES, FREE_COORDINATES, OTHER_COLUMNS
+from kneejax.geometry import COORDINATES, FREE_COORDINATES
 from kneejax.inference.fit._observed import Observations
 from kneejax.inference.fit._readings import Readings, check_readable
 from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
@@ -119,11 +119,10 @@ def readings_of(
             seen = _from_partners(test, sizes) if like_poses else sizes
             rows = np.flatnonzero(np.isfinite(seen) & (weight > 0))
             sd = test.sd_of(name) / np.sqrt(weight[rows])
-            # The difference of two readings scatters more than one of them.
-            sd *= np.sqrt(2.0) if like_poses and (test.partner >= 0).any() else 1.0
+            sd *= test.scatter if like_poses else 1.0
             rest = counted[rows] if like_poses else np.full(len(rows), -1)
             kind = np.full(len(rows), names.index(name))
-            own = test.groups[rows] if name in OTHER_COLUMNS else np.full(len(rows), -1)
+            own = test.groups[rows] if like_poses else np.full(len(rows), -1)
             group = np.where(own < 0, -1, own + groups)
             groups += 1 + int(own.max(initial=-1))
             found.append((kind, place.start + rows, rest, seen[rows], sd, group))
@@ -153,18 +152,21 @@ def _seen(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray]:
     counted = np.where(partner >= 0, first + partner, -1)
     if len(bare):
         counted = first + rows + np.searchsorted(bare, test.flexion_deg)
-    counted[partner == np.arange(rows)] = -1
+    if test.counted_from == "opposite":
+        counted[partner == np.arange(rows)] = -1
     if test.weight is not None:
         seen[test.weight == 0] = np.nan
     return seen, counted
 
 
 def _from_partners(test: MeasuredTest, observed: np.ndarray) -> np.ndarray:
-    """What was observed, counted from the rows that a test counts from; NaN in those themselves."""
+    """What was observed, counted from the rows that a test counts from: zero in those themselves,
+    NaN in one that a single other is counted from."""
     seen, partner = observed.copy(), test.partner
     paired = partner >= 0
     seen[paired] -= observed[partner[paired]]
-    seen[partner == np.arange(len(partner))] = np.nan
+    if test.counted_from == "opposite":
+        seen[partner == np.arange(len(partner))] = np.nan
     return seen
 
 
@@ -181,8 +183,7 @@ def _spread(test: MeasuredTest, stated: np.ndarray) -> np.ndarray:
                 f"noise_{unit} of the whole too, against which it is weighed"
             )
         spread[own] = np.where(np.isinf(stated[own]), 1.0, sd / stated[own])
-    # The difference of two readings scatters more than one of them.
-    return spread * (np.sqrt(2.0) if (test.partner >= 0).any() else 1.0)
+    return spread * test.scatter
 
 
 def synthetic_motion(

@@ -156,7 +156,8 @@ class Observations:
         error = np.where(seen, value - self.target, 0.0)
         slope = np.where(seen[..., None], slope, 0.0)
         for rows, column in self._constants():
-            without_mean(error[..., column], slope[..., column, :], rows & seen[:, column])
+            known = np.where(rows & seen[:, column], self.spread[..., column] ** -2.0, 0.0)
+            without_mean(error[..., column], slope[..., column, :], known)
         return error, slope
 
     def residual(self, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
@@ -180,12 +181,12 @@ class Observations:
 
 
 def without_mean(error: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> None:
-    """Take the best constant out of errors `(fits, n)` with a weight `(n,)`, and out of their
-    slopes `(fits, n, p)`, in place."""
-    own = np.flatnonzero(weight)
-    share = weight[own] / max(weight[own].sum(), 1e-300)
-    error[:, own] -= (error[:, own] @ share)[:, None]
-    slope[:, own] -= np.einsum("r,frp->fp", share, slope[:, own])[:, None]
+    """Take the best constant out of errors `(fits, n)` with a weight, `(n,)` or `(fits, n)`, and
+    out of their slopes `(fits, n, p)`, in place."""
+    own = np.flatnonzero(weight.reshape(-1, weight.shape[-1]).any(axis=0))
+    share = weight[..., own] / np.maximum(weight.sum(axis=-1, keepdims=True), 1e-300)
+    error[:, own] -= np.sum(error[:, own] * share, axis=-1, keepdims=True)
+    slope[:, own] -= np.sum(slope[:, own] * share[..., None], axis=1, keepdims=True)
 
 
 def _read_all(flexion: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

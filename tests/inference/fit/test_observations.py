@@ -130,6 +130,34 @@ def test_where_the_robots_zero_lies_does_not_matter(problem, knee):
     assert apart[:2, 4] == pytest.approx(np.full(2, 7.0))
 
 
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("counted_from", ["least_load", "offset_each_flexion"])
+def test_differences_are_as_likely_as_the_noise_of_all_readings_makes_them(
+    knee, curves, passive, counted_from, weighted
+):
+    """By the covariance of what is compared: readings counted from one share its error."""
+    test = recorded(curves[0], counted_from)
+    rng = np.random.default_rng(0)
+    weight = rng.uniform(0.5, 4.0, len(test.flexion_deg)) if weighted else None
+    sd = NOISE[0] / np.sqrt(np.ones(len(test.flexion_deg)) if weight is None else weight)
+    off = sd[:, None] * rng.normal(size=test.observed.shape)
+    noisy = dataclasses.replace(test, observed=test.observed + off, weight=weight)
+    chosen = kj.select(knee, NAMES)
+    problem = Problem.of(knee, chosen, passive, NOISE**-2.0, tests=[noisy])
+    residual, _ = problem.residual(problem.begin(np.asarray(chosen.read(knee))[None]))
+    found = np.sum(residual.reshape(-1, 5) ** 2, axis=0)
+    expected = np.zeros(5)
+    for flexion in np.unique(test.flexion_deg):
+        rows = np.flatnonzero(test.flexion_deg == flexion)
+        neutral = rows[test.loads["anterior_N"][rows] == 0.0][0]
+        take = np.eye(len(test.flexion_deg))[rows[rows != neutral]]
+        take[:, neutral] -= 1.0
+        shared = take @ np.diag(sd**2) @ take.T
+        apart = take @ off
+        expected += np.einsum("ij,ij->j", apart, np.linalg.solve(shared, apart))
+    assert found == pytest.approx(expected, rel=1e-4)
+
+
 def test_a_twin_without_noise_comes_back(knee, problem):
     truth = np.asarray(problem.selection.read(knee))
     start = truth * 1.1
