@@ -336,7 +336,7 @@ def bundled_bands(
 def _read(path: Path) -> list[LaxityBand]:
     import numpy as np
 
-    from kneejax.files.tables import Table
+    from kneejax.files.tables.tables import Table
 
     document = load_yaml(path, "source of a laxity table")
     about = reading.checked(AboutLaxity, document, os.fspath(path))

@@ -12,7 +12,8 @@ import numpy as np
 
 from kneejax.files import reading
 from kneejax.files._landmarks import mirror
-from kneejax.files.opensim import simm_spline, transform_axes
+from kneejax.files.opensim.coupled import transform_axes
+from kneejax.files.opensim.model import simm_spline
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint

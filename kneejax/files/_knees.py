@@ -11,10 +11,9 @@ from pathlib import Path
 import jax.numpy as jnp
 
 from kneejax.files._bundled import named_path
-from kneejax.files.knee import build_knee
-from kneejax.files.knee.file import KneeFile, read_knee, write_knee
+from kneejax.files.knee.file import KneeFile, build_knee, read_knee, write_knee
 from kneejax.files.knee.restated import restated
-from kneejax.files.meshes import MESH_ENDINGS
+from kneejax.files.meshes.points import MESH_ENDINGS
 from kneejax.files.reading import InputProblem
 from kneejax.files.results import Calibrated, read_calibrated
 from kneejax.mechanics import Implausible, Knee

@@ -11,8 +11,7 @@ import numpy as np
 
 from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
-from kneejax.files.tables import Table
-from kneejax.files.tables.tables import write_rows
+from kneejax.files.tables.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee import mirror_part
+from kneejax.files.knee.document import mirror_part
 from kneejax.files.meshes import anatomy
 from kneejax.files.meshes import surfaces as fitted
 from kneejax.files.meshes.health import Sheet, check_holes, read_sheets

@@ -11,8 +11,8 @@ import jax
 import numpy as np
 
 from kneejax import geometry
-from kneejax.files.knee import build_surface, mirror_part
-from kneejax.files.knee.document import mirror_document
+from kneejax.files.knee.document import mirror_document, mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.meshes import anatomy, importing
 from kneejax.files.meshes.health import Sheet, check_holes
 from kneejax.files.meshes.importing import TARGET_RMS_MM, MeshPath, judge, right_sheets

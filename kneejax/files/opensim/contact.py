@@ -43,6 +43,11 @@ class OsimMesh(NamedTuple):
     thickness_mm: float  # of its layer, where it does not vary
     varies: bool  # whether the layer reaches from the surface to its back
 
+    @property
+    def layer(self) -> tuple[float, float, float]:
+        """Its thickness, Young's modulus and Poisson's ratio."""
+        return self.thickness_mm, self.youngs_modulus_MPa, self.poisson_ratio
+
 
 class OsimContact(NamedTuple):
     """A contact of the femur with the tibia or the patella."""
@@ -159,27 +164,20 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
         float(sum(Decimal(repr(getattr(mesh, name))) for mesh in pair) / count)
         for name, count in (("thickness_mm", 1), ("poisson_ratio", 2), ("youngs_modulus_MPa", 2))
     )
-    same = len({(mesh.youngs_modulus_MPa, mesh.poisson_ratio) for mesh in pair}) == 1
+    same = femur.layer[1:] == other.layer[1:]
     if not same and force.truth("use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
-            modulus = _in_a_row([(m.thickness_mm, m.youngs_modulus_MPa, m.poisson_ratio)
-                                 for m in pair], ratio)  # fmt: skip
-        findings.append(
-            "The layers are springs in series: E is that of one layer of both thicknesses and the "
-            "mean nu with the same pressure."
-        )
+            modulus = _in_a_row([mesh.layer for mesh in pair], ratio)
+        findings.append("The layers are springs in series: E is that of one layer of both "
+                        "thicknesses and the mean nu with the same pressure.")
         if law != "linear":
-            doubts.append(
-                "The model solves two different materials pairwise; with the nonlinear law the one "
-                "layer agrees only at small depths."
-            )
+            doubts.append("The model solves two different materials pairwise; with the nonlinear "
+                          "law the one layer agrees only at small depths.")
     if ratio == 0.5:
-        doubts.append(
-            "nu is 0.5: a layer that cannot change its volume has no elastic foundation, and its "
-            "contact must be given with a smaller nu."
-        )
+        doubts.append("nu is 0.5: a layer that cannot change its volume has no elastic foundation, "
+                      "and its contact must be given with a smaller nu.")
     return OsimContact(force.name, femur, other, law, modulus, ratio, thickness, tuple(findings),
                        tuple(doubts), force)
 
@@ -192,15 +190,12 @@ def _law(force: Element) -> str:
 
 
 def _in_a_row(layers: list[tuple[float, float, float]], ratio: float) -> float:
-    """Young's modulus of one layer that is as stiff as several, by their thickness, modulus and
-    Poisson's ratio, together."""
-    soft = sum(h / (e * _confined(nu)) for h, e, nu in layers)
-    return sum(h for h, *_ in layers) / soft / _confined(ratio)
+    """Young's modulus of one layer that is as stiff as several `OsimMesh.layer` together."""
+    def confined(nu: float) -> float:  # modulus, over Young's
+        return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
-
-def _confined(nu: float) -> float:
-    """Confined modulus over Young's."""
-    return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    soft = sum(h / (e * confined(nu)) for h, e, nu in layers)
+    return sum(h for h, *_ in layers) / soft / confined(ratio)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -294,11 +289,9 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         document["patella"]["contacts"] = {"patellofemoral": entry}
     findings, name = [*found.findings], file.name
     for meniscus, fit in zip(read.menisci, menisci, strict=True):
-        own = [(x.thickness_mm, x.youngs_modulus_MPa, x.poisson_ratio)
-               for x in (meniscus.upper, meniscus.lower)]  # fmt: skip
-        cartilage = found.contacts[fit.name.removesuffix("_meniscus")]
-        layers = [(cartilage["layer_thickness_mm"], contact.youngs_modulus_MPa,
-                   contact.poisson_ratio), *own]  # fmt: skip
+        cartilage = found.contacts[fit.name.removesuffix("_meniscus")]["layer_thickness_mm"]
+        layers = [(cartilage, contact.youngs_modulus_MPa, contact.poisson_ratio),
+                  meniscus.upper.layer, meniscus.lower.layer]  # fmt: skip
         ratio = float(np.mean([nu for *_, nu in layers]))
         if max(nu for *_, nu in layers) >= 0.5:
             raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
@@ -327,13 +320,11 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     by_lower = {path.name.lower(): path for path in sorted(folder.iterdir())}
     path = by_lower.get(name.lower())
     if path is None:
-        present = ", ".join(sorted(by_lower)[:6]) or "nothing"
-        without = "; --without-patella does without it" if mesh.bone == PATELLA else ""
-        expected = f"this file; there is {present}{without}"
+        expected = f"this file; there is {', '.join(sorted(by_lower)[:6]) or 'nothing'}"
+        expected += "; --without-patella does without it" * (mesh.bone == PATELLA)
         known = sorted(path.name for path in by_lower.values())
         raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
-    still = not mesh.frame.turns and not any(mesh.frame.shift)
-    if still and mesh.scale == (1.0, 1.0, 1.0):
+    if mesh.scale == (1.0, 1.0, 1.0) and not mesh.frame.turns and not any(mesh.frame.shift):
         return path
     import trimesh
 

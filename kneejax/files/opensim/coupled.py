@@ -12,7 +12,7 @@ from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim.frames import Registration, flexion_coordinate, flexions
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.model import Model, read_model, simm_spline
-from kneejax.files.opensim.xml import element_of
+from kneejax.files.opensim.xml import element_of, last_word
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 
@@ -166,7 +166,7 @@ def couple_knee(
     for element in model.elements:
         for child in element.children:
             asks = child.tag == "independent_coordinate_names" or child.tag.endswith("_coordinate")
-            words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
+            words = {*map(last_word, child.content.split())} if asks else set()
             if gone & words:
                 expected = "a coordinate that stays: this one follows flexion from now on"
                 raise element.problem(child.tag, ", ".join(gone & words), expected)

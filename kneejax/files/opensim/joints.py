@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.files.opensim.exact import Rigid, decimals, turn_about
 from kneejax.files.opensim.model import GROUND, Model, describe, evaluate, function_of
 from kneejax.files.opensim.xml import Element
-from kneejax.files.tables import Storage, last_word
+from kneejax.files.tables.storage import Storage, last_word
 
 #: Kinds of joint -> axes along or about which their coordinates go, in order: R rotation, T
 #: translation. A custom joint states its own.

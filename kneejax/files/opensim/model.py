@@ -14,7 +14,7 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from kneejax.files.opensim.exact import Rigid
-from kneejax.files.opensim.xml import Element, XmlFile, parse_xml
+from kneejax.files.opensim.xml import Element, XmlFile, last_word, parse_xml
 from kneejax.files.reading import plain_number
 
 KIND = "an OpenSim model"
@@ -115,7 +115,7 @@ class Model:
         if not word:
             return None
         path = word if word.startswith("/") else posixpath.join(_path(owner), word)
-        last = word.rstrip("/").rsplit("/", 1)[-1]
+        last = last_word(word)
         exact = self.frames.get(posixpath.normpath(path), self.bodies.get(last))
         same = [frame for frame in self.frames.values() if frame.name == last]
         return exact if exact is not None or len(same) != 1 else same[0]

@@ -33,6 +33,11 @@ _AMPERSAND, _HYPHEN, _NOTHING = "\ue000", "\ue001", "\ue002"
 _AS_IT_WAS = str.maketrans({_AMPERSAND: "&", _HYPHEN: "-", _NOTHING: None})
 
 
+def last_word(path: str) -> str:
+    """The last name of a path of components."""
+    return path.rstrip("/").rsplit("/", 1)[-1]
+
+
 class Element(etree.ElementBase):
     """An element of lxml that reads its properties, and says where it stands where one is wrong."""
 
@@ -85,7 +90,7 @@ class Element(etree.ElementBase):
 
     def last_word(self, *tags: str) -> str:
         """The last name of a path that is the text of a child."""
-        return self.word(*tags).rstrip("/").rsplit("/", 1)[-1]
+        return last_word(self.word(*tags))
 
     def numbers(self, tag: str, count: int, default: str = "") -> list[Decimal]:
         """As many finite numbers of a child, or InputProblem; of `default` if it is absent."""

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, MeshOptions, import_meshes
-from kneejax.files.knee import build_surface, mirror_part
+from kneejax.files.knee.document import mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.meshes.health import read_sheets
 from kneejax.files.meshes.importing import find_bones, right_sheets
 from kneejax.files.meshes.surfaces import fit_patella
