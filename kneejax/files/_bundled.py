@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
+from kneejax.files.reading import InputProblem, Part, Text, load_yaml, one_of, reads
 from kneejax.quantities import nearest_name
 
 if TYPE_CHECKING:
@@ -57,18 +57,18 @@ class Measurement:
 class AboutTest(Part):
     """How a table is one of a test."""
 
-    counted_from: Text = meaning("what its numbers are counted from")
-    columns: dict[str, str] = meaning("column of a pose -> column of the table", dict)
+    counted_from: Text
+    columns: dict[str, str] = {}  # column of a pose -> column of the table
 
 
 class AboutTable(Part):
     """The YAML file beside a bundled table."""
 
-    title: Text = meaning("what was measured")
-    source: Text = meaning("where it was published")
-    description: Text = meaning("how it was measured", "")
-    test: AboutTest | None = meaning("of a test", None)
-    conditions: Any = meaning("of a table of conditions", None)
+    title: Text
+    source: Text
+    description: Text = ""
+    test: AboutTest | None = None
+    conditions: Any = None
 
 
 def bundled_path(kind: str, name: str) -> Path:
@@ -204,7 +204,6 @@ def bundled_laxity_sources() -> dict[str, str]:
     return answer
 
 
-
 def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     """The bundled file of this name, or else the file itself.
 
@@ -302,14 +301,12 @@ class LaxityBand:
 class AboutLaxity(Part):
     """The YAML file beside a table of laxities."""
 
-    label: Text = meaning("for a figure's legend")
-    source: Text = meaning("where it was published")
-    load: Text = meaning("that acted")
-    size: Annotated[float, reads(reading.number)] = meaning("of the load", math.nan)
-    notes: Any = meaning("anything else", None)
-    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = meaning(
-        "what a cut knee's displacement is counted from", "unloaded"
-    )
+    label: Text
+    source: Text
+    load: Text
+    size: Annotated[float, reads(reading.number)] = math.nan
+    notes: Any = None
+    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = "unloaded"
 
 
 def bundled_bands(
@@ -328,14 +325,11 @@ def bundled_bands(
         [('positive', [12.1]), ('negative', [-10.1])]
     """
     files = bundled_files("laxity")
-    every = [band for path in files.values() for band in _read(path)]
-    of_name = [band for band in every if name in (None, band.name)]
-    return [band for band in of_name if cut is None or set(band.cut) == set(cut)]
+    every = [band for path in files.values() for band in _read(path) if name in (None, band.name)]
+    return [band for band in every if cut is None or set(band.cut) == set(cut)]
 
 
 def _read(path: Path) -> list[LaxityBand]:
-    import numpy as np
-
     from kneejax.files.tables.tables import Table
 
     document = load_yaml(path, "source of a laxity table")
@@ -345,13 +339,12 @@ def _read(path: Path) -> list[LaxityBand]:
     for place, end in ends:
         if end not in ENDS:
             table.wrong(place, end, ENDS)
-    numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
-                        table.column("sd", empty=True)], axis=1)  # fmt: skip
+    numbers = [table.column(x, empty=x == "sd") for x in ("flexion_deg", "mean", "sd")]
     table.mistakes.check()
-    kinds: dict[tuple[str, str], list[Any]] = {}
-    for (_, end), (_, cut), own in zip(ends, cuts, numbers, strict=True):
-        kinds.setdefault((end, cut), []).append(own)
+    kinds: dict[tuple[str, str], list[int]] = {}
+    for row, ((_, end), (_, cut)) in enumerate(zip(ends, cuts, strict=True)):
+        kinds.setdefault((end, cut), []).append(row)
     said = about.label, about.source, about.load, about.size
-    return [LaxityBand(path.stem, *said, end, tuple(cut.split()), *np.array(own).T,
+    return [LaxityBand(path.stem, *said, end, tuple(cut.split()), *(x[rows] for x in numbers),
                        counted_from=about.counted_from if cut else "unloaded")
-            for (end, cut), own in kinds.items()]
+            for (end, cut), rows in kinds.items()]

@@ -157,7 +157,6 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     reading.write_text(path, format_joint(file))
 
 
-
 #: Splines leave less than this of every pose, degrees and mm.
 TOLERANCE = 5e-7
 #: The range of flexion in the file, degrees, unless calibration angles lie beyond it.

@@ -14,10 +14,10 @@ from kneejax.files._bundled import named_path
 from kneejax.files.knee.file import KneeFile, build_knee, read_knee, write_knee
 from kneejax.files.knee.restated import restated
 from kneejax.files.meshes.points import MESH_ENDINGS
-from kneejax.files.reading import InputProblem
+from kneejax.files.reading import InputProblem, Mistakes
 from kneejax.files.results import Calibrated, read_calibrated
-from kneejax.mechanics import Implausible, Knee
-from kneejax.parameters import DoubtfulValue, UnknownParameter, UnsuitableData, select
+from kneejax.mechanics import Knee
+from kneejax.parameters import DoubtfulValue, select
 
 _NAME = " calibrated"
 _COMMENT = """The knee that a calibration found: {study}
@@ -181,10 +181,7 @@ def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
         >>> float(knee.ligaments.stiffness[0])
         300.0
     """
-    try:
+    mistakes = Mistakes(os.fspath(place))
+    with mistakes.gathered():
         yield
-    except Implausible as problem:
-        field = f"{problem.fibre}.{problem.quantity}"
-        raise InputProblem(place, field, problem.value, problem.expected) from None
-    except (UnknownParameter, UnsuitableData) as problem:
-        raise type(problem)(f"{os.fspath(place)}: {problem}") from None
+    mistakes.check()

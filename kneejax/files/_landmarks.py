@@ -182,15 +182,15 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
         if name not in _COLUMNS:
             raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
     columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
-    words = {}
+    words = []
     for name, options in (("axis", known), ("side", SIDES)):
+        words.append([word for _, word in table.cells(name)])
         for place, word in table.cells(name):
-            words.setdefault(name, []).append(word)
             if word not in options:
                 table.wrong(place, word, options)
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
-    for row, (axis, side) in enumerate(zip(words["axis"], words["side"], strict=True)):
+    for row, (axis, side) in enumerate(zip(*words, strict=True)):
         if (first := points.setdefault((axis, side), row)) != row:
             found = f"{axis} {side} again, as row {first + 1}"
             raise InputProblem(file, table.place(row), found, "every point once")
@@ -306,13 +306,12 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
     tibia = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path)).tibia
     if tibia is None:
         raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
-    points, balls = [tibia.ankle_center_mm], [None]
-    if tibia.malleoli is not None:
-        both = tibia.malleoli
-        points, balls = [both.medial_mm, both.lateral_mm], [both.medial_ball, both.lateral_ball]
-    ankle = [x if ball is None else ball.near_mm for x, ball in zip(points, balls, strict=True)]
+    pairs, both = [(tibia.ankle_center_mm, None)], tibia.malleoli
+    if both is not None:
+        pairs = [(both.medial_mm, both.medial_ball), (both.lateral_mm, both.lateral_ball)]
+    ankle = [point if ball is None else ball.near_mm for point, ball in pairs]
     return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * mirror(side),
-                          tuple(ball and ball.within_mm for ball in balls))
+                          tuple(ball and ball.within_mm for _, ball in pairs))
 
 
 def mirror(side: str) -> np.ndarray:

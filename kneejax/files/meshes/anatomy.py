@@ -99,7 +99,14 @@ def find_femur(
     cloud = joined(articular(sheets, radial, by_angle, "outer", findings))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
-        notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
+        angle, _, along = cylindrical(axis, cloud.points)
+        behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
+        gaps = np.diff(behind)
+        if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
+            expected = ("a gap between the condyles behind the joint, or the notch's place given; "
+                        "have femur and tibia changed places?")
+            raise InputProblem(name, "notch", "none found", expected)
+        notch_mm = float(np.mean(behind[np.argmax(gaps) :][:2]))
         findings.append(f"{Path(name).name}: the notch lies at {notch_mm:.1f} mm along the axis.")
     return Femur(cloud, axis, notch_mm)
 
@@ -114,7 +121,19 @@ def find_plateaus(
     name = sheets[0].name
     facing = articular(sheets, lambda _: np.array([0.0, 1.0, 0.0]),
                        lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
-    _check_meeting(femur, joined(facing), tibia, name)
+    cloud = joined(facing)
+    tibial = moved(tibia, cloud.points)
+    few, others = (points[:: max(1, len(points) // most)]
+                   for points, most in ((tibial, 500), (femur.cloud.points, 2000)))
+    distance = np.sqrt(((few[:, None] - others) ** 2).sum(axis=2).min())
+    if distance > FARTHEST_MM:
+        expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
+        raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
+    angle, radius, _ = femur.cylindrical(tibial)
+    below = np.average(np.sin(angle) * radius, weights=cloud.areas)
+    if below < 0:
+        expected = "tibial cartilage below the femoral axis; is Y superior?"
+        raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
     found: dict[str, Sheet] = {}
     for part in _parted(facing, split_mm, femur, tibia, findings):
         middle = np.average(part.centers, axis=0, weights=part.face_areas)
@@ -225,17 +244,13 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
         turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
         if turn.max() > _STEEPEST_AXIS_DEG:
-            expected = (
-                f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these femoral "
-                "condyles, with X anterior, Y superior, Z to the right?"
-            )
+            expected = (f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these "
+                        "femoral condyles, with X anterior, Y superior, Z to the right?")
             raise InputProblem(name, "frame", f"an axis {turn.max():.1f} degrees off", expected)
     x, y, _ = np.asarray(axis.origin)
     rx, ry, _ = np.rad2deg(np.asarray(axis.rotation))
-    findings.append(
-        f"{Path(name).name}: the transverse axis passes through ({x:.1f}, {y:.1f}) mm, turned "
-        f"{rx:.1f} and {ry:.1f} degrees about X and Y."
-    )
+    findings.append(f"{Path(name).name}: the transverse axis passes through ({x:.1f}, {y:.1f}) mm, "
+                    f"turned {rx:.1f} and {ry:.1f} degrees about X and Y.")
     return axis
 
 
@@ -262,35 +277,6 @@ def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Fra
     return Frame([line[0], line[1], 0.0], [-np.arctan2(y, z), np.arcsin(x), 0.0])
 
 
-def _found_notch(where, name: str) -> float:
-    angle, _, along = where
-    behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
-    gaps = np.diff(behind)
-    if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
-        expected = (
-            "a gap between the condyles behind the joint, or the notch's place given; have femur "
-            "and tibia changed places?"
-        )
-        raise InputProblem(name, "notch", "none found", expected)
-    k = int(np.argmax(gaps))
-    return float(0.5 * (behind[k] + behind[k + 1]))
-
-
-def _check_meeting(femur: Femur, cloud: Cloud, tibia: Placement, name: str) -> None:
-    tibial = moved(tibia, cloud.points)
-    few, others = (points[:: max(1, len(points) // most)]
-                   for points, most in ((tibial, 500), (femur.cloud.points, 2000)))
-    distance = np.sqrt(((few[:, None] - others) ** 2).sum(axis=2).min())
-    if distance > FARTHEST_MM:
-        expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
-        raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
-    angle, radius, _ = femur.cylindrical(tibial)
-    below = np.average(np.sin(angle) * radius, weights=cloud.areas)
-    if below < 0:
-        expected = "tibial cartilage below the femoral axis; is Y superior?"
-        raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
-
-
 def _parted(
     sheets: list[Sheet], split_mm: float | None, femur: Femur, tibia: Placement, findings: list[str]
 ) -> list[Sheet]:
@@ -303,10 +289,13 @@ def _parted(
     if split_mm is None:
         split_mm, where = narrowest(sheets[0]), "where it is narrow"
         if split_mm is None:  # the insert of a prosthesis is one plate
-            split_mm = _below_notch(sheets[0], femur, tibia)
+            centers, areas = sheets[0].centers, sheets[0].face_areas
+            along = in_frame(femur.axis, moved(tibia, centers))[:, 2] - femur.notch_mm
+            lateral = float(areas[along > 0].sum() / areas.sum())
+            if min(lateral, 1.0 - lateral) < _LEAST_OF_TWO:  # it is under one of them
+                return sheets
+            split_mm = float(np.average(centers[:, 2] - along, weights=areas))
             where = "below the notch: it lies under both condyles"
-        if split_mm is None:
-            return sheets
         findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, {where}.")
     parts = []
     offset = np.cumsum([0, *(len(s.points) for s in sheets[:-1])])
@@ -316,12 +305,3 @@ def _parted(
         faces = np.concatenate([face + o for face, o in zip(own, offset, strict=True)])
         parts += [Sheet(points, faces, False, sheets[0].name)] * bool(len(faces))
     return parts
-
-
-def _below_notch(sheet: Sheet, femur: Femur, tibia: Placement) -> float | None:
-    """Where a sheet under both condyles lies below the notch; None where it is under one."""
-    along = in_frame(femur.axis, moved(tibia, sheet.centers))[:, 2] - femur.notch_mm
-    lateral = float(sheet.face_areas[along > 0].sum() / sheet.face_areas.sum())
-    if min(lateral, 1.0 - lateral) < _LEAST_OF_TWO:
-        return None
-    return float(np.average(sheet.centers[:, 2] - along, weights=sheet.face_areas))

@@ -82,10 +82,9 @@ def band_of_meshes(
         near = bone_surface(bone)(own)[2] <= within_mm
         touching = near[mesh.faces].all(axis=1)
         if touching.sum() < _FEWEST:
-            expected = (
-                f"{_FEWEST} or more within {within_mm:g} mm of {os.fspath(bone)}; is the ligament "
-                "in the frame of the first bone, and is the pose that of the scan?"
-            )
+            expected = (f"{_FEWEST} or more within {within_mm:g} mm of {os.fspath(bone)}; is the "
+                        "ligament in the frame of the first bone, and is the pose that of the "
+                        "scan?")
             raise InputProblem(ligament, "triangles", int(touching.sum()), expected)
         found.append(AttachmentArea.of_points(middles[touching], sizes[touching]))
     first, second = found[0], untwisted(*found)

@@ -118,8 +118,7 @@ def meniscus_of_mesh(
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
     plateau: Any = build_surface(cartilage["tibial_surface"])
-    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points))
-             for s in sheets]  # fmt: skip
+    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points)) for s in sheets]
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])
     middle = _middle(corners)
     begin, end = _horns(path, corners, middle, name)
@@ -162,8 +161,8 @@ def meniscus_of_mesh(
     (doubts if abs(gap) > _LYING_MM else findings).append(f"{said}.")
 
     cartilage_mm, width = float(cartilage["layer_thickness_mm"]), outer - inner
-    thick, arc = float(area.mean() / width.mean()), float(0.5 * (inner + outer).mean())
-    arc *= end - begin
+    thick = float(area.mean() / width.mean())
+    arc = float(0.5 * (inner + outer).mean()) * (end - begin)
     findings += [
         f"{name} meniscus: cross-section {area.mean():.1f} mm2 on average ({area.min():.1f} to "
         f"{area.max():.1f} along the arc), {height.mean():.1f} mm high ({height.min():.1f} to "
@@ -276,8 +275,7 @@ def _horns(
         value = f"open {'laterally' if np.sin(opening) > 0.0 else 'medially'}"
         expected = f"a {name} meniscus, open towards the middle of the knee; is the side right?"
         raise InputProblem(path, "arc", value, expected)
-    begin = float(turns[k] + gaps[k] - 2.0 * np.pi)
-    end = float(turns[k])
+    begin, end = float(turns[k] + gaps[k] - 2.0 * np.pi), float(turns[k])
     # The same numbers whatever the direction in which an angle begins to count.
     shift = 2.0 * np.pi * np.round(0.5 * (begin + end) / (2.0 * np.pi))
     return begin - shift, end - shift

@@ -88,12 +88,8 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
             expected = "a diagonal below 1 (metres) or between 10 and 2000 (mm), or a unit given"
             raise InputProblem(path, "bounding box", f"diagonal {size:.4g}", expected)
         scale = 1000.0 if size < 1 else 1.0
-    return MeshPoints(
-        points_mm=np.array(mesh.vertices, float) * scale,
-        normals=np.array(mesh.vertex_normals, float),
-        faces=np.array(mesh.faces, int),
-        scale=scale,
-    )
+    return MeshPoints(np.array(mesh.vertices, float) * scale, np.array(mesh.vertex_normals, float),
+                      np.array(mesh.faces, int), scale)
 
 
 def bone_surface(
@@ -222,9 +218,6 @@ def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points, float), np.array(corners, int).reshape(-1, 3)
 
 
-# Whether the file of a mesh is complete: parsers read a part without a word.
-
-
 class _Rows(NamedTuple):
     """A kind of row of a PLY file: how many, and the type of each property, two for a list."""
 
@@ -234,6 +227,7 @@ class _Rows(NamedTuple):
 
 
 def _check_ply(path: Path, data: bytes) -> None:
+    """Whether the file is complete: parsers read a part without a word."""
     form, elements, body = _ply_header(path, data)
     expected = " and ".join(f"{one.count} rows of {one.name}" for one in elements)
     expected += ", as the header says"
@@ -320,10 +314,9 @@ def _check_stl(path: Path, data: bytes) -> None:
         return
     words = [word.lower() for word in data.split()]
     if words[:1] != [b"solid"] or b"\x00" in data:
-        expected = "a triangle mesh in STL"
-        if says >= 0:
-            expected += f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}"
-        raise InputProblem(path, "file", counted(len(data), "byte"), expected)
+        lengths = f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}" * (says >= 0)
+        raise InputProblem(path, "file", counted(len(data), "byte"),
+                           f"a triangle mesh in STL{lengths}")
     facets, loops, ends, corners = (
         words.count(word) for word in (b"outer", b"endloop", b"endfacet", b"vertex"))
     if facets and b"endsolid" not in words:
@@ -335,17 +328,14 @@ def _check_stl(path: Path, data: bytes) -> None:
 
 def _check_obj(path: Path, data: bytes) -> None:
     for number, line in enumerate(data.splitlines(), 1):
-        words = line.split(b"#")[0].split()
-        if not words or words[0] not in (b"v", b"f"):
-            continue
-        good, expected = len(words) >= 4, "three coordinates of a corner"
-        if words[0] == b"v":
+        words, good, expected = line.split(b"#")[0].split(), True, ""
+        if words[:1] == [b"v"]:
             numbers = (plain_number(word.decode("ascii", "replace")) for word in words[1:4])
-            good = good and all(x is not None for x in numbers)
-        else:
-            good = good and all(_OBJ_CORNER.fullmatch(word) for word in words[1:])
+            good, expected = all(x is not None for x in numbers), "three coordinates of a corner"
+        elif words[:1] == [b"f"]:
+            good = all(_OBJ_CORNER.fullmatch(word) for word in words[1:])
             expected = "three corners of a face or more"
-        if not good:
+        if expected and not (good and len(words) >= 4):
             found = b" ".join(words).decode("utf-8", "replace")
             raise InputProblem(path, f"line {number}", found, expected)
 

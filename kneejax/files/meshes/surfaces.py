@@ -98,9 +98,8 @@ def fit_compartment(
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets: one surface of the femur's cartilage
-    from its upper border down and around both condyles, which overlaps with those that meet the
-    tibia: no load is handed over from one to another. Across the notch it falls off."""
+    """Fits of the patella and of the groove that it meets: one surface from the upper border of the
+    femur's cartilage around both condyles, which overlaps with those that meet the tibia."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
     angle, _, along = femur.cylindrical(cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
@@ -172,10 +171,10 @@ def contact_regions(
 def _fit_plateau(sheet: Sheet, frame: Frame, splines: dict[str, float]) -> SplineFit[Plateau]:
     """A height over the plane of a frame, within the outline of a sheet."""
     cloud = anatomy.joined([sheet])
-    local = anatomy.in_frame(frame, cloud.points)
-    x, z = ((float(c.min()), float(c.max())) for c in (local[:, 0], local[:, 2]))
-    given = {**splines, "outline": np.round(anatomy.outline(sheet, frame), 3)}
-    return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, **given)
+    x, _, z = ((float(c.min()), float(c.max())) for c in anatomy.in_frame(frame, cloud.points).T)
+    outline = np.round(anatomy.outline(sheet, frame), 3)
+    return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, outline=outline,
+                                       **splines)
 
 
 def sheet_fit(fit: SplineFit, femur: Femur | None, region: np.ndarray | None = None) -> SheetFit:
@@ -236,7 +235,7 @@ def find_layer(
     bone."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
-    wanted = {tuple(p) for p in condyle.fit.points[condyle.region].tolist()}
+    wanted = {*map(tuple, condyle.fit.points[condyle.region].tolist())}
     on_condyle = femur.cloud.kept([tuple(p) in wanted for p in femur.cloud.points.tolist()])
     tibial = anatomy.joined([sheet])
     above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
@@ -265,10 +264,21 @@ def find_layer(
     # The femoral share is its mean, since that part moves. What lies outside the contact region
     # steers a field little, and keeps it in bounds.
     weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
-    s, t, values, weights = _with_corners(s, t, femoral + above_tibia[known] - mean, weights)
+    values = femoral + above_tibia[known] - mean
+    # Places beyond the sheet, as thick as the nearest of its own, hold a field there.
+    a, b = (x.ravel() for x in np.meshgrid(*[np.linspace(-1.0, 1.0, 11)] * 2))
+    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
+    nearest = np.argmin(apart, axis=1)
+    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
+    s, t, values = np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]]
+    weights = np.r_[weights, np.full(beyond.sum(), 0.5 * weights.sum() / len(a))]
     grid = np.linspace(-1.0, 1.0, 25)
     for degree in _DEGREES:
-        table = _fitted(s, t, values, weights, degree)
+        # The nearest polynomial of this whole degree.
+        table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
+        powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
+        columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
+        table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
         field = mean + polynomial.polygrid2d(grid, grid, table)
         if field.min() >= _THINNEST_MM:
             off = values - polynomial.polyval2d(s, t, table)
@@ -280,29 +290,6 @@ def find_layer(
             return Layer(mean, source, table)
     findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
     return Layer(mean, source)
-
-
-def _with_corners(s, t, values, weights):
-    """With places beyond the sheet, as thick as the nearest of its own: they hold a field there."""
-    grid = np.linspace(-1.0, 1.0, 11)
-    a, b = (x.ravel() for x in np.meshgrid(grid, grid))
-    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
-    nearest = np.argmin(apart, axis=1)
-    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
-    own = np.full(beyond.sum(), 0.5 * weights.sum() / len(a))
-    return (
-        np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]],
-        np.r_[weights, own],
-    )  # fmt: skip
-
-
-def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
-    """Coefficients of the nearest polynomial of a whole degree."""
-    table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
-    powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
-    columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
-    table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
-    return table
 
 
 def distances_along(
@@ -364,7 +351,6 @@ def _nearest(points, directions, a, b, c, sided) -> np.ndarray:
     hit = ok & (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack)
     hit &= (entering > 0) | ~sided
     hit &= (distance > -HIGHEST_MM) & (distance < DEEPEST_MM)
-    size = np.where(hit, np.abs(distance), np.inf)
-    best = np.argmin(size, axis=1)
+    best = np.argmin(np.where(hit, np.abs(distance), np.inf), axis=1)
     rows = np.arange(len(points))
-    return np.where(np.isfinite(size[rows, best]), distance[rows, best], np.nan)
+    return np.where(hit[rows, best], distance[rows, best], np.nan)

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files.knee.document import mirror_part
-from kneejax.files.knee.surfaces import build_obstacle
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.opensim import ligaments as fibres
 from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.frames import Registration
@@ -306,7 +306,7 @@ def recorded_muscles(
         entry = wrap.document(knee, "")
         entry, bone = mirror_part(entry) if knee.side == "l" else entry, entry["bone"]
         center = np.add(entry["center_mm"], getattr(shifts, bone)).tolist()
-        obstacle = build_obstacle(entry | {"center_mm": center})
+        obstacle = build_surface(entry | {"center_mm": center})
         # As OpenSim has it: what ends inside an obstacle at any instant does not lie around it.
         there = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends[bone][rows], 1, 0)))
         parts = zip(there, obstacle.semi_axes_along_frame, strict=True)
