@@ -206,46 +206,22 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
 
 @dataclasses.dataclass(frozen=True)
 class FemurLandmarks:
-    """Landmarks of a femur, in its mesh's frame.
+    """Landmarks of a femur, in its mesh's frame, mm."""
 
-    Attributes:
-        hip_center: centre of the femoral head, shape `(3,)`, mm; only roughly, if `head_within`
-            is given.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm.
-        head_within: points of the mesh as near to `hip_center` as this, mm, are the femoral head;
-            None if the centre is given.
-
-    Example:
-        >>> found = FemurLandmarks(np.zeros(3), np.zeros((2, 3)), head_within=30.0)
-        >>> found.head_within
-        30.0
-    """
-
-    hip_center: np.ndarray
-    epicondyles: np.ndarray
-    head_within: float | None
+    hip_center: np.ndarray  # of the femoral head, `(3,)`; only roughly, if `head_within` is given
+    epicondyles: np.ndarray  # medial, then lateral, `(2, 3)`
+    head_within: float | None  # distance within which the mesh is the femoral head
 
 
 @dataclasses.dataclass(frozen=True)
 class TibiaLandmarks:
-    """Landmarks of a tibia, in its mesh's frame.
+    """Landmarks of a tibia, in its mesh's frame, mm."""
 
-    Attributes:
-        plateau: medial, then lateral edge, shape `(2, 3)`, mm.
-        ankle: the ankle's centre, shape `(1, 3)`, or the malleoli, medial, then lateral, whose
-            middle it is, shape `(2, 3)`, mm; only roughly, where `ankle_within` is given.
-        ankle_within: for each, points of the mesh as near to it as this, mm, are a ball of bone
-            about it; None where the point itself is given.
-
-    Example:
-        >>> found = TibiaLandmarks(np.zeros((2, 3)), np.zeros((1, 3)), (None,))
-        >>> found.ankle.shape
-        (1, 3)
-    """
-
-    plateau: np.ndarray
+    plateau: np.ndarray  # medial, then lateral edge, `(2, 3)`
+    # the ankle's centre, `(1, 3)`, or both malleoli, whose middle it is, medial first, `(2, 3)`;
+    # only roughly where `ankle_within` is given
     ankle: np.ndarray
-    ankle_within: tuple[float | None, ...]
+    ankle_within: tuple[float | None, ...]  # for each, distance within which the mesh is a ball
 
 
 def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> FemurLandmarks:

@@ -60,17 +60,11 @@ class FitQuality(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SheetFit:
-    """A fitted articular surface.
+    """A fitted articular surface."""
 
-    Attributes:
-        fit: the spline and its residuals, in the frames of a right knee.
-        region: mask of its points that lie in the contact region.
-        quality: what is left over there.
-    """
-
-    fit: SplineFit
-    region: np.ndarray
-    quality: FitQuality
+    fit: SplineFit  # the spline and its residuals, in the frames of a right knee
+    region: np.ndarray  # mask of its points that lie in the contact region
+    quality: FitQuality  # what is left over there
 
 
 def fit_compartment(

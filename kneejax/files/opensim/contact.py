@@ -200,17 +200,11 @@ def _in_a_row(layers: list[tuple[float, float, float]], ratio: float) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class OsimGeometry:
-    """Contacts of an imported knee.
+    """Contacts of an imported knee."""
 
-    Attributes:
-        document: the knee document with its contacts.
-        findings: sentences about the fit.
-        doubtful: whether a surface misses its target.
-    """
-
-    document: dict[str, Any]
-    findings: tuple[str, ...]
-    doubtful: bool
+    document: dict[str, Any]  # the knee document with its contacts
+    findings: tuple[str, ...]  # sentences about the fit
+    doubtful: bool  # whether a surface misses its target
 
 
 def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimGeometry:

@@ -45,23 +45,11 @@ _AXES = {
 
 @dataclasses.dataclass(frozen=True)
 class CoupledMotion:
-    """Splines of OpenSim's kind over flexion.
+    """Splines of OpenSim's kind over flexion."""
 
-    Attributes:
-        flexion_deg: knots, increasing, `(k,)`.
-        secondary: at the knots, degrees and mm, `(k, 5)`, in the order of
-            `kneejax.geometry.FREE_COORDINATES`.
-        rms: what the splines leave of the poses, `(5,)`, likewise.
-
-    Example:
-        >>> motion = CoupledMotion(np.array([0.0, 90.0]), np.zeros((2, 5)), np.zeros(5))
-        >>> motion.secondary.shape
-        (2, 5)
-    """
-
-    flexion_deg: np.ndarray
-    secondary: np.ndarray
-    rms: np.ndarray
+    flexion_deg: np.ndarray  # knots, increasing, `(k,)`
+    secondary: np.ndarray  # `FREE_COORDINATES` at the knots, degrees and mm, `(k, 5)`
+    rms: np.ndarray  # what the splines leave of the poses, `(5,)`, likewise
 
     def at(self, flexion_deg: np.ndarray) -> np.ndarray:
         """The secondary motion at flexions `(n,)`, `(n, 5)`; straight beyond the knots."""

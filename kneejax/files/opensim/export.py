@@ -30,21 +30,11 @@ _STILL = exact.Rigid()
 
 @dataclasses.dataclass(frozen=True)
 class OsimExport:
-    """A model with a knee's numbers.
+    """A model with a knee's numbers."""
 
-    Attributes:
-        data: content of the new file; the model's own bytes where nothing changed.
-        changes: a sentence for each number that changed, and each fibre put in or taken out.
-        notes: what a person should know.
-
-    Example:
-        >>> OsimExport(b"", ("ACL.stiffness_N: 820 -> 902",), ()).changes
-        ('ACL.stiffness_N: 820 -> 902',)
-    """
-
-    data: bytes
-    changes: tuple[str, ...]
-    notes: tuple[str, ...]
+    data: bytes  # content of the new file; the model's own bytes where nothing changed
+    changes: tuple[str, ...]  # a sentence for each number, and each fibre put in or taken out
+    notes: tuple[str, ...]  # what a person should know
 
 
 def export_osim(

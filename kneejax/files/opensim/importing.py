@@ -28,35 +28,20 @@ SOFT_N = 50.0
 
 @dataclasses.dataclass(frozen=True)
 class OsimImport:
-    """A knee as read from an OpenSim model.
+    """A knee as read from an OpenSim model."""
 
-    Attributes:
-        document: content of a knee file, in mm and N.
-        model: the model as it was read.
-        knee: its bones and joints.
-        ligaments: name in the knee file -> fibre of the model.
-        wraps: name in the knee file -> wrap object of the model.
-        found: fibres, with those left out and why.
-        contacts: contacts of femur and tibia.
-        untaken: forces and constraints of the model that are no part of the knee.
-        bodies: at the knee that are part of none of its bones.
-        patellofemoral: contacts of femur and patella.
-        patella: what was assumed or left out of it and the muscles.
-        menisci: those for which rings stand.
-    """
-
-    document: dict[str, Any]
+    document: dict[str, Any]  # content of a knee file, in mm and N
     model: Model
     knee: OsimKneeJoint
-    ligaments: dict[str, fibres.OsimLigament]
-    wraps: dict[str, OsimWrap]
-    found: fibres.Found
-    contacts: tuple[OsimContact, ...]
-    untaken: tuple[report.Untaken, ...]
-    bodies: tuple[str, ...]
-    patellofemoral: tuple[OsimContact, ...]
-    patella: fibres.PatellaSection
-    menisci: tuple[OsimMeniscus, ...] = ()
+    ligaments: dict[str, fibres.OsimLigament]  # by the names in the knee file
+    wraps: dict[str, OsimWrap]  # likewise
+    found: fibres.Found  # with those left out and why
+    contacts: tuple[OsimContact, ...]  # of femur and tibia
+    untaken: tuple[report.Untaken, ...]  # forces and constraints that are no part of the knee
+    bodies: tuple[str, ...]  # at the knee that are part of none of its bones
+    patellofemoral: tuple[OsimContact, ...]  # contacts of femur and patella
+    patella: fibres.PatellaSection  # what was assumed or left out of it and the muscles
+    menisci: tuple[OsimMeniscus, ...] = ()  # those for which rings stand
 
     @property
     def doubts(self) -> tuple[str, ...]:

@@ -191,9 +191,9 @@ def moved(model: Model, values: Mapping[str, Any]) -> Movement:
     joints = read_joints(model)
     shape = np.shape(next(iter(values.values()))) if values else ()
     known = coordinates_of(joints)
-    every = {c.name: np.broadcast_to(values.get(c.name, c.default), shape) for c in known}
-    every = _followed(model, known, every, values)
-    every = {name: np.broadcast_to(x, shape) for name, x in every.items()}
+    every = {c.name: values.get(c.name, c.default) for c in known}
+    every = {name: np.broadcast_to(x, shape)
+             for name, x in _followed(model, known, every, values).items()}
     # A body that no joint carries begins at the ground, as in OpenSim.
     carried = {joint.child for joint in joints}
     free = [joint.parent for joint in joints if joint.parent not in carried]
@@ -243,13 +243,11 @@ def _followed(
 ) -> dict[str, Any]:
     """Coordinates, rad or m, where couplers hold; what is given, locked or prescribed follows
     nothing."""
-    values, known = dict(values), list(couplers(model))
-    fixed = {*given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
-    for _ in known:  # one may follow another
-        for element, name, leading in known:
-            function = function_of(element)
-            if name in fixed or name not in values or function is None:
-                continue
+    values, fixed = dict(values), {
+        *given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
+    known = [(*one, function_of(one[0])) for one in couplers(model) if one[1] not in fixed]
+    for element, name, leading, function in known * len(known):  # one may follow another
+        if name in values and function is not None:
             arguments = [values.get(one, 0.0) for one in leading]
             values[name] = element.number("scale_factor", "1") * evaluate(function, arguments)
     return values

@@ -15,7 +15,7 @@ from scipy.interpolate import make_interp_spline
 
 from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.xml import Element, XmlFile, last_word, parse_xml
-from kneejax.files.reading import plain_number
+from kneejax.files.reading import InputProblem, plain_number
 
 KIND = "an OpenSim model"
 GROUND = "ground"
@@ -193,7 +193,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     factor = evaluate(inner, arguments) if inner is not None else 1.0
     try:
         if kind == "Constant":
-            return _number(function, "value", "0")
+            return function.number("value", "0")
         if kind == "LinearFunction":
             # OpenSim 2 and 3 call them coefficients too; the constant comes last.
             *slopes, constant = _numbers(function, "coefficients", 2)
@@ -203,9 +203,9 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if kind == "MultiplierFunction":
             if inner is None:
                 raise ValueError("no function to multiply")
-            return _number(function, "scale", "1") * factor
+            return function.number("scale", "1") * factor
         if kind == "Sine":
-            size, rate, phase, middle = (_number(function, *one) for one in (
+            size, rate, phase, middle = (function.number(*one) for one in (
                 ("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0")))
             return size * np.sin(rate * np.asarray(x) + phase) + middle
         knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
@@ -214,6 +214,8 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if kind == "GCVSpline":
             return _natural(function, knots, values, x)
         return (_between if kind == "PiecewiseLinearFunction" else simm_spline)(knots, values, x)
+    except InputProblem:
+        raise
     except ValueError as error:
         expected = "the numbers of this kind of function"
         raise function.problem("numbers", str(error), expected) from None
@@ -222,13 +224,13 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
 def describe(function: Element) -> str:
     """A function of any kind in a few words, for a report."""
     if function.tag == "Constant":
-        return f"constant {_number(function, 'value', '0'):g}"
+        return f"constant {function.number('value', '0'):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
         return f"{function.tag} {function.word('coefficients')}"
     if function.tag == "MultiplierFunction":
         inner = function_of(function)
         what = describe(inner) if inner is not None else "nothing"
-        return f"{_number(function, 'scale', '1'):g} times {what}"
+        return f"{function.number('scale', '1'):g} times {what}"
     count = len(function.word("x").split())
     return f"{function.tag} through {count} points" if count else function.tag
 
@@ -280,18 +282,8 @@ def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     return values[i] + (x - knots[i]) * slope
 
 
-def _number(function: Element, tag: str, usual: str) -> float:
-    return _read(function.word(tag, default=usual))
-
-
 def _numbers(function: Element, tag: str, at_least: int) -> np.ndarray:
-    numbers = np.array([_read(word) for word in function.word(tag).split()])
-    if len(numbers) < at_least or not np.isfinite(numbers).all():
+    numbers = [plain_number(word) for word in function.word(tag).split()]
+    if len(numbers) < at_least or not all(x is not None and math.isfinite(x) for x in numbers):
         raise ValueError(f"{tag}: {function.word(tag) or 'missing'}")
-    return numbers
-
-
-def _read(word: str) -> float:
-    if (found := plain_number(word)) is None:
-        raise ValueError(f"{word} is no number")
-    return found
+    return np.array(numbers)

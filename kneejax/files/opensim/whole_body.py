@@ -71,17 +71,11 @@ class WholeBody:
 
 @dataclasses.dataclass(frozen=True)
 class WholeBodyForces:
-    """Tables that OpenSim wrote.
+    """Tables that OpenSim wrote."""
 
-    Attributes:
-        moments: generalised forces of inverse dynamics.
-        forces: of muscles and actuators, of static optimisation.
-        reactions: of the knee on the tibia.
-    """
-
-    moments: Path
-    forces: Path
-    reactions: Path
+    moments: Path  # generalised forces of inverse dynamics
+    forces: Path  # of muscles and actuators, of static optimisation
+    reactions: Path  # of the knee on the tibia
 
 
 def whole_body(
