@@ -49,14 +49,12 @@ if TYPE_CHECKING:
     from kneejax.files.meshes.importing import import_meshes as import_meshes
     from kneejax.files.meshes.menisci import MeshMeniscus as MeshMeniscus
     from kneejax.files.meshes.menisci import meniscus_of_mesh as meniscus_of_mesh
-    from kneejax.files.meshes.points import MeshPoints as MeshPoints
     from kneejax.files.meshes.points import bone_surface as bone_surface
     from kneejax.files.meshes.points import read_mesh_points as read_mesh_points
     from kneejax.files.opensim.contact import add_osim_contacts as add_osim_contacts
     from kneejax.files.opensim.coupled import couple_model as couple_model
     from kneejax.files.opensim.coupled import coupled_motion as coupled_motion
     from kneejax.files.opensim.export import export_osim as export_osim
-    from kneejax.files.opensim.frames import Registration as Registration
     from kneejax.files.opensim.frames import registered as registered
     from kneejax.files.opensim.importing import import_osim as import_osim
     from kneejax.files.opensim.model import SMALLEST_MODEL as SMALLEST_MODEL

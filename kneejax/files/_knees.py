@@ -79,14 +79,7 @@ def _loaded(name_or_path: str | os.PathLike[str], above: tuple[Path, ...]) -> Kn
             expected = "the knee that was calibrated; these results lead back to themselves"
             raise InputProblem(above[0], "knee", os.fspath(path), expected)
         return _calibrated(read, path, (*above, whole))
-    check_kind(path)
-    return read_knee(path)
-
-
-def check_kind(path: Path) -> None:
-    """Say which command takes a file that is no knee's, as its ending tells: a model, a mesh, a
-    table; refuse a folder, with the knee file in it."""
-    # Ending -> what such a file is, and what to do with it.
+    # Ending of a file that is no knee's -> what it is, and what to do with it.
     other_kinds = {
         ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
         ".csv": ("a table", "; a table of poses is given after the knee"),
@@ -99,6 +92,7 @@ def check_kind(path: Path) -> None:
         raise InputProblem(path, "file", "a directory", "a knee file", near)
     if found and os.path.isfile(path):
         raise InputProblem(path, "file", found, f"a knee file{hint}")
+    return read_knee(path)
 
 
 def write_calibrated_knee(result: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:

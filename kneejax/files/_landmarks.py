@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
+from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, wrong
 from kneejax.files.tables.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
@@ -28,8 +28,8 @@ Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm
 class Pair(Part):
     """Two points of a knee."""
 
-    medial_mm: Point = meaning("with Z to the person's right")
-    lateral_mm: Point = meaning("likewise")
+    medial_mm: Point  # with Z to the person's right
+    lateral_mm: Point
 
     def points(self, side: str) -> np.ndarray:
         """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
@@ -39,16 +39,16 @@ class Pair(Part):
 class Axes(Part):
     """All that a file of axis points may say."""
 
-    extension: Pair = meaning("of the extension axis")
-    flexion: Pair = meaning("of the flexion axis")
-    epicondyles: Pair | None = meaning("of the femur", None)
+    extension: Pair
+    flexion: Pair
+    epicondyles: Pair | None = None
 
 
 class Ball(Part):
-    """A ball of bone, to which a sphere is fitted."""
+    """A ball of bone, to which a sphere is fitted: what is within a distance of a place."""
 
-    near_mm: Point = meaning("a place near its centre")
-    within_mm: Number = meaning("points as near are of the ball")
+    near_mm: Point
+    within_mm: Number
 
 
 def _check_one_of(part: Part, one: str, other: str) -> None:
@@ -60,10 +60,10 @@ def _check_one_of(part: Part, one: str, other: str) -> None:
 class Malleoli(Part):
     """Both sides of the ankle, each a point or a ball of bone."""
 
-    medial_mm: Point | None = meaning("its point", None)
-    medial_ball: Ball | None = meaning("or where to fit a sphere", None)
-    lateral_mm: Point | None = meaning("its point", None)
-    lateral_ball: Ball | None = meaning("or where to fit a sphere", None)
+    medial_mm: Point | None = None
+    medial_ball: Ball | None = None
+    lateral_mm: Point | None = None
+    lateral_ball: Ball | None = None
 
     @reading.checks
     def _check_each(self, mistakes: Mistakes) -> None:
@@ -74,9 +74,9 @@ class Malleoli(Part):
 class TibiaFields(Part):
     """Landmarks of the tibia."""
 
-    plateau: Pair = meaning("its edges")
-    ankle_center_mm: Point | None = meaning("the ankle's centre", None)
-    malleoli: Malleoli | None = meaning("whose middle it is", None)
+    plateau: Pair
+    ankle_center_mm: Point | None = None
+    malleoli: Malleoli | None = None  # whose middle it is instead
 
     @reading.checks
     def _check_ankle(self, mistakes: Mistakes) -> None:
@@ -86,10 +86,10 @@ class TibiaFields(Part):
 class Landmarks(Part):
     """All that a file of landmarks may say."""
 
-    epicondyles: Pair = meaning("of the femur")
-    hip_center_mm: Point | None = meaning("centre of the femoral head", None)
-    femoral_head: Ball | None = meaning("or where to fit a sphere", None)
-    tibia: TibiaFields | None = meaning("in the frame of its mesh", None)
+    epicondyles: Pair
+    hip_center_mm: Point | None = None
+    femoral_head: Ball | None = None  # where to fit a sphere instead
+    tibia: TibiaFields | None = None  # in the frame of its mesh
 
 
 @dataclasses.dataclass(frozen=True)

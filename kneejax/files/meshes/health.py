@@ -5,7 +5,6 @@ Repairs are said in findings, one sentence each. What cannot be repaired is refu
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kneejax.files.meshes.points import MeshPoints, read_mesh_points
+from kneejax.files.meshes.points import MeshPoints
 from kneejax.files.reading import InputProblem, counted
 
 #: Corners closer than this are one, mm.
@@ -77,11 +76,6 @@ class Sheet(NamedTuple):
         raw = np.stack([np.bincount(place.ravel(), c, len(used)) for c in crosses.T], axis=1)
         length = np.linalg.norm(raw, axis=1, keepdims=True)
         return self.points[used], area, raw / np.where(length > 0, length, 1.0)
-
-
-def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[Sheet], list[str]]:
-    """Read a mesh (see `read_mesh_points`), repair it, and take it apart into connected sheets."""
-    return take_apart(read_mesh_points(path, unit), os.fspath(path))
 
 
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:

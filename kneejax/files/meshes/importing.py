@@ -13,7 +13,8 @@ import numpy as np
 from kneejax.files.knee.document import mirror_part
 from kneejax.files.meshes import anatomy
 from kneejax.files.meshes import surfaces as fitted
-from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
+from kneejax.files.meshes.health import Sheet, check_holes, take_apart
+from kneejax.files.meshes.points import read_mesh_points
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Placement, Pose
@@ -236,7 +237,7 @@ def import_meshes(
 
 def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
     """Sheets of a mesh; those of a left knee as in a mirror."""
-    sheets, said = read_sheets(path, unit)
+    sheets, said = take_apart(read_mesh_points(path, unit), os.fspath(path))
     findings.extend(said)
     if left:
         sheets = [s._replace(points=s.points * _MIRROR).turned() for s in sheets]

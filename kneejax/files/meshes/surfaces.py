@@ -125,8 +125,8 @@ def fit_patella(
         towards = f"({', '.join(f'{x:.1f}' for x in mean)}) on average"
         expected = "a surface that faces backwards, (-1, 0, 0); is X anterior and Y superior?"
         raise InputProblem(name, "frame", towards, expected)
-    cloud = anatomy.joined([sheet])
-    frame = Frame(np.average(cloud.points, axis=0, weights=cloud.areas), _BACKWARDS)
+    points, areas, _ = sheet.corners()
+    frame = Frame(np.average(points, axis=0, weights=areas), _BACKWARDS)
     try:
         return _fit_plateau(sheet, frame, splines)
     except ValueError as error:

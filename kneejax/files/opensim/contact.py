@@ -121,11 +121,9 @@ def find_contacts(
         if len(found) == 2:
             forces, (upper, lower) = zip(*(found[x] for x in (FEMUR, TIBIA)), strict=True)
             free = sum(not c.locked for j in joints if j.child == body for c in j.coordinates)
-            said = (
-                f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
-                f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. The "
-                "stiffness of its arc, horns and border is not the model's: assumed."
-            )
+            said = (f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
+                    f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. "
+                    "The stiffness of its arc, horns and border is not the model's: assumed.")
             rings.append(OsimMeniscus(body, upper, lower, _law(forces[0]), (said,), forces))
     return contacts, rings
 
@@ -156,10 +154,9 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     for mesh in pair:
         layer = "to its back mesh" if mesh.varies else f"{mesh.thickness_mm:g} mm"
-        findings.append(
-            f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), E {mesh.youngs_modulus_MPa:g} MPa, "
-            f"nu {mesh.poisson_ratio:g}, layer {layer}."
-        )
+        findings.append(f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), "
+                        f"E {mesh.youngs_modulus_MPa:g} MPa, nu {mesh.poisson_ratio:g}, "
+                        f"layer {layer}.")
     thickness, ratio, modulus = (
         float(sum(Decimal(repr(getattr(mesh, name))) for mesh in pair) / count)
         for name, count in (("thickness_mm", 1), ("poisson_ratio", 2), ("youngs_modulus_MPa", 2))

@@ -212,21 +212,13 @@ def _word(direction: np.ndarray) -> str:
 
 
 class Registration(NamedTuple):
-    """From a model's frames to a knee's, mm; of a left knee to those of its mirrored twin.
+    """From a model's frames to a knee's, mm; of a left knee to those of its mirrored twin."""
 
-    Attributes:
-        femur: a shift, `(3,)`.
-        tibia: likewise.
-        same: whether nothing is shifted.
-        notes: what was done, a sentence each.
-        doubts: what a person should look at.
-    """
-
-    femur: np.ndarray
-    tibia: np.ndarray
-    same: bool
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...] = ()
+    femur: np.ndarray  # a shift, `(3,)`
+    tibia: np.ndarray  # likewise
+    same: bool  # whether nothing is shifted
+    notes: tuple[str, ...]  # what was done, a sentence each
+    doubts: tuple[str, ...] = ()  # what a person should look at
 
     def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
         """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or

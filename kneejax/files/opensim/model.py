@@ -52,9 +52,8 @@ class Model:
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
-                self.notes.append(
-                    f"The model does not state {tag}: OpenSim's default, {unit}, was assumed."
-                )
+                self.notes += [f"The model does not state {tag}: OpenSim's default, {unit}, was "
+                               "assumed."]
             elif word.lower() not in known:
                 raise found.problem(tag, word, unit)
         # Everything in the model but defaults, controllers and markers; of it bodies by name,
