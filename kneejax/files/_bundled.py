@@ -27,30 +27,17 @@ _ONE = {"knees": "knee", "plans": "plan", "studies": "study"}
 
 @dataclasses.dataclass(frozen=True)
 class Measurement:
-    """A bundled table of what was measured.
+    """A bundled table of what was measured."""
 
-    Attributes:
-        path: the CSV table.
-        title: one line on what was measured.
-        source: where it was published.
-        description: how it was measured; empty if not said.
-        use: what a study takes it for: `poses` (its measured motion), `test` (a test without
-            loads), or `nothing`, a table of conditions.
-        counted_from: of a test, what its numbers are counted from.
-        columns: of a test, column of a pose -> column of the table, a minus where senses differ.
-
-    Example:
-        >>> from kneejax.files import bundled_measurements
-        >>> bundled_measurements()["walker1988"].use
-        'test'
-    """
-
-    path: Path
-    title: str
-    source: str
-    description: str = ""
+    path: Path  # the CSV table
+    title: str  # what was measured
+    source: str  # where it was published
+    description: str = ""  # how it was measured; empty if not said
+    # what a study takes it for: `poses`, its measured motion; `test`, one without loads; `nothing`,
+    # a table of conditions
     use: str = "poses"
-    counted_from: str = ""
+    counted_from: str = ""  # of a test, what its numbers are counted from
+    # of a test, column of a pose -> column of the table, a minus where senses differ
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
@@ -268,33 +255,19 @@ def _data_folder() -> Path:
 
 @dataclasses.dataclass(frozen=True)
 class LaxityBand:
-    """A published laxity: rows of one table that are of one end and one state of the knee.
+    """A published laxity: rows of one table that are of one end and one state of the knee."""
 
-    Attributes:
-        name: of its file.
-        label: for a figure's legend.
-        source: where it was published, and on whom it was measured.
-        load: that acted, a name of `kneejax.mechanics.NAMED_LOADS`.
-        size: of the load, in the unit of its name; NaN where it is not known.
-        end: one of `ENDS`.
-        cut: ligaments that were cut.
-        flexion_deg: `(n,)`.
-        mean: displacement under the load, `(n,)`, mm or degrees; negative at the negative end.
-        sd: its standard deviation over knees, `(n,)`; NaN where none was published.
-        counted_from: what a cut knee's displacement is counted from, `unloaded` (where it rests
-            itself) or `intact`.
-    """
-
-    name: str
-    label: str
-    source: str
-    load: str
-    size: float
-    end: str
-    cut: tuple[str, ...]
-    flexion_deg: np.ndarray
-    mean: np.ndarray
-    sd: np.ndarray
+    name: str  # of its file
+    label: str  # for a figure's legend
+    source: str  # where it was published, and on whom it was measured
+    load: str  # that acted, a name of `kneejax.mechanics.NAMED_LOADS`
+    size: float  # of the load, in the unit of its name; NaN where it is not known
+    end: str  # one of `ENDS`
+    cut: tuple[str, ...]  # ligaments that were cut
+    flexion_deg: np.ndarray  # `(n,)`
+    mean: np.ndarray  # displacement under the load, `(n,)`, mm or degrees; negative at that end
+    sd: np.ndarray  # its standard deviation over knees, `(n,)`; NaN where none was published
+    # what a cut knee's displacement is counted from: where it rests itself, or `intact`
     counted_from: str = "unloaded"
 
 

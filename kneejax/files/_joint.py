@@ -207,27 +207,12 @@ _JOINT = """      <CustomJoint name="knee_{s}">
 
 @dataclasses.dataclass(frozen=True)
 class JointExport:
-    """A joint as OpenSim reads it.
+    """A joint as OpenSim reads it."""
 
-    Attributes:
-        snippet: the `CustomJoint` element, between bodies `femur_r` and `tibia_r` (or `_l`).
-        model: a whole model of those two bodies and the joint.
-        flexion_deg: knots of the splines, shape `(n,)`.
-        error: largest difference between splines and joint over the range, degrees and mm, shape
-            `(5,)`, in the order of `kneejax.geometry.FREE_COORDINATES`.
-
-    Example:
-        >>> import kneejax as kj
-        >>> pose = kj.Pose.from_table([0.0] * 6)
-        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
-        >>> from kneejax.files import export_joint
-        >>> "CustomJoint" in export_joint(JointFile(turning, "a hinge")).snippet
-        True
-    """
-
-    snippet: str
-    model: str
-    flexion_deg: np.ndarray
+    snippet: str  # the `CustomJoint`, between bodies `femur_r` and `tibia_r` (or `_l`)
+    model: str  # a whole model of those two bodies and the joint
+    flexion_deg: np.ndarray  # knots of the splines, `(n,)`
+    # largest difference of splines and joint, `FREE_COORDINATES`, degrees and mm, `(5,)`
     error: np.ndarray
 
 

@@ -94,21 +94,11 @@ class Landmarks(Part):
 
 @dataclasses.dataclass(frozen=True)
 class AxisPoints:
-    """Axis points of a femur.
+    """Axis points of a femur, mm."""
 
-    Attributes:
-        points: medial and lateral point of the extension, then of the flexion axis, shape
-            `(2, 2, 3)`, mm.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if the file has none.
-
-    Example:
-        >>> ends = np.zeros((2, 2, 3))
-        >>> AxisPoints(ends, None).points.shape
-        (2, 2, 3)
-    """
-
+    # medial and lateral, of the extension, then of the flexion axis, `(2, 2, 3)`
     points: np.ndarray
-    epicondyles: np.ndarray | None
+    epicondyles: np.ndarray | None  # medial, then lateral, `(2, 3)`; None if the file has none
 
 
 def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:

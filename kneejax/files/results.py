@@ -31,35 +31,25 @@ _ENDING = ".part"
 
 @dataclasses.dataclass(frozen=True)
 class Calibrated:
-    """What a calibration found.
+    """What a calibration found."""
 
-    Attributes:
-        knee: name or file of the knee that was calibrated.
-        fixed: parameter -> value of the study: those that it set, then those where it began.
-        found: parameter -> value that the calibration found.
-        frame_offset: free coordinate -> what is added to the knee's motion to compare it with the
-            measured one, mm or degrees.
-        study: its title and its file; empty where the result does not say.
-        noise: free coordinate -> standard deviation of its measurement, degrees and mm, as stated
-            or estimated; empty where the result does not say.
-        standard_error: parameter -> its standard error; those that the data do not determine are
-            left out.
-        correlation: parameters, and the correlation of their estimates as rows; empty where the
-            result does not say.
-        patella: whether the knee had its patella.
-        of_fibres: whether the file is older than stiffnesses that are sums over a structure's
-            fibres: its values are their means, and `of_structures` converts them.
-    """
-
-    knee: str
+    knee: str  # name or file of the knee that was calibrated
+    # parameter -> value of the study: those that it set, then those where it began
     fixed: dict[str, float]
-    found: dict[str, float]
+    found: dict[str, float]  # parameter -> value that the calibration found
+    # free coordinate -> what is added to the knee's motion to compare it with the measured one, mm
+    # or degrees
     frame_offset: dict[str, float]
-    study: str = ""
+    study: str = ""  # its title and its file; empty where the result does not say
+    # free coordinate -> standard deviation of its measurement, degrees and mm, stated or estimated
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    # parameter -> its standard error, where the data determine it
     standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
+    # parameters, and the correlation of their estimates as rows
     correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
-    patella: bool = False
+    patella: bool = False  # whether the knee had its patella
+    # whether the file is older than stiffnesses that are sums over a structure's fibres: its values
+    # are their means, and `of_structures` converts them
     of_fibres: bool = False
 
     @property

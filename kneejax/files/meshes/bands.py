@@ -18,21 +18,16 @@ _STATIONS = 21  # along the ligament
 
 
 class MeshBand(NamedTuple):
-    """What a ligament's mesh tells of a band.
+    """What a ligament's mesh tells of a band."""
 
-    Attributes:
-        femoral: where it is attached to the first bone, in its frame.
-        tibial: likewise, to the second; its half diameters are those that twist the band least.
-        direction: unit vector from the first to the second area, in the first bone's frame.
-        along_mm: distances from the first area to where cross-sections were measured, `(n,)`.
-        areas_mm2: those cross-sections, across the direction, `(n,)`.
-    """
-
-    femoral: AttachmentArea
+    femoral: AttachmentArea  # where it is attached to the first bone, in its frame
+    # likewise, to the second; its half diameters are those that twist the band least
     tibial: AttachmentArea
+    # unit vector from the first to the second area, in the first bone's frame
     direction: np.ndarray
+    # distances from the first area to where cross-sections were measured, `(n,)`
     along_mm: np.ndarray
-    areas_mm2: np.ndarray
+    areas_mm2: np.ndarray  # those cross-sections, across the direction, `(n,)`
 
     @property
     def area_mm2(self) -> float:

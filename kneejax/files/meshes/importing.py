@@ -136,20 +136,13 @@ class MeshOptions:
 
 @dataclasses.dataclass(frozen=True)
 class MeshImport:
-    """Contacts and surfaces fitted to meshes.
+    """Contacts and surfaces fitted to meshes."""
 
-    Attributes:
-        contacts: name -> contact of a knee document, of the side that was given.
-        findings: what was found, repaired and assumed, one sentence each.
-        fits: `medial condyle`, `medial plateau`, ..., `patella`, `trochlea` -> its fit.
-        doubtful: whether a fit misses the target.
-        patellofemoral: the contact of femur and patella; None without its mesh.
-    """
-
-    contacts: dict[str, dict[str, Any]]
-    findings: tuple[str, ...]
-    fits: dict[str, SheetFit]
-    doubtful: bool
+    contacts: dict[str, dict[str, Any]]  # of a knee document, by name, of the side that was given
+    findings: tuple[str, ...]  # what was found, repaired and assumed, a sentence each
+    fits: dict[str, SheetFit]  # `medial condyle`, `medial plateau`, ..., `patella`, `trochlea`
+    doubtful: bool  # whether a fit misses the target
+    # the contact of femur and patella; None without its mesh
     patellofemoral: dict[str, Any] | None = None
 
 

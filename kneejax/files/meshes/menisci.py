@@ -42,31 +42,19 @@ _LYING_MM, _COARSE_MM, _FARTHEST_MM, _BESIDE_MM = 1.0, 3.0, 5.0, 20.0
 
 
 class MeshMeniscus(NamedTuple):
-    """What a meniscus's mesh states of a contact with a ring.
+    """What a meniscus's mesh states of a contact with a ring."""
 
-    Attributes:
-        name: of the contact: its compartment's, with `_meniscus`.
-        contact: entry of a knee document, of the side that was given.
-        fit: of the upper surface, in the tibia's frame of a right knee.
-        angle_deg: of sections through the middle, from the front towards the right, `(n,)`.
-        inner_mm: distance of their inner border from the middle, `(n,)`.
-        outer_mm: likewise of their outer border.
-        height_mm: where they are highest, `(n,)`.
-        area_mm2: their areas, `(n,)`.
-        findings: what was found, one sentence each.
-        doubts: what a person should look at, likewise.
-    """
-
-    name: str
-    contact: dict[str, Any]
-    fit: SheetFit
+    name: str  # of the contact: its compartment's, with `_meniscus`
+    contact: dict[str, Any]  # entry of a knee document, of the side that was given
+    fit: SheetFit  # of the upper surface, in the tibia's frame of a right knee
+    # of sections through the middle, from the front towards the right, `(n,)`
     angle_deg: np.ndarray
-    inner_mm: np.ndarray
-    outer_mm: np.ndarray
-    height_mm: np.ndarray
-    area_mm2: np.ndarray
-    findings: tuple[str, ...]
-    doubts: tuple[str, ...]
+    inner_mm: np.ndarray  # distance of their inner border from the middle, `(n,)`
+    outer_mm: np.ndarray  # likewise of their outer border
+    height_mm: np.ndarray  # where they are highest, `(n,)`
+    area_mm2: np.ndarray  # their areas, `(n,)`
+    findings: tuple[str, ...]  # what was found, a sentence each
+    doubts: tuple[str, ...]  # what a person should look at, likewise
 
 
 def meniscus_of_mesh(

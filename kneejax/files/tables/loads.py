@@ -149,26 +149,18 @@ def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
 
 
 class LabTable(NamedTuple):
-    """A test under load as it was measured.
+    """A test under load as it was measured, in `n` rows."""
 
-    Attributes:
-        flexion_deg: of each row, `(n,)`.
-        loads: name of a load -> its size in each row, `(n,)`.
-        observed: the five free coordinates of each row, `(n, 5)`, degrees and mm, translations
-            along the axes of Grood and Suntay; NaN where a table has no such column.
-        readings: what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain, and of
-            the patella, its column -> degrees or mm along the femur's axes; NaN where a cell is
-            empty.
-        weight: of each row, `(n,)`; None where a table has no such column.
-        time_s: of each row, s; likewise.
-    """
-
-    flexion_deg: np.ndarray
-    loads: dict[str, np.ndarray]
+    flexion_deg: np.ndarray  # `(n,)`
+    loads: dict[str, np.ndarray]  # name of a load -> its size in each row, `(n,)`
+    # the five free coordinates, `(n, 5)`, degrees and mm, translations along the axes of Grood and
+    # Suntay; NaN where a table has no such column
     observed: np.ndarray
+    # what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain, and of the patella,
+    # its column -> degrees or mm along the femur's axes; NaN where a cell is empty
     readings: dict[str, np.ndarray] = {}
-    weight: np.ndarray | None = None
-    time_s: np.ndarray | None = None
+    weight: np.ndarray | None = None  # `(n,)`; None where a table has no such column
+    time_s: np.ndarray | None = None  # likewise, s
 
     def take(self, rows: np.ndarray) -> LabTable:
         """Some of the rows."""
