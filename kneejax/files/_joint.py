@@ -270,18 +270,14 @@ def _knots(low: float, high: float, bends: np.ndarray, widest: float) -> np.ndar
     ends = np.r_[low, bends, high] if len(bends) > 1 else np.array([low, high])
     knots = [ends]
     for i, (left, right) in enumerate(zip(ends, ends[1:], strict=False)):
-        # The range's own ends are no bends.
-        away = [_graded(right - left, widest, last < 1) for last in (i, len(ends) - 2 - i)]
-        knots += [left + away[0], right - away[1], [0.5 * (left + right)]]
+        for end, sign, last in ((left, 1.0, i), (right, -1.0, len(ends) - 2 - i)):
+            # From a bend distances double up to `widest`; the range's own ends are no bends.
+            away = [widest if last < 1 else _NEAREST]
+            while away[-1] < 0.5 * (right - left):
+                away.append(away[-1] + min(away[-1] * (_RATIO - 1.0), widest))
+            knots.append(end + sign * np.array(away[:-1]))
+        knots.append(np.array([0.5 * (left + right)]))
     return np.unique(np.concatenate(knots))
-
-
-def _graded(width: float, widest: float, even: bool) -> np.ndarray:
-    """Distances from a bend, doubling up to `widest`, to nearly half an interval; or even ones."""
-    away = [widest if even else _NEAREST]
-    while away[-1] < 0.5 * width:
-        away.append(away[-1] + min(away[-1] * (_RATIO - 1.0), widest))
-    return np.array(away[:-1])[: None if len(away) > 1 else 0]
 
 
 _state = jax.jit(lambda joint, flexion: State({TIBIA: joint.pose(flexion)}).at(FREE_COORDINATES).T)

@@ -241,7 +241,7 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         if len(rows) < 20:
             expected = "condyles below and behind the axis; is the frame X anterior, Y superior?"
             raise InputProblem(name, "frame", f"{len(rows)} corners there", expected)
-        axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
+        axis = _nearest_cylinder(cloud.kept(rows), axis)
         turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
         if turn.max() > _STEEPEST_AXIS_DEG:
             expected = (f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these "
@@ -254,8 +254,9 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
     return axis
 
 
-def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Frame:
-    """Axis of the cylinder nearest to points, by Gauss and Newton from a frame near it."""
+def _nearest_cylinder(cloud: Cloud, axis: Frame) -> Frame:
+    """Axis of the cylinder nearest to corners, by Gauss and Newton from a frame near it."""
+    points, areas, _ = cloud
     u = np.array([float(c) for c in axis.placement.turn((0.0, 0.0, 1.0)).full()])
     line = np.r_[np.asarray(axis.origin)[:2], u[:2] / u[2]]
     root = np.sqrt(areas / areas.sum())

@@ -105,7 +105,14 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
                 what = "resting_length, pcsa_force and a force-length curve"
                 raise _Unsupported(f"of class Ligament ({what})")
             wrap = _wrap(element, len(points), wraps, knee, found.notes, key)
-            numbers = {field: _number(element, field) for field in NUMBERS}
+            numbers = {}
+            for field, (tag, own, unit) in NUMBERS.items():
+                (value,) = element.numbers(tag, 1, own)
+                limit = ">= 0" if field == "damping_N_s" else "> 0"
+                if value < 0 or (value == 0 and limit == "> 0"):
+                    word = element.word(tag) or f"{own} (OpenSim's default)"
+                    raise element.problem(tag, word, f"a number {limit}{unit}")
+                numbers[field] = value
         except _Outside as reason:
             found.outside[key] = str(reason)
         except _Unsupported as reason:
@@ -179,17 +186,6 @@ def _wrap(
             "fibre may touch the object, in OpenSim one part does."
         )
     return found[0] if found else None
-
-
-def _number(element: Element, field: str) -> Decimal:
-    """One of `NUMBERS`, in SI."""
-    tag, own, unit = NUMBERS[field]
-    (value,) = element.numbers(tag, 1, own)
-    limit = ">= 0" if field == "damping_N_s" else "> 0"
-    if value < 0 or (value == 0 and limit == "> 0"):
-        word = element.word(tag) or f"{own} (OpenSim's default)"
-        raise element.problem(tag, word, f"a number {limit}{unit}")
-    return value
 
 
 def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:

@@ -245,10 +245,14 @@ def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     """
     if len(knots) == 2 or np.any(np.diff(knots) <= 0):
         return _between(knots, values, x)
-    ends = [(3, np.zeros(values.shape[1:]))] * 2
-    if len(knots) > 3:
-        ends = [(3, _third_derivative(knots[k], values[k])) for k in (slice(4), slice(-4, None))]
-    spline = make_interp_spline(knots, values, k=3, bc_type=([ends[0]], [ends[1]]))
+    ends = []
+    for k in (slice(4), slice(-4, None)):
+        x4, third = knots[k], values[k]
+        for order in range(1, 4):  # divided differences
+            apart = (x4[order:] - x4[:-order]).reshape(-1, *[1] * (values.ndim - 1))
+            third = np.diff(third, axis=0) / apart
+        ends.append([(3, 6.0 * third[0] if len(knots) > 3 else np.zeros(values.shape[1:]))])
+    spline = make_interp_spline(knots, values, k=3, bc_type=tuple(ends))
     inside = np.clip(x, knots[0], knots[-1])
     beyond = np.reshape(x - inside, (*np.shape(x), *[1] * (values.ndim - 1)))
     return spline(inside) + beyond * spline(inside, 1)
@@ -265,13 +269,6 @@ def _natural(function: Element, knots: np.ndarray, values: np.ndarray, x: Any) -
     inside = np.clip(x, knots[0], knots[-1])
     beyond = np.asarray(x) - inside
     return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
-
-
-def _third_derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Of the cubic through four points."""
-    for order in range(1, 4):
-        y = np.diff(y, axis=0) / (x[order:] - x[:-order]).reshape(-1, *[1] * (y.ndim - 1))
-    return 6.0 * y[0]
 
 
 def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:

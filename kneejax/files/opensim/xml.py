@@ -197,7 +197,18 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
     """Parse a file that should be of a kind, or its bytes; what is not well-formed is refused with
     line and column, and so are entities of its own."""
     original = read_bytes(path, kind) if data is None else data
-    text, encoding = _decoded(original, path, kind)
+    encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
+    if b"\x00" in original and encoding != "utf-16":
+        raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
+    if not encoding:
+        found = _DECLARED.match(original.lstrip())
+        encoding = found.group(1).decode("ascii") if found else "utf-8"
+    try:
+        if codecs.lookup(encoding).name in _NO_ENCODINGS:
+            raise LookupError(f"{encoding} is no encoding of a document")
+        text = original.decode(encoding)
+    except (UnicodeError, LookupError) as error:
+        raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None
     if "<!ENTITY" in text:
         place = f"line {text[: text.index('<!ENTITY')].count(chr(10)) + 1}"
         raise InputProblem(path, place, "<!ENTITY", f"{kind} without entities of its own")
@@ -206,11 +217,11 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
         root, error = _parsed(_BARE.sub(_AMPERSAND, _COMMENT.sub(
             lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)), path)
     if error is not None or root is None:
-        place, found = "line 1, column 1", "no element"
+        place, shown = "line 1, column 1", "no element"
         if error is not None:
             place = f"line {error.line}, column {error.column}"
-            found = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
-        raise InputProblem(path, place, found, f"{kind} in well-formed XML")
+            shown = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
+        raise InputProblem(path, place, shown, f"{kind} in well-formed XML")
     return XmlFile(Path(path), original, text, encoding, root)
 
 
@@ -234,19 +245,3 @@ def _parsed(text: str, path: str | os.PathLike[str] = ""):
         root = None
     fatal = (one for one in parser.error_log if one.level == etree.ErrorLevels.FATAL)
     return root, next(fatal, None)
-
-
-def _decoded(original: bytes, path, kind: str) -> tuple[str, str]:
-    """The text, and Python's name of its encoding."""
-    encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
-    if b"\x00" in original and encoding != "utf-16":
-        raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
-    if not encoding:
-        found = _DECLARED.match(original.lstrip())
-        encoding = found.group(1).decode("ascii") if found else "utf-8"
-    try:
-        if codecs.lookup(encoding).name in _NO_ENCODINGS:
-            raise LookupError(f"{encoding} is no encoding of a document")
-        return original.decode(encoding), encoding
-    except (UnicodeError, LookupError) as error:
-        raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None

@@ -108,7 +108,7 @@ class Mistakes(list[ValueError]):
         """Add a mistake, or the several that an exception stands for, found at a place; raises what
         is no mistake of a person."""
         if isinstance(problem, ValidationError):  # a model's own, as `_in_words` raised it
-            problem = problem.errors()[0]["ctx"]["error"]
+            problem = problem.errors()[0].get("ctx", {})["error"]
         for one in getattr(problem, "problems", (problem,)):
             if not isinstance(one, InputProblem):
                 # What else may be wrong was found by JAX's modules, which are there then.
@@ -176,7 +176,7 @@ def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]
         place = "".join(f"[{x}]" if isinstance(x, int) else f".{x}" for x in path).lstrip(".")
         match one["type"]:
             case "value_error":
-                mistakes.keep(one["ctx"]["error"], place)
+                mistakes.keep(one.get("ctx", {})["error"], place)
             case "missing" if one["loc"][-1] not in near.values():
                 mistakes.append(wrong("missing", "this field", at=place))
             case "model_type":

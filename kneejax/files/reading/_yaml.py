@@ -34,7 +34,8 @@ _MEANINGS = (
 _PLAIN = {tag: re.compile(pattern) for tag, pattern, _ in _MEANINGS}
 _NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 _TEXT = "tag:yaml.org,2002:str"
-_LIST, _MAPPING = "tag:yaml.org,2002:seq", "tag:yaml.org,2002:map"
+_LIST = "tag:yaml.org,2002:seq"
+_KINDS = {yaml.SequenceNode: _LIST, yaml.MappingNode: "tag:yaml.org,2002:map"}
 
 
 class _Loader(yaml.SafeLoader):
@@ -64,14 +65,19 @@ class _Loader(yaml.SafeLoader):
         self.level += 1
         node = super().compose_node(parent, index)
         self.level -= 1
-        if event.tag is not None:
-            _check_tag(node)
-        if isinstance(node, yaml.ScalarNode):
+        assert node is not None  # the types of PyYAML allow for none
+        is_scalar = isinstance(node, yaml.ScalarNode)
+        if event.tag is not None:  # it is one of those that are found without, and fits
+            plain = _PLAIN.get(node.tag) if is_scalar else None
+            if is_scalar and node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
+                raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
+            if not is_scalar and node.tag != _KINDS[type(node)]:
+                raise _fault(f"the tag {node.tag}", node.start_mark)
+        if is_scalar:
             if len(node.value) > LONGEST_NUMBER and node.tag in _NUMBERS:
                 raise _fault(f"a number of {len(node.value)} characters", node.start_mark)
             self.measured[node] = 1, 1
             return node
-        assert node is not None  # the types of PyYAML allow for none
         below = [self.measured[one] for one in _below(node)]
         size = 1 + sum(size for size, _ in below)
         depth = 1 + max((depth for _, depth in below), default=0)
@@ -85,16 +91,6 @@ class _Loader(yaml.SafeLoader):
 
 def _fault(problem: str, mark: Any) -> yaml.MarkedYAMLError:
     return yaml.constructor.ConstructorError(None, None, problem, mark)
-
-
-def _check_tag(node: yaml.Node) -> None:
-    """A tag that is written out is one of those that are found without, and fits what it marks."""
-    if isinstance(node, yaml.ScalarNode):
-        plain = _PLAIN.get(node.tag)
-        if node.tag != _TEXT and not (plain and plain.fullmatch(node.value)):
-            raise _fault(f"the tag {node.tag} of {node.value!r}", node.start_mark)
-    elif node.tag != (_LIST if isinstance(node, yaml.SequenceNode) else _MAPPING):
-        raise _fault(f"the tag {node.tag}", node.start_mark)
 
 
 def _below(node: yaml.Node) -> list[yaml.Node]:
