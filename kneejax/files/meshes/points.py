@@ -21,10 +21,11 @@ MESH_ENDINGS = (".stl", ".ply", ".obj", ".vtp")
 MESH_UNITS = {"auto": None, "m": 1000.0, "mm": 1.0, "cm": 10.0}
 
 _FEWEST_TRIANGLES = 4
-#: Types of a number of a PLY file; whole ones say how long a list is.
-_COUNTS = ("char", "uchar", "short", "ushort", "int", "uint", "int8", "uint8", "int16", "uint16",
-           "int32", "uint32")
-_TYPES = (*_COUNTS, "float", "double", "float32", "float64")
+#: Type of a number of a PLY file -> that of NumPy.
+_TYPES = {"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4",
+          "float": "f4", "double": "f8", "int8": "i1", "uint8": "u1", "int16": "i2",
+          "uint16": "u2", "int32": "i4", "uint32": "u4", "float32": "f4", "float64": "f8"}
+_COUNTS = [name for name, kind in _TYPES.items() if kind[0] != "f"]
 _STL_HEAD, _STL_FACET = 84, 50
 _OBJ_CORNER = re.compile(rb"-?[0-9]+(?:/-?[0-9]*){0,2}")
 #: Corners whose triangles are asked: the nearest point lies on one of theirs, unless triangles are
@@ -211,21 +212,22 @@ def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _check_ply(path: Path, data: bytes) -> None:
-    """Whether a file of text is complete: parsers read a part without a word. Bytes they count."""
+    """Whether the file is complete: parsers read a part without a word."""
     found = re.match(rb"ply\r?\n(?P<lines>.*?)end_header[ \t]*(\r\n|\n|\r)", data, re.DOTALL)
     if found is None:
         raise InputProblem(path, "header", "not complete", "a triangle mesh in PLY")
-    form, elements = "", []  # of each: its name, how many rows, and which properties are lists
+    # Of each kind of row its name, how many, and the types of its properties, two of a list.
+    form, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
     for line in found["lines"].decode("ascii", "replace").splitlines():
         match line.split():
             case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian") as form, _]:
                 pass
             case ["element", name, count] if re.fullmatch("[0-9]{1,9}", count):
                 elements.append((name, int(count), []))
-            case ["property", "list", count, _, _] if elements and count in _COUNTS:
-                elements[-1][2].append(True)
+            case ["property", "list", count, kind, _] if elements and count in _COUNTS:
+                elements[-1][2].append((count, kind))
             case ["property", kind, _] if elements and kind in _TYPES:
-                elements[-1][2].append(False)
+                elements[-1][2].append((kind,))
             case [("comment" | "obj_info"), *_] | []:
                 pass
             case _:
@@ -233,31 +235,57 @@ def _check_ply(path: Path, data: bytes) -> None:
     if not form or not elements:
         lacks = "no elements" if form else "no format"
         raise InputProblem(path, "header", lacks, "a triangle mesh in PLY")
-    if form != "ascii":
+    body, expected = data[found.end() :], " and ".join(f"{n} rows of {x}" for x, n, _ in elements)
+    expected += ", as the header says"
+    if form == "ascii":
+        rows, first = [line.split() for line in body.split(b"\n") if line.strip()], 0
+        for name, count, properties in elements:
+            for number, row in enumerate(rows[first : first + count], 1):
+                if len(row) != _numbers_of(row, properties):
+                    shown = counted(len(row), "number")
+                    raise InputProblem(path, f"{name}, row {number}", shown, "a whole row")
+            first += count
+        if len(rows) != first:
+            raise InputProblem(path, "rows", len(rows), expected)
         return
-    rows, first = [x.split() for x in data[found.end() :].split(b"\n") if x.strip()], 0
-    for name, count, lists in elements:
-        for number, row in enumerate(rows[first : first + count], 1):
-            if len(row) != _numbers_of(row, lists):
-                shown = counted(len(row), "number")
-                raise InputProblem(path, f"{name}, row {number}", shown, "a whole row")
-        first += count
-    if len(rows) != first:
-        expected = " and ".join(f"{count} rows of {name}" for name, count, _ in elements)
-        raise InputProblem(path, "rows", len(rows), f"{expected}, as the header says")
+    there, end, order = len(body), 0, "<" if form == "binary_little_endian" else ">"
+    for name, count, properties in elements:
+        end = _end_of_rows(body, end, count, properties, order)
+        if end > there:
+            raise InputProblem(path, "rows", f"the end of the file in {name}", expected)
+    if body[end:].strip():
+        raise InputProblem(path, "rows", counted(there - end, "byte") + " more", expected)
 
 
-def _numbers_of(row: list[bytes], lists: list[bool]) -> int:
-    """Numbers that a row should have; properties that are lists say how long they are."""
+def _numbers_of(row: list[bytes], properties: list[tuple[str, ...]]) -> int:
+    """Numbers that a row of an ASCII file should have; lists say how long they are."""
     place = 0
-    for is_list in lists:
-        if not is_list:
+    for kinds in properties:
+        if len(kinds) == 1:
             place += 1
         elif place < len(row) and row[place].isdigit():
             place += 1 + int(row[place][:9])
         else:
             return -1
     return place
+
+
+def _end_of_rows(
+    body: bytes, begin: int, count: int, properties: list[tuple[str, ...]], order: str
+) -> int:
+    """Where so many rows end in a binary file, if it is long enough."""
+    sizes = [[np.dtype(_TYPES.get(kind, "u1")).itemsize for kind in kinds] for kinds in properties]
+    if all(len(one) == 1 for one in sizes):
+        return begin + count * sum(size for (size,) in sizes)
+    for _ in range(count):
+        for kinds, size in zip(properties, sizes, strict=True):
+            if len(kinds) == 2:
+                head = body[begin : begin + size[0]]
+                if len(head) < size[0]:
+                    return len(body) + 1
+                begin += max(int(np.frombuffer(head, order + _TYPES[kinds[0]])[0]), 0) * size[1]
+            begin += size[0]
+    return begin
 
 
 def _check_stl(path: Path, data: bytes) -> None:

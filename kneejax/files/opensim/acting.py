@@ -157,10 +157,9 @@ def on_bodies(
         if away[row] > _NOWHERE_M:
             shown = ", ".join(f"{x:g}" for x in point[row])
             suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
-            raise InputProblem(
-                loads.table.file, ", ".join(one.point_columns), f"({shown}) at {time[row]:g} s",
-                f"a point of {one.body} in m, which is {away[row]:,.1f} m away{suspected}",
-            )
+            expected = f"a point of {one.body} in m, which is {away[row]:,.1f} m away{suspected}"
+            raise InputProblem(loads.table.file, ", ".join(one.point_columns),
+                               f"({shown}) at {time[row]:g} s", expected)
         if away[row] > _FAR_M:
             doubts.append(f"{name} acts {away[row]:.2f} m away from it at {time[row]:g} s, farther "
                           "than a foot is long: another foot's plate, or an origin that is not the "

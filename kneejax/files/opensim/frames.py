@@ -27,6 +27,7 @@ _COLLATERAL = {-1.0: re.compile(r"^[sd]?MCL|TCL", re.IGNORECASE),
 _ALONG, _ALONG_FIBRES = 0.7, 0.5
 _LONG_MM, _FAR_MM = 40.0, 100.0
 _WANTED = "X anterior, Y superior, Z to the person's right"
+_OTHERWISE = f"kneejax takes {_WANTED}, and this model may mean other axes."
 #: Flexions between which a model's flexion axis is sought, degrees.
 _BETWEEN = 20.0, 60.0
 #: An axis farther from its name than this is said, degrees.
@@ -57,15 +58,13 @@ def anatomical(
     if across and (len(others) < len(superior) or not superior):
         right = np.array([0.0, 0.0, 1.0]) if flexion is None else flexion * np.sign(flexion[2])
         votes = _votes(knee, ligaments, right, sense, flexion)
-        doubts = [one.doubt for one in others]
         if votes and max(votes.values()) < 0 and len(votes) > 1:
             rotation = np.diag([-1.0, 1.0, -1.0])
             return turned(knee, rotation, ", ".join(votes)), rotation
-        doubts += [
-            f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
-            "to the left: is the side right?"
-            for why, vote in votes.items() if vote < 0
-        ]
+        doubts = [one.doubt for one in others]
+        doubts += [f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says "
+                   "that Z is to the left: is the side right?"
+                   for why, vote in votes.items() if vote < 0]
         return knee._replace(doubts=(*knee.doubts, *doubts)), np.eye(3)
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
@@ -124,13 +123,11 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
             way = 1e3 * (near[0] - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
-            x, y, z = 1e3 * near[0]
+            place = ", ".join(f"{x:.0f}" for x in 1e3 * near[0])
             yield _Superior(
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
-                f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
-                f"not {side} the knee: kneejax takes {_WANTED}, and this model may mean other "
-                "axes.",
-            )
+                f"Joint {joint.name} lies at ({place}) mm in the {bone}'s frame, not {side} the "
+                f"knee: {_OTHERWISE}")
 
 
 def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_Superior]:
@@ -145,11 +142,8 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
         if 1e3 * length >= _LONG_MM and 0.7 < stretched < 1.4:
             way += first - last
     if way.any():
-        yield _Superior(
-            way / np.linalg.norm(way), "the long fibres",
-            f"The long fibres do not run along Y: kneejax takes {_WANTED}, and this model may "
-            "mean other axes.", _ALONG_FIBRES,
-        )
+        yield _Superior(way / np.linalg.norm(way), "the long fibres",
+                        f"The long fibres do not run along Y: {_OTHERWISE}", _ALONG_FIBRES)
 
 
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
@@ -301,8 +295,7 @@ def registered(
 
 
 def flexion_coordinate(bones: OsimKneeJoint) -> str:
-    """The coordinate that bends a model's knee: the first angle of its joints; raises without one.
-    """
+    """The coordinate that bends a model's knee, the first angle of its joints; raises without."""
     names = [c.name for c in coordinates_of(bones.joints) if c.turns]
     if not names:
         joint = bones.joints[0]

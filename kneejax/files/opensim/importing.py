@@ -58,11 +58,10 @@ class OsimImport:
         if soft:
             softest = min(x["stiffness_N"] for x in soft.values())
             name, first = next(iter(soft.items()))
-            doubts.append(
-                f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
-                f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
-                f"{first['stiffness_N'] * first['slack_length_mm']:.4g} N per unit strain."
-            )
+            meant = first["stiffness_N"] * first["slack_length_mm"]
+            doubts.append(f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
+                          f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
+                          f"{meant:.4g} N per unit strain.")
         return tuple(doubts)
 
     @property

@@ -230,11 +230,9 @@ def read_joints(model: Model) -> list[Joint]:
                   if element.tag.endswith("Joint") and element.tag != "Joint"]
         every = coordinates_of(joints)
         values = _followed(model, every, {c.name: c.default for c in every}, ())
-        model.joints = [
-            dataclasses.replace(joint, coordinates=tuple(
-                c._replace(default=float(values[c.name])) for c in joint.coordinates))
-            for joint in joints
-        ]
+        model.joints = [dataclasses.replace(joint, coordinates=tuple(
+            c._replace(default=float(values[c.name])) for c in joint.coordinates))
+            for joint in joints]
     return model.joints
 
 

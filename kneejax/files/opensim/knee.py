@@ -81,14 +81,12 @@ def find_knee(
         way = [j for j in up if j not in down] + [j for j in down[::-1] if j not in up]
         # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
         found = [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
-        carried = tibia != femur and tibia in {joint.parent for joint in chain(joints, femur)}
-        if _carries_upwards(joints, found, femur, tibia) or (
-            carried and not _carries_upwards(joints, found, tibia, femur)
-        ):
-            doubts.append(
-                f"{femur} was given as the femur and {tibia} as the tibia; their names or the "
-                "model's joints say otherwise: have --femur and --tibia changed places?"
-            )
+        carried = tibia != femur and tibia in {joint.parent for joint in up}
+        otherwise = carried and not _carries_upwards(joints, found, tibia, femur)
+        if otherwise or _carries_upwards(joints, found, femur, tibia):
+            doubts.append(f"{femur} was given as the femur and {tibia} as the tibia; their names "
+                          "or the model's joints say otherwise: have --femur and --tibia changed "
+                          "places?")
     else:
         found = _guess(model, joints, side, findings)
         femur, tibia = found[0].parent, found[-1].child
@@ -117,11 +115,8 @@ def find_knee(
         rigid |= {body: (PATELLA, at) for body, (at, _) in _held(movement, patella, []).items()}
     elif patellae:
         doubts.insert(0, f"{len(patellae)} bodies may be the patella: {', '.join(patellae)}.")
-    doubts += [
-        f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes its "
-        "value at 0 s."
-        for joint in found for c in joint.coordinates if c.prescribed is not None
-    ]
+    doubts += [f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes "
+               "its value at 0 s." for c in coordinates_of(found) if c.prescribed is not None]
     in_femur = {FEMUR: Rigid(), TIBIA: movement.between(femur, tibia)}
     in_femur |= {PATELLA: movement.between(femur, patella)} if patella else {}
     return OsimKneeJoint(side, femur, tibia, tuple(found), rigid, in_femur, tuple(findings),
@@ -202,11 +197,9 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
     moving = [joint for joint in joints if joint.coordinates]
     candidates = [j for j in moving if _KNEE.search(words(j)) and not _OTHER.search(words(j))]
     if not candidates:
-        candidates = [
-            joint for joint in moving
-            if any(_FEMUR.search(n) for n in _welded(joints, joint.parent, joint))
-            and any(_TIBIA.search(n) for n in _welded(joints, joint.child, joint))
-        ]
+        candidates = [j for j in moving
+                      if any(map(_FEMUR.search, _welded(joints, j.parent, j)))
+                      and any(map(_TIBIA.search, _welded(joints, j.child, j)))]
     marked = {s: [j for j in candidates if _side(j) == s] for s in SIDES}
     if marked["r"] or marked["l"]:
         if not marked[side]:
@@ -217,9 +210,8 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
             raise InputProblem(model.file.path, "--side", side, expected)
         candidates = marked[side]
     elif candidates:
-        findings.append(
-            f"No name says which side the knee is of; it was taken as {SIDES[side]}, as asked."
-        )
+        findings.append("No name says which side the knee is of; it was taken as "
+                        f"{SIDES[side]}, as asked.")
     carrying = [j for j in candidates if any(k.parent == j.child for k in joints)]
     candidates = carrying if len(candidates) > 1 and carrying else candidates
     # The candidates from the uppermost to the lowest, with what is between.
