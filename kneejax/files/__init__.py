@@ -42,15 +42,15 @@ if TYPE_CHECKING:
     from kneejax.files.knee.file import write_knee as write_knee
     from kneejax.files.knee.restated import reconstructed as reconstructed
     from kneejax.files.knee.restated import restated as restated
-    from kneejax.files.meshes.bands import MeshBand as MeshBand
-    from kneejax.files.meshes.bands import band_of_meshes as band_of_meshes
     from kneejax.files.meshes.importing import MeshImport as MeshImport
     from kneejax.files.meshes.importing import MeshOptions as MeshOptions
     from kneejax.files.meshes.importing import import_meshes as import_meshes
-    from kneejax.files.meshes.menisci import MeshMeniscus as MeshMeniscus
-    from kneejax.files.meshes.menisci import meniscus_of_mesh as meniscus_of_mesh
     from kneejax.files.meshes.points import bone_surface as bone_surface
     from kneejax.files.meshes.points import read_mesh_points as read_mesh_points
+    from kneejax.files.meshes.soft_tissues import MeshBand as MeshBand
+    from kneejax.files.meshes.soft_tissues import MeshMeniscus as MeshMeniscus
+    from kneejax.files.meshes.soft_tissues import band_of_meshes as band_of_meshes
+    from kneejax.files.meshes.soft_tissues import meniscus_of_mesh as meniscus_of_mesh
     from kneejax.files.opensim.contact import add_osim_contacts as add_osim_contacts
     from kneejax.files.opensim.coupled import couple_model as couple_model
     from kneejax.files.opensim.coupled import coupled_motion as coupled_motion

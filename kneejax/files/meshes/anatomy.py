@@ -96,7 +96,7 @@ def find_femur(
         away = _rows(center.placement.turn(tuple(away.T)), len(away))
         return away / np.linalg.norm(away, axis=1, keepdims=True)
 
-    cloud = joined(articular(sheets, radial, by_angle, "outer", findings))
+    cloud = joined(articular(sheets, radial, "outer", findings, by_angle))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
         angle, _, along = cylindrical(axis, cloud.points)
@@ -119,8 +119,7 @@ def find_plateaus(
     upwards, at the lateral place `split_mm` if it is given. Raises where they do not meet the femur
     at the pose `tibia`, or both parts lie on one side of the notch."""
     name = sheets[0].name
-    facing = articular(sheets, lambda _: np.array([0.0, 1.0, 0.0]),
-                       lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
+    facing = articular(sheets, np.array([0.0, 1.0, 0.0]), "upper", findings)
     cloud = joined(facing)
     tibial = moved(tibia, cloud.points)
     few, others = (points[:: max(1, len(points) // most)]
@@ -197,16 +196,20 @@ def _rows(vector, count: int) -> np.ndarray:
 
 
 def articular(
-    sheets: list[Sheet], direction, place, word: str, findings: list[str]
+    sheets: list[Sheet], direction, word: str, findings: list[str], place=None
 ) -> list[Sheet]:
     """Articular sides of one bone's sheets, turned outwards, without sheets behind another one.
-    `direction` gives unit vectors of a sheet towards the joint; `place` two parameters of points,
-    in units of a cell, and the height over them; `word` says which sheet is kept."""
+    `direction` is a unit vector towards the joint, or gives them of a sheet, and `place` then two
+    parameters of points, in cells, and the height over them; `word` says which sheet is kept."""
+    def above(points: np.ndarray):
+        across = np.delete(points, np.argmax(np.abs(direction)), axis=1)
+        return *across.T / 3.0, points @ direction
+
     facing: list[Sheet] = []
     for sheet in sheets:
         named = Path(sheet.name).name
-        towards = np.broadcast_to(direction(sheet), sheet.normals.shape)
-        along = np.einsum("ij,ij->i", sheet.normals, towards)
+        towards = direction(sheet) if callable(direction) else direction[None]
+        along = np.einsum("ij,ij->i", sheet.normals, np.broadcast_to(towards, sheet.normals.shape))
         if sheet.closed:
             findings.append(f"{named}: a closed volume; its articular side was taken.")
             sheet = sheet.kept(along > _FACING)
@@ -215,7 +218,7 @@ def articular(
             sheet = sheet.turned()
         facing.append(sheet)
     kept: list[Sheet] = []
-    grids = [_heights(*place(sheet.corners()[0])) for sheet in facing]
+    grids = [_heights(*(place or above)(sheet.corners()[0])) for sheet in facing]
     for sheet, own in zip(facing, grids, strict=True):
         shared = ((grid, own.keys() & grid.keys()) for grid in grids if grid is not own)
         if any(2 * len(cells) >= len(own) and np.mean([grid[c] - own[c] for c in cells]) > 0

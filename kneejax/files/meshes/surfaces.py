@@ -114,9 +114,7 @@ def fit_patella(
     if not low < width < high:
         expected = f"a patellar cartilage {low:g} to {high:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
-    facing = anatomy.articular(
-        sheets, lambda _: np.array([-1.0, 0.0, 0.0]),
-        lambda p: (p[:, 1] / 3.0, p[:, 2] / 3.0, -p[:, 0]), "rear", findings)
+    facing = anatomy.articular(sheets, np.array([-1.0, 0.0, 0.0]), "rear", findings)
     if len(facing) > 1:
         raise InputProblem(name, "sheets", f"{len(facing)} of them", "one sheet")
     (sheet,) = facing

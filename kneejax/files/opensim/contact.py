@@ -247,7 +247,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
         from kneejax.files.meshes.importing import MeshOptions, import_meshes
-        from kneejax.files.meshes.menisci import meniscus_of_mesh
+        from kneejax.files.meshes.soft_tissues import meniscus_of_mesh
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
