@@ -72,9 +72,8 @@ def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
 def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
-    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless they are
-    given; `findings` gets sentences. Raises where the mesh has not the size or place of a femur's.
-    """
+    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless given;
+    `findings` gets sentences. Raises where the mesh has not the size or place of a femur's."""
     name = sheets[0].name
     points = np.concatenate([sheet.corners()[0] for sheet in sheets])
     width = float(np.ptp(points[:, 2]))
@@ -115,9 +114,8 @@ def find_plateaus(
     sheets: list[Sheet], femur: Femur, tibia: Placement, findings: list[str],
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:  # fmt: skip
-    """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
-    upwards, at the lateral place `split_mm` if it is given. Raises where they do not meet the femur
-    at the pose `tibia`, or both parts lie on one side of the notch."""
+    """Sheets of the tibial cartilage by compartments, `medial` and `lateral`, parted at the lateral
+    place `split_mm` if it is given. Raises where they do not meet the femur at the pose `tibia`."""
     name = sheets[0].name
     facing = articular(sheets, np.array([0.0, 1.0, 0.0]), "upper", findings)
     cloud = joined(facing)
@@ -164,9 +162,8 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 def condyle_region(
     femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: to the end of the
-    cartilage from a margin before the foremost of the plateau's points, `tibial`, at the reference
-    pose, since a knee may extend further."""
+    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: from a margin
+    before the foremost of `tibial`, the plateau's points at the reference pose."""
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()

@@ -79,9 +79,8 @@ class Sheet(NamedTuple):
 
 
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """Repair a mesh, which findings call by a name, and take it apart into connected sheets, the
-    largest first, without fragments of less than a twentieth of the area; a sentence for each
-    repair."""
+    """Repair a mesh of this name, and take it apart into connected sheets, the largest first,
+    without fragments of less than a twentieth of the area; also a sentence for each repair."""
     from trimesh.grouping import group_rows
 
     findings: list[str] = []
@@ -154,9 +153,8 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
 
 
 def check_holes(sheet: Sheet, findings: list[str], bordered: bool = True) -> None:
-    """Add a sentence for each hole of a sheet; InputProblem for one wider than `LARGEST_HOLE_MM`,
-    which is too large to be bridged. The border of a sheet is no hole, unless it should have
-    none."""
+    """Add a sentence for each hole of a sheet; raises for one too wide to be bridged. The border of
+    a sheet is no hole, unless it should have none."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
     is_border = bordered and lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size

@@ -105,9 +105,8 @@ def fit_patellofemoral(
 def fit_patella(
     sheets: list[Sheet], findings: list[str], splines: dict[str, float]
 ) -> SplineFit[Plateau]:
-    """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
-    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
-    where they are no patella's cartilage that faces backwards, in one sheet."""
+    """Fit a spline to the patella's cartilage, in its frame: how far back it reaches, over height
+    and width. Raises where it is no one sheet of a patella that faces backwards."""
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))
     low, high = _PATELLA_WIDTHS_MM
@@ -135,9 +134,8 @@ def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which points of a condyle and its plateau can touch: masks of both. The plateau, with points
-    `(n, 3)` at the reference pose in the femur's frame, is carried around the femoral axis as by a
-    hinge, and slid along itself. At each place the gap counts from where it is smallest: the pose
-    of the meshes need not be one of contact."""
+    `(n, 3)` at the reference pose, is carried around the femoral axis as by a hinge, and slid along
+    itself. Gaps count from the smallest: the pose of the meshes need not be one of contact."""
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, touched = np.zeros(len(tibial), bool), []
@@ -222,9 +220,8 @@ def find_layer(
     name: str, condyle: SheetFit, plateau: SheetFit, femur: Femur, sheet: Sheet,
     bones: tuple[list[Sheet], list[Sheet]] | None, kind: str, findings: list[str],
 ) -> Layer:  # fmt: skip
-    """Measure the layer of a compartment between the surfaces of the bones, where they are known:
-    `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
-    bone."""
+    """The layer of a compartment between the bones' surfaces, where known: `constant`, or a `field`
+    over the plateau's parameters. Raises where cartilage lies below its bone."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
     wanted = {*map(tuple, condyle.fit.points[condyle.region].tolist())}

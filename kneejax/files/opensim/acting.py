@@ -115,10 +115,9 @@ def read_external_loads(
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s, in
-    the ground's axes and about its origin, `(n, 3)` each, N and N m; between rows both are
-    straight. Also a sentence on each force that can hardly be that of its body; raises where its
-    point is so far away that it must be in another unit."""
+    """Force and moment of the ground on some bodies of a model at times `(n,)`, s, in the ground's
+    axes and about its origin, `(n, 3)` each, N and N m, straight between rows; a sentence on each
+    force that can hardly be that of its body. Raises where its point must be in another unit."""
     def between(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time, loads.table.time, x) for x in values.T], axis=1)
 

@@ -129,9 +129,8 @@ def couple_model(
 def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
-    """As `couple_model`, in a model that was read. The knee's joint keeps its frames and the
-    coordinate that bends it; its other coordinates go, with the constraints and forces that act on
-    them. Returns a sentence for each change."""
+    """As `couple_model`, in a model that was read; a sentence for each change. The knee's other
+    coordinates go, with the constraints and forces that act on them."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
@@ -206,10 +205,9 @@ def transform_axes(
     side: str, coordinate: str, knots: np.ndarray, columns: Mapping[str, np.ndarray],
     flexion: tuple[float, float] = (1.0, 0.0), wrapped: bool = False,
 ) -> str:  # fmt: skip
-    """The axes of a SpatialTransform of a side, `right` or `left`, as text in OpenSim's order: by
-    values at `knots` of a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning. Flexion,
-    rad, follows from the coordinate by a slope and a constant. In schema 3 functions are `wrapped`
-    in an element `function`."""
+    """The axes of a SpatialTransform of a side, `right` or `left`, as text: by values at `knots` of
+    a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning; flexion, rad, by a slope and a
+    constant. In schema 3 functions are `wrapped` in an element `function`."""
     axes, named = [], "" if wrapped else ' name="function"'
     for name, (axis, right, left) in _AXES.items():
         if name == "flexion":

@@ -48,9 +48,8 @@ class _Superior(NamedTuple):
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[OsimKneeJoint, np.ndarray]:
-    """The knee with its bones' axes as they should be, and the rotation from the model's axes, by
-    `ligaments` between femur and tibia. Raises where the axes are others and it is unclear which.
-    """
+    """The knee with its bones' axes as they should be, and the rotation from the model's; by
+    `ligaments` of femur and tibia too. Raises where the axes are others and it is unclear which."""
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
     others = [one for one in superior if one.direction[1] < one.along]

@@ -173,9 +173,8 @@ def placed(
     joints: Iterable[Joint], body: str, values: Mapping[str, Any],
     shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
 ) -> dict[str, Rigid]:  # fmt: skip
-    """Where bodies are in one of them to which joints connect them: forward kinematics.
-    Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
-    exact as long as nothing turns."""
+    """Where bodies are in one of them to which joints connect them: forward kinematics, at arrays
+    of a shape; at numbers where it is None: then decimals stay exact as long as nothing turns."""
     still = () if shape is None else (np.broadcast_to(np.eye(3), (*shape, 3, 3)),
                                       np.zeros((*shape, 3)))
     found = {body: Rigid(*still)}

@@ -86,8 +86,7 @@ class _Unsupported(Exception):
 
 
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres: those of the knee, and the others with the reason; raises without any.
-    """
+    """Sort a model's fibres: those of the knee, the others with the reason; raises without any."""
     found, keys, wraps = Found([], {}, {}, [], []), paths.Counted(), paths.read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):

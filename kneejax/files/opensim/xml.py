@@ -177,9 +177,8 @@ class XmlFile(NamedTuple):
     root: Element
 
     def written(self) -> bytes:
-        """The file with the elements as they are now, in its own encoding. What stands before and
-        after the root, comments, space between elements, ends of lines and the way to close an
-        empty element stay."""
+        """The file with the elements as they are now. Its encoding, what stands around the root,
+        comments, space, ends of lines and the way to close an empty element stay."""
         text, closed = self.text, f"</{self.root.tag}"
         new = etree.tostring(self.root, encoding="unicode", with_tail=False)
         if 2 * text.count(" />") > text.count("/>"):

@@ -66,9 +66,8 @@ def read_text(path: str | os.PathLike[str], kind: str) -> str:
 
 
 def load_json(path: str | os.PathLike[str], kind: str) -> Any:
-    """Mappings, lists, texts, numbers, truth values and None of a JSON file; as `read_text`, and
-    raises where it is not JSON, is too deep, or has a name twice in one mapping or a number of
-    thousands of digits."""
+    """Mappings, lists, texts, numbers, truth values and None of a JSON file; as `read_text`, raises
+    also where it is no JSON, too deep, or has a name twice or a number of thousands of digits."""
     text = read_text(path, kind)
     try:
         return json.loads(text, object_pairs_hook=_each_once, parse_int=_whole_number)
@@ -276,8 +275,7 @@ _Dumper.add_representer(list, lambda dumper, items: dumper.represent_sequence(
 
 
 def load_yaml(path: str | os.PathLike[str], kind: str) -> Any:
-    """Mappings, lists, texts, numbers, booleans and None of a YAML file; as `read_text`, and raises
-    where it is not YAML, is too deep, aliases make it too large, or a key is there twice or no
+    """As `load_json`, of a YAML file; raises also where aliases make it too large, or a key is no
     text."""
     text = read_text(path, kind)
     try:

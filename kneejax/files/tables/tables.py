@@ -218,9 +218,8 @@ class Table:
         return found
 
     def column(self, name: str, allowed: Range | None = None, empty: bool = False) -> np.ndarray:
-        """Numbers of a column, in the package's unit and sense; NaN of a cell that may be empty and
-        is, and of those that are no finite number or out of range, the first of which is a mistake.
-        """
+        """Numbers of a column, in the package's unit and sense; NaN of cells that are empty where
+        they may be, no finite number or out of range, the first of which is a mistake."""
         own, factor = self.named.get(name, (name, 1.0))
         values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(own)
         for row, (_, cells) in enumerate(self.rows):
