@@ -225,10 +225,8 @@ class Checkpoints:
         self._claimed = before.get("fingerprint") == self._print
         if before and not self._claimed:
             changed = _difference(before.get("about", {}), dict(about))
-            raise InputProblem(
-                "--out", "folder", os.fspath(folder),
-                f"a folder of the same study: {changed}; choose another, or delete this one",
-            )  # fmt: skip
+            expected = f"a folder of the same study: {changed}; choose another, or delete this one"
+            raise InputProblem("--out", "folder", os.fspath(folder), expected)
         self._document = {"about": dict(about), "fingerprint": self._print}
 
     def load(self, name: str) -> dict[str, np.ndarray] | None:

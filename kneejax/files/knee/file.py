@@ -253,11 +253,9 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
     for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
         if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
             place = f"patella.ligaments.{name}.{part.slack_field}"
-            raise InputProblem(
-                file, place, getattr(part, part.slack_field),
-                f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference poses: "
-                f"strained by {100.0 * strains[row]:.0f} % it would be torn",
-            )
+            expected = (f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference "
+                        f"poses: strained by {100.0 * strains[row]:.0f} % it would be torn")
+            raise InputProblem(file, place, getattr(part, part.slack_field), expected)
     return found
 
 

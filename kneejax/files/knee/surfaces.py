@@ -11,18 +11,7 @@ from kneejax import geometry
 from kneejax.files import reading
 from kneejax.files.knee import parts
 from kneejax.files.knee.parts import APART, WORD, Gives, Mirrored, Point, Sourced
-from kneejax.files.reading import (
-    Chosen,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    meaning,
-    one_of,
-    reads,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, Ring, cartilage_law
 
@@ -83,7 +72,7 @@ Extent = Annotated[tuple[float, float], reads(_extent), _SWAPPED]
 Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
 Count = Annotated[int, reads(reading.whole, 2, _MOST_POINTS)]
 _TWO = reading.entries("numbers of points", count=2)
-Size = Annotated[float, within("size_mm")]
+Size = Annotated[float, reading.within("size_mm")]
 SemiAxes = Annotated[parts.Vector, reading.numbers_within(3, "size_mm")]
 
 
@@ -92,8 +81,8 @@ class Surface(Sourced):
 
     kind: Annotated[str, APART]
     source: Text
-    fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
-    fit_max_mm: Annotated[float, within("fit_mm")] | None = None
+    fit_rms_mm: Annotated[float, reading.within("fit_mm")] | None = None
+    fit_max_mm: Annotated[float, reading.within("fit_mm")] | None = None
     # of a table over a region: what its values are, and what the least and the greatest may be
     bounds: ClassVar[tuple[str, Range, Range] | None] = None
 
@@ -262,8 +251,7 @@ class RingPart(Part):
         return Ring(
             self.youngs_modulus_MPa, self.cross_section_mm2, self.horn_stiffness_N_per_mm,
             self.coronary_stiffness_N_per_mm, self.middle_mm, np.deg2rad(self.horns_deg),
-            self.sections,
-        )  # fmt: skip
+            self.sections)
 
 
 class ContactPart(Sourced):
@@ -271,7 +259,7 @@ class ContactPart(Sourced):
 
     makes = Contact
     form: Annotated[str, one_of(FORMS), WORD]
-    points: Annotated[tuple[Count, ...], _TWO, WORD] = meaning(
+    points: Annotated[tuple[Count, ...], _TWO, WORD] = reading.meaning(
         "along both parameters of the surface; of a ring along its arc and across it", (24, 24))
     law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
     youngs_modulus_MPa: Number

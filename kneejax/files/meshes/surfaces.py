@@ -234,10 +234,8 @@ def find_layer(
         float(np.average(above[rows], weights=cloud.areas[rows])) for above, rows, cloud in (
             (above_femur, np.isfinite(above_femur), on_condyle),
             (above_tibia, known & plateau.region, tibial)))
-    findings.append(
-        f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on the tibia, on "
-        "average over the contact region."
-    )
+    findings.append(f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on "
+                    "the tibia, on average over the contact region.")
     mean = femoral + own
     if mean < _THINNEST_MM:
         value = f"{mean:.2f} mm in the {name} contact region"
@@ -272,10 +270,8 @@ def find_layer(
         if field.min() >= _THINNEST_MM:
             off = values - polynomial.polyval2d(s, t, table)
             rms = float(np.sqrt(np.average(off**2, weights=weights)))
-            findings.append(
-                f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as a polynomial "
-                f"of degree {degree}, {rms:.2f} mm rms from the measured."
-            )
+            findings.append(f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as "
+                            f"a polynomial of degree {degree}, {rms:.2f} mm rms from the measured.")
             return Layer(mean, source, table)
     findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
     return Layer(mean, source)

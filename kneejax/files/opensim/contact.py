@@ -264,11 +264,8 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
         document = copy.deepcopy(read.document)
         document["contacts"] = dict(found.contacts)
-        menisci = [
-            meniscus_of_mesh([*dict.fromkeys(_mesh(folder, x, Path(scratch)) for x in (
-                meniscus.upper, meniscus.lower))], document)
-            for meniscus in read.menisci
-        ]  # fmt: skip
+        menisci = [meniscus_of_mesh([*dict.fromkeys(_mesh(folder, mesh, Path(scratch)) for mesh in (
+            one.upper, one.lower))], document) for one in read.menisci]  # fmt: skip
     stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
     for part in document["contacts"].values():
         part["source"] |= dict.fromkeys(stated, f"{file.name}, {contact.name}")

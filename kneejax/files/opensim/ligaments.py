@@ -180,10 +180,8 @@ def _wrap(
         names = ", ".join(wrap.key for wrap in found)
         raise _Unsupported(f"goes around {len(found)} wrap objects ({names})")
     if found and points > 2:
-        notes.append(
-            f"{key} has via points and the wrap object {found[0].key}: here every part of the "
-            "fibre may touch the object, in OpenSim one part does."
-        )
+        notes.append(f"{key} has via points and the wrap object {found[0].key}: here every part of "
+                     "the fibre may touch the object, in OpenSim one part does.")
     return found[0] if found else None
 
 
@@ -201,14 +199,12 @@ def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[Os
         if knee.bone_of(point.body) != knee.bone_of(wrap.body):
             shape += " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
-            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",
-                "a point outside what the fibre goes around; --inside straight leaves the "
-                f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
-            )
-        found.notes.append(
-            f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre runs "
-            "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
-        )
+            expected = ("a point outside what the fibre goes around; --inside straight leaves the "
+                        f"obstacle out, as OpenSim does, --without {ligament.key} the fibre")
+            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}", expected)
+        found.notes.append(f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre "
+                           "runs straight, as in OpenSim, which leaves out an obstacle that a "
+                           "point is inside of.")
         answer[row] = dataclasses.replace(ligament, wrap=None)
     return answer
 

@@ -12,15 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    GetCoreSchemaHandler,
-    ModelWrapValidatorHandler,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+import pydantic
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import core_schema
 
 from kneejax.files.reading._problem import InputProblem, InputProblems, wrong
@@ -38,7 +31,9 @@ class Part(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _in_words(cls, value: Any, build: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+    def _in_words(
+        cls, value: Any, build: pydantic.ModelWrapValidatorHandler, info: ValidationInfo
+    ) -> Any:
         """Check every field; what pydantic finds becomes mistakes with their places."""
         mistakes = Mistakes()
         if (info.context or {}).get("file") and isinstance(value, dict):
@@ -206,7 +201,7 @@ class Chosen:
     def __init__(self, model: Callable[[Any], type[Part]]):
         self.model = model
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler):
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler):
         def read(value: Any, info: ValidationInfo) -> Any:
             return self.model(value).model_validate(value, context=info.context)
 

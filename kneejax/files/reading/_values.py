@@ -164,11 +164,8 @@ def mapping_of(
 
 def by_parameter(read: Callable[[Any, Range | None], Any]) -> Callable[[Any], dict[str, Any]]:
     """A reader of a mapping from names or wildcards of parameters to what is said of them."""
-    return mapping_of(
-        lambda value, name: read(value, range_of_parameter(name)),
-        "a mapping from a parameter to its value",
-        parameter_name,
-    )
+    return mapping_of(lambda value, name: read(value, range_of_parameter(name)),
+                      "a mapping from a parameter to its value", parameter_name)
 
 
 def parameter_name(value: Any) -> str:

@@ -22,8 +22,7 @@ from kneejax.mechanics import NAMED_LOADS
 _UNITS = {
     "mm": ("mm", 1.0), "cm": ("mm", 10.0), "m": ("mm", 1000.0),
     "deg": ("deg", 1.0), "degree": ("deg", 1.0), "degrees": ("deg", 1.0), "°": ("deg", 1.0),
-    "rad": ("deg", math.degrees(1.0)), "radian": ("deg", math.degrees(1.0)),
-    "radians": ("deg", math.degrees(1.0)),
+    **dict.fromkeys(("rad", "radian", "radians"), ("deg", math.degrees(1.0))),
     "n": ("N", 1.0), "kn": ("N", 1000.0), "nm": ("Nm", 1.0), "ncm": ("Nm", 0.01),
     "nmm": ("Nm", 0.001),
 }  # fmt: skip
@@ -155,11 +154,9 @@ def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[floa
         if np.ptp(bent) < 0.5 or (bent == np.round(bent)).all():
             one = columns[0]
             ways = (f'"{one.factor * x:.7g} * {one.own}"' for x in (1.0, math.degrees(1.0)))
-            table.wrong(
-                one.own, f"up to {largest:.3g}",
-                "its unit: degrees and radians cannot be distinguished; write "
-                f"{one.name}: {' or '.join(ways)} under columns",
-            )  # fmt: skip
+            expected = ("its unit: degrees and radians cannot be distinguished; write "
+                        f"{one.name}: {' or '.join(ways)} under columns")
+            table.wrong(one.own, f"up to {largest:.3g}", expected)
             return None
         words, factor = "radians", math.degrees(1.0)
     named = ", ".join(f"{one.name} from {_times(one)}" for one in columns)

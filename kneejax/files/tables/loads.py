@@ -278,10 +278,8 @@ def _check_header(
         if said is not None and said.nameless:
             loads_left = True
             known = ", ".join(x for x in NAMED_LOADS if x.endswith(f"_{said.unit}"))
-            expected = (
-                "its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, or "
-                f'"{own}" under columns, for one of {known}'
-            )
+            expected = ("its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, "
+                        f'or "{own}" under columns, for one of {known}')
         meant = load_opposite_to(own)
         table.wrong("header", own, expected, f"columns: {{{meant}: -{own}}}" if meant else None)
     read = any(map(_is_reading, there))
