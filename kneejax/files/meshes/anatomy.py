@@ -205,7 +205,7 @@ def articular(
     facing: list[Sheet] = []
     for sheet in sheets:
         named = Path(sheet.name).name
-        towards: np.ndarray = direction(sheet) if callable(direction) else direction[None]
+        towards = direction[None] if isinstance(direction, np.ndarray) else direction(sheet)
         along = np.einsum("ij,ij->i", sheet.normals, np.broadcast_to(towards, sheet.normals.shape))
         if sheet.closed:
             findings.append(f"{named}: a closed volume; its articular side was taken.")
