@@ -21,7 +21,7 @@ from _protocol import arguments, finish, peak_memory_mb
 from scipy.optimize import least_squares
 
 from kneejax.cohorts import MadeUpKnee, Spread, synthesise
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.bootstrap import bootstrap
 from kneejax.inference.calibration import CalibrationProblem, calibrate_side_by_side

@@ -87,10 +87,10 @@ def kinds() -> dict[str, Kind]:
     from kneejax.cli._main import line
     from kneejax.cli._settings import command_again, read_settings
     from kneejax.cohorts import read_cohort
-    from kneejax.files import tables
     from kneejax.files.meshes.points import read_mesh_points
     from kneejax.files.opensim.acting import read_external_loads
     from kneejax.files.opensim.model import read_model
+    from kneejax.files.tables import storage as storages
     from kneejax.studies import read_study
     from kneejax.studies._acl_plan import read_plan
 
@@ -104,8 +104,8 @@ def kinds() -> dict[str, Kind]:
 
     def storage(path: Path) -> None:
         table = files.read_storage(path)
-        tables.angles_rad(table, "knee_angle_r")
-        table.at(tables.common_times([table], 5), [*table.columns])
+        storages.angles_rad(table, "knee_angle_r")
+        table.at(storages.common_times([table], 5), [*table.columns])
 
     def settings(path: Path) -> None:
         command_again(read_settings(path.parent), line().commands, path, path.parent)

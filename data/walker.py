@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.tables import read_rows
+from kneejax.files.tables.tables import read_rows
 from kneejax.geometry import FEMORAL, convert_table
 
 _TABLE = Path(__file__).parent / "measurements" / "walker1988.csv"

@@ -9,7 +9,7 @@ from kneejax.cli._deliver import deliver
 from kneejax.cli._main import DONE
 from kneejax.cli._words import SIDES
 from kneejax.cli.options import knees as options
-from kneejax.files.opensim import import_sections
+from kneejax.files.opensim.report import import_sections
 from kneejax.report import knee_import
 from kneejax.report.look import Table
 from kneejax.studies import stages_on_terminal

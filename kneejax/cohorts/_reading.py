@@ -203,7 +203,7 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
         rows = whole.knees
     else:
-        from kneejax.files.tables import read_rows  # imports JAX
+        from kneejax.files.tables.tables import read_rows  # imports JAX
 
         header, lines = read_rows(os.fspath(whole.knees), ["name"])
         places = [f"{whole.knees}: row {number}" for number in range(1, len(lines) + 1)]

@@ -14,7 +14,7 @@ import numpy as np
 
 from kneejax.experiments import LabTest, MeasuredTest, lab_tests, load_curves, passive_flexion
 from kneejax.files import load_knee_file
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Implausible, Knee
 from kneejax.parameters import UnsuitableData

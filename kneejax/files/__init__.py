@@ -31,8 +31,6 @@ if TYPE_CHECKING:
     from kneejax.files._knees import said_of as said_of
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
     from kneejax.files._landmarks import AxisPoints as AxisPoints
-    from kneejax.files._landmarks import FemurLandmarks as FemurLandmarks
-    from kneejax.files._landmarks import TibiaLandmarks as TibiaLandmarks
     from kneejax.files._landmarks import read_axis_points as read_axis_points
     from kneejax.files._landmarks import read_femur_landmarks as read_femur_landmarks
     from kneejax.files._landmarks import read_tibia_landmarks as read_tibia_landmarks
@@ -44,33 +42,25 @@ if TYPE_CHECKING:
     from kneejax.files.knee.file import write_knee as write_knee
     from kneejax.files.knee.restated import reconstructed as reconstructed
     from kneejax.files.knee.restated import restated as restated
-    from kneejax.files.meshes.bands import MeshBand as MeshBand
-    from kneejax.files.meshes.bands import band_of_meshes as band_of_meshes
     from kneejax.files.meshes.importing import MeshImport as MeshImport
     from kneejax.files.meshes.importing import MeshOptions as MeshOptions
     from kneejax.files.meshes.importing import import_meshes as import_meshes
-    from kneejax.files.meshes.menisci import MeshMeniscus as MeshMeniscus
-    from kneejax.files.meshes.menisci import meniscus_of_mesh as meniscus_of_mesh
-    from kneejax.files.meshes.points import MeshPoints as MeshPoints
     from kneejax.files.meshes.points import bone_surface as bone_surface
     from kneejax.files.meshes.points import read_mesh_points as read_mesh_points
-    from kneejax.files.meshes.surfaces import SheetFit as SheetFit
-    from kneejax.files.opensim.contact import OsimGeometry as OsimGeometry
+    from kneejax.files.meshes.soft_tissues import MeshBand as MeshBand
+    from kneejax.files.meshes.soft_tissues import MeshMeniscus as MeshMeniscus
+    from kneejax.files.meshes.soft_tissues import band_of_meshes as band_of_meshes
+    from kneejax.files.meshes.soft_tissues import meniscus_of_mesh as meniscus_of_mesh
     from kneejax.files.opensim.contact import add_osim_contacts as add_osim_contacts
-    from kneejax.files.opensim.coupled import CoupledMotion as CoupledMotion
     from kneejax.files.opensim.coupled import couple_model as couple_model
     from kneejax.files.opensim.coupled import coupled_motion as coupled_motion
-    from kneejax.files.opensim.export import OsimExport as OsimExport
     from kneejax.files.opensim.export import export_osim as export_osim
-    from kneejax.files.opensim.frames import Registration as Registration
     from kneejax.files.opensim.frames import registered as registered
-    from kneejax.files.opensim.importing import OsimImport as OsimImport
     from kneejax.files.opensim.importing import import_osim as import_osim
     from kneejax.files.opensim.model import SMALLEST_MODEL as SMALLEST_MODEL
     from kneejax.files.opensim.record import read_activity as read_activity
     from kneejax.files.opensim.report import format_import_report as format_import_report
     from kneejax.files.opensim.whole_body import WholeBody as WholeBody
-    from kneejax.files.opensim.whole_body import WholeBodyForces as WholeBodyForces
     from kneejax.files.opensim.whole_body import ask_opensim as ask_opensim
     from kneejax.files.opensim.whole_body import whole_body as whole_body
     from kneejax.files.reading import InputProblem as InputProblem
@@ -84,7 +74,6 @@ if TYPE_CHECKING:
     from kneejax.files.results import Checkpoints as Checkpoints
     from kneejax.files.results import read_calibrated as read_calibrated
     from kneejax.files.results import write_netcdf as write_netcdf
-    from kneejax.files.tables.loads import CandidateRow as CandidateRow
     from kneejax.files.tables.loads import LabTable as LabTable
     from kneejax.files.tables.loads import read_candidates as read_candidates
     from kneejax.files.tables.loads import read_lab_table as read_lab_table

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Part, Text, load_yaml, meaning, one_of, reads
+from kneejax.files.reading import InputProblem, Part, Text, load_yaml, one_of, reads
 from kneejax.quantities import nearest_name
 
 if TYPE_CHECKING:
@@ -27,48 +27,35 @@ _ONE = {"knees": "knee", "plans": "plan", "studies": "study"}
 
 @dataclasses.dataclass(frozen=True)
 class Measurement:
-    """A bundled table of what was measured.
+    """A bundled table of what was measured."""
 
-    Attributes:
-        path: the CSV table.
-        title: one line on what was measured.
-        source: where it was published.
-        description: how it was measured; empty if not said.
-        use: what a study takes it for: `poses` (its measured motion), `test` (a test without
-            loads), or `nothing`, a table of conditions.
-        counted_from: of a test, what its numbers are counted from.
-        columns: of a test, column of a pose -> column of the table, a minus where senses differ.
-
-    Example:
-        >>> from kneejax.files import bundled_measurements
-        >>> bundled_measurements()["walker1988"].use
-        'test'
-    """
-
-    path: Path
-    title: str
-    source: str
-    description: str = ""
+    path: Path  # the CSV table
+    title: str  # what was measured
+    source: str  # where it was published
+    description: str = ""  # how it was measured; empty if not said
+    # what a study takes it for: `poses`, its measured motion; `test`, one without loads; `nothing`,
+    # a table of conditions
     use: str = "poses"
-    counted_from: str = ""
+    counted_from: str = ""  # of a test, what its numbers are counted from
+    # of a test, column of a pose -> column of the table, a minus where senses differ
     columns: Mapping[str, str] = dataclasses.field(default_factory=dict)
 
 
 class AboutTest(Part):
     """How a table is one of a test."""
 
-    counted_from: Text = meaning("what its numbers are counted from")
-    columns: dict[str, str] = meaning("column of a pose -> column of the table", dict)
+    counted_from: Text
+    columns: dict[str, str] = {}  # column of a pose -> column of the table
 
 
 class AboutTable(Part):
     """The YAML file beside a bundled table."""
 
-    title: Text = meaning("what was measured")
-    source: Text = meaning("where it was published")
-    description: Text = meaning("how it was measured", "")
-    test: AboutTest | None = meaning("of a test", None)
-    conditions: Any = meaning("of a table of conditions", None)
+    title: Text
+    source: Text
+    description: Text = ""
+    test: AboutTest | None = None
+    conditions: Any = None
 
 
 def bundled_path(kind: str, name: str) -> Path:
@@ -204,7 +191,6 @@ def bundled_laxity_sources() -> dict[str, str]:
     return answer
 
 
-
 def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
     """The bundled file of this name, or else the file itself.
 
@@ -269,47 +255,31 @@ def _data_folder() -> Path:
 
 @dataclasses.dataclass(frozen=True)
 class LaxityBand:
-    """A published laxity: rows of one table that are of one end and one state of the knee.
+    """A published laxity: rows of one table that are of one end and one state of the knee."""
 
-    Attributes:
-        name: of its file.
-        label: for a figure's legend.
-        source: where it was published, and on whom it was measured.
-        load: that acted, a name of `kneejax.mechanics.NAMED_LOADS`.
-        size: of the load, in the unit of its name; NaN where it is not known.
-        end: one of `ENDS`.
-        cut: ligaments that were cut.
-        flexion_deg: `(n,)`.
-        mean: displacement under the load, `(n,)`, mm or degrees; negative at the negative end.
-        sd: its standard deviation over knees, `(n,)`; NaN where none was published.
-        counted_from: what a cut knee's displacement is counted from, `unloaded` (where it rests
-            itself) or `intact`.
-    """
-
-    name: str
-    label: str
-    source: str
-    load: str
-    size: float
-    end: str
-    cut: tuple[str, ...]
-    flexion_deg: np.ndarray
-    mean: np.ndarray
-    sd: np.ndarray
+    name: str  # of its file
+    label: str  # for a figure's legend
+    source: str  # where it was published, and on whom it was measured
+    load: str  # that acted, a name of `kneejax.mechanics.NAMED_LOADS`
+    size: float  # of the load, in the unit of its name; NaN where it is not known
+    end: str  # one of `ENDS`
+    cut: tuple[str, ...]  # ligaments that were cut
+    flexion_deg: np.ndarray  # `(n,)`
+    mean: np.ndarray  # displacement under the load, `(n,)`, mm or degrees; negative at that end
+    sd: np.ndarray  # its standard deviation over knees, `(n,)`; NaN where none was published
+    # what a cut knee's displacement is counted from: where it rests itself, or `intact`
     counted_from: str = "unloaded"
 
 
 class AboutLaxity(Part):
     """The YAML file beside a table of laxities."""
 
-    label: Text = meaning("for a figure's legend")
-    source: Text = meaning("where it was published")
-    load: Text = meaning("that acted")
-    size: Annotated[float, reads(reading.number)] = meaning("of the load", math.nan)
-    notes: Any = meaning("anything else", None)
-    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = meaning(
-        "what a cut knee's displacement is counted from", "unloaded"
-    )
+    label: Text
+    source: Text
+    load: Text
+    size: Annotated[float, reads(reading.number)] = math.nan
+    notes: Any = None
+    counted_from: Annotated[str, one_of(["unloaded", "intact"])] = "unloaded"
 
 
 def bundled_bands(
@@ -328,15 +298,12 @@ def bundled_bands(
         [('positive', [12.1]), ('negative', [-10.1])]
     """
     files = bundled_files("laxity")
-    every = [band for path in files.values() for band in _read(path)]
-    of_name = [band for band in every if name in (None, band.name)]
-    return [band for band in of_name if cut is None or set(band.cut) == set(cut)]
+    every = [band for path in files.values() for band in _read(path) if name in (None, band.name)]
+    return [band for band in every if cut is None or set(band.cut) == set(cut)]
 
 
 def _read(path: Path) -> list[LaxityBand]:
-    import numpy as np
-
-    from kneejax.files.tables import Table
+    from kneejax.files.tables.tables import Table
 
     document = load_yaml(path, "source of a laxity table")
     about = reading.checked(AboutLaxity, document, os.fspath(path))
@@ -345,13 +312,12 @@ def _read(path: Path) -> list[LaxityBand]:
     for place, end in ends:
         if end not in ENDS:
             table.wrong(place, end, ENDS)
-    numbers = np.stack([table.column("flexion_deg"), table.column("mean"),
-                        table.column("sd", empty=True)], axis=1)  # fmt: skip
+    numbers = [table.column(x, empty=x == "sd") for x in ("flexion_deg", "mean", "sd")]
     table.mistakes.check()
-    kinds: dict[tuple[str, str], list[Any]] = {}
-    for (_, end), (_, cut), own in zip(ends, cuts, numbers, strict=True):
-        kinds.setdefault((end, cut), []).append(own)
+    kinds: dict[tuple[str, str], list[int]] = {}
+    for row, ((_, end), (_, cut)) in enumerate(zip(ends, cuts, strict=True)):
+        kinds.setdefault((end, cut), []).append(row)
     said = about.label, about.source, about.load, about.size
-    return [LaxityBand(path.stem, *said, end, tuple(cut.split()), *np.array(own).T,
+    return [LaxityBand(path.stem, *said, end, tuple(cut.split()), *(x[rows] for x in numbers),
                        counted_from=about.counted_from if cut else "unloaded")
-            for (end, cut), own in kinds.items()]
+            for (end, cut), rows in kinds.items()]

@@ -12,7 +12,8 @@ import numpy as np
 
 from kneejax.files import reading
 from kneejax.files._landmarks import mirror
-from kneejax.files.opensim import simm_spline, transform_axes
+from kneejax.files.opensim.coupled import transform_axes
+from kneejax.files.opensim.model import simm_spline
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
 from kneejax.geometry import FREE_COORDINATES, TIBIA, State
 from kneejax.joints import INTERPOLATIONS, Joint, UnsuitableAxis, check_joint
@@ -156,7 +157,6 @@ def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
     reading.write_text(path, format_joint(file))
 
 
-
 #: Splines leave less than this of every pose, degrees and mm.
 TOLERANCE = 5e-7
 #: The range of flexion in the file, degrees, unless calibration angles lie beyond it.
@@ -207,27 +207,12 @@ _JOINT = """      <CustomJoint name="knee_{s}">
 
 @dataclasses.dataclass(frozen=True)
 class JointExport:
-    """A joint as OpenSim reads it.
+    """A joint as OpenSim reads it."""
 
-    Attributes:
-        snippet: the `CustomJoint` element, between bodies `femur_r` and `tibia_r` (or `_l`).
-        model: a whole model of those two bodies and the joint.
-        flexion_deg: knots of the splines, shape `(n,)`.
-        error: largest difference between splines and joint over the range, degrees and mm, shape
-            `(5,)`, in the order of `kneejax.geometry.FREE_COORDINATES`.
-
-    Example:
-        >>> import kneejax as kj
-        >>> pose = kj.Pose.from_table([0.0] * 6)
-        >>> turning = kj.hinge([[0.0, 0.0, -40.0], [0.0, 0.0, 40.0]], pose)
-        >>> from kneejax.files import export_joint
-        >>> "CustomJoint" in export_joint(JointFile(turning, "a hinge")).snippet
-        True
-    """
-
-    snippet: str
-    model: str
-    flexion_deg: np.ndarray
+    snippet: str  # the `CustomJoint`, between bodies `femur_r` and `tibia_r` (or `_l`)
+    model: str  # a whole model of those two bodies and the joint
+    flexion_deg: np.ndarray  # knots of the splines, `(n,)`
+    # largest difference of splines and joint, `FREE_COORDINATES`, degrees and mm, `(5,)`
     error: np.ndarray
 
 
@@ -285,18 +270,14 @@ def _knots(low: float, high: float, bends: np.ndarray, widest: float) -> np.ndar
     ends = np.r_[low, bends, high] if len(bends) > 1 else np.array([low, high])
     knots = [ends]
     for i, (left, right) in enumerate(zip(ends, ends[1:], strict=False)):
-        # The range's own ends are no bends.
-        away = [_graded(right - left, widest, last < 1) for last in (i, len(ends) - 2 - i)]
-        knots += [left + away[0], right - away[1], [0.5 * (left + right)]]
+        for end, sign, last in ((left, 1.0, i), (right, -1.0, len(ends) - 2 - i)):
+            # From a bend distances double up to `widest`; the range's own ends are no bends.
+            away = [widest if last < 1 else _NEAREST]
+            while away[-1] < 0.5 * (right - left):
+                away.append(away[-1] + min(away[-1] * (_RATIO - 1.0), widest))
+            knots.append(end + sign * np.array(away[:-1]))
+        knots.append(np.array([0.5 * (left + right)]))
     return np.unique(np.concatenate(knots))
-
-
-def _graded(width: float, widest: float, even: bool) -> np.ndarray:
-    """Distances from a bend, doubling up to `widest`, to nearly half an interval; or even ones."""
-    away = [widest if even else _NEAREST]
-    while away[-1] < 0.5 * width:
-        away.append(away[-1] + min(away[-1] * (_RATIO - 1.0), widest))
-    return np.array(away[:-1])[: None if len(away) > 1 else 0]
 
 
 _state = jax.jit(lambda joint, flexion: State({TIBIA: joint.pose(flexion)}).at(FREE_COORDINATES).T)

@@ -11,14 +11,13 @@ from pathlib import Path
 import jax.numpy as jnp
 
 from kneejax.files._bundled import named_path
-from kneejax.files.knee import build_knee
-from kneejax.files.knee.file import KneeFile, read_knee, write_knee
+from kneejax.files.knee.file import KneeFile, build_knee, read_knee, write_knee
 from kneejax.files.knee.restated import restated
-from kneejax.files.meshes import MESH_ENDINGS
-from kneejax.files.reading import InputProblem
+from kneejax.files.meshes.points import MESH_ENDINGS
+from kneejax.files.reading import InputProblem, Mistakes
 from kneejax.files.results import Calibrated, read_calibrated
-from kneejax.mechanics import Implausible, Knee
-from kneejax.parameters import DoubtfulValue, UnknownParameter, UnsuitableData, select
+from kneejax.mechanics import Knee
+from kneejax.parameters import DoubtfulValue, select
 
 _NAME = " calibrated"
 _COMMENT = """The knee that a calibration found: {study}
@@ -80,14 +79,7 @@ def _loaded(name_or_path: str | os.PathLike[str], above: tuple[Path, ...]) -> Kn
             expected = "the knee that was calibrated; these results lead back to themselves"
             raise InputProblem(above[0], "knee", os.fspath(path), expected)
         return _calibrated(read, path, (*above, whole))
-    check_kind(path)
-    return read_knee(path)
-
-
-def check_kind(path: Path) -> None:
-    """Say which command takes a file that is no knee's, as its ending tells: a model, a mesh, a
-    table; refuse a folder, with the knee file in it."""
-    # Ending -> what such a file is, and what to do with it.
+    # Ending of a file that is no knee's -> what it is, and what to do with it.
     other_kinds = {
         ".osim": ("an OpenSim model", ", which kneejax import osim makes of it"),
         ".csv": ("a table", "; a table of poses is given after the knee"),
@@ -100,6 +92,7 @@ def check_kind(path: Path) -> None:
         raise InputProblem(path, "file", "a directory", "a knee file", near)
     if found and os.path.isfile(path):
         raise InputProblem(path, "file", found, f"a knee file{hint}")
+    return read_knee(path)
 
 
 def write_calibrated_knee(result: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:
@@ -182,10 +175,7 @@ def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
         >>> float(knee.ligaments.stiffness[0])
         300.0
     """
-    try:
+    mistakes = Mistakes(os.fspath(place))
+    with mistakes.gathered():
         yield
-    except Implausible as problem:
-        field = f"{problem.fibre}.{problem.quantity}"
-        raise InputProblem(place, field, problem.value, problem.expected) from None
-    except (UnknownParameter, UnsuitableData) as problem:
-        raise type(problem)(f"{os.fspath(place)}: {problem}") from None
+    mistakes.check()

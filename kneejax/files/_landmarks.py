@@ -10,9 +10,8 @@ from typing import Annotated
 import numpy as np
 
 from kneejax.files import reading
-from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, meaning, wrong
-from kneejax.files.tables import Table
-from kneejax.files.tables.tables import write_rows
+from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, wrong
+from kneejax.files.tables.tables import Table, write_rows
 from kneejax.mechanics import RANGES
 
 SIDES = ("medial", "lateral")
@@ -29,8 +28,8 @@ Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm
 class Pair(Part):
     """Two points of a knee."""
 
-    medial_mm: Point = meaning("with Z to the person's right")
-    lateral_mm: Point = meaning("likewise")
+    medial_mm: Point  # with Z to the person's right
+    lateral_mm: Point
 
     def points(self, side: str) -> np.ndarray:
         """Medial, then lateral point of a right knee, shape `(2, 3)`, mm."""
@@ -40,16 +39,16 @@ class Pair(Part):
 class Axes(Part):
     """All that a file of axis points may say."""
 
-    extension: Pair = meaning("of the extension axis")
-    flexion: Pair = meaning("of the flexion axis")
-    epicondyles: Pair | None = meaning("of the femur", None)
+    extension: Pair
+    flexion: Pair
+    epicondyles: Pair | None = None
 
 
 class Ball(Part):
-    """A ball of bone, to which a sphere is fitted."""
+    """A ball of bone, to which a sphere is fitted: what is within a distance of a place."""
 
-    near_mm: Point = meaning("a place near its centre")
-    within_mm: Number = meaning("points as near are of the ball")
+    near_mm: Point
+    within_mm: Number
 
 
 def _check_one_of(part: Part, one: str, other: str) -> None:
@@ -61,10 +60,10 @@ def _check_one_of(part: Part, one: str, other: str) -> None:
 class Malleoli(Part):
     """Both sides of the ankle, each a point or a ball of bone."""
 
-    medial_mm: Point | None = meaning("its point", None)
-    medial_ball: Ball | None = meaning("or where to fit a sphere", None)
-    lateral_mm: Point | None = meaning("its point", None)
-    lateral_ball: Ball | None = meaning("or where to fit a sphere", None)
+    medial_mm: Point | None = None
+    medial_ball: Ball | None = None
+    lateral_mm: Point | None = None
+    lateral_ball: Ball | None = None
 
     @reading.checks
     def _check_each(self, mistakes: Mistakes) -> None:
@@ -75,9 +74,9 @@ class Malleoli(Part):
 class TibiaFields(Part):
     """Landmarks of the tibia."""
 
-    plateau: Pair = meaning("its edges")
-    ankle_center_mm: Point | None = meaning("the ankle's centre", None)
-    malleoli: Malleoli | None = meaning("whose middle it is", None)
+    plateau: Pair
+    ankle_center_mm: Point | None = None
+    malleoli: Malleoli | None = None  # whose middle it is instead
 
     @reading.checks
     def _check_ankle(self, mistakes: Mistakes) -> None:
@@ -87,29 +86,19 @@ class TibiaFields(Part):
 class Landmarks(Part):
     """All that a file of landmarks may say."""
 
-    epicondyles: Pair = meaning("of the femur")
-    hip_center_mm: Point | None = meaning("centre of the femoral head", None)
-    femoral_head: Ball | None = meaning("or where to fit a sphere", None)
-    tibia: TibiaFields | None = meaning("in the frame of its mesh", None)
+    epicondyles: Pair
+    hip_center_mm: Point | None = None
+    femoral_head: Ball | None = None  # where to fit a sphere instead
+    tibia: TibiaFields | None = None  # in the frame of its mesh
 
 
 @dataclasses.dataclass(frozen=True)
 class AxisPoints:
-    """Axis points of a femur.
+    """Axis points of a femur, mm."""
 
-    Attributes:
-        points: medial and lateral point of the extension, then of the flexion axis, shape
-            `(2, 2, 3)`, mm.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm; None if the file has none.
-
-    Example:
-        >>> ends = np.zeros((2, 2, 3))
-        >>> AxisPoints(ends, None).points.shape
-        (2, 2, 3)
-    """
-
+    # medial and lateral, of the extension, then of the flexion axis, `(2, 2, 3)`
     points: np.ndarray
-    epicondyles: np.ndarray | None
+    epicondyles: np.ndarray | None  # medial, then lateral, `(2, 3)`; None if the file has none
 
 
 def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:
@@ -183,15 +172,15 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
         if name not in _COLUMNS:
             raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
     columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
-    words = {}
+    words = []
     for name, options in (("axis", known), ("side", SIDES)):
+        words.append([word for _, word in table.cells(name)])
         for place, word in table.cells(name):
-            words.setdefault(name, []).append(word)
             if word not in options:
                 table.wrong(place, word, options)
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
-    for row, (axis, side) in enumerate(zip(words["axis"], words["side"], strict=True)):
+    for row, (axis, side) in enumerate(zip(*words, strict=True)):
         if (first := points.setdefault((axis, side), row)) != row:
             found = f"{axis} {side} again, as row {first + 1}"
             raise InputProblem(file, table.place(row), found, "every point once")
@@ -207,46 +196,22 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
 
 @dataclasses.dataclass(frozen=True)
 class FemurLandmarks:
-    """Landmarks of a femur, in its mesh's frame.
+    """Landmarks of a femur, in its mesh's frame, mm."""
 
-    Attributes:
-        hip_center: centre of the femoral head, shape `(3,)`, mm; only roughly, if `head_within`
-            is given.
-        epicondyles: medial, then lateral, shape `(2, 3)`, mm.
-        head_within: points of the mesh as near to `hip_center` as this, mm, are the femoral head;
-            None if the centre is given.
-
-    Example:
-        >>> found = FemurLandmarks(np.zeros(3), np.zeros((2, 3)), head_within=30.0)
-        >>> found.head_within
-        30.0
-    """
-
-    hip_center: np.ndarray
-    epicondyles: np.ndarray
-    head_within: float | None
+    hip_center: np.ndarray  # of the femoral head, `(3,)`; only roughly, if `head_within` is given
+    epicondyles: np.ndarray  # medial, then lateral, `(2, 3)`
+    head_within: float | None  # distance within which the mesh is the femoral head
 
 
 @dataclasses.dataclass(frozen=True)
 class TibiaLandmarks:
-    """Landmarks of a tibia, in its mesh's frame.
+    """Landmarks of a tibia, in its mesh's frame, mm."""
 
-    Attributes:
-        plateau: medial, then lateral edge, shape `(2, 3)`, mm.
-        ankle: the ankle's centre, shape `(1, 3)`, or the malleoli, medial, then lateral, whose
-            middle it is, shape `(2, 3)`, mm; only roughly, where `ankle_within` is given.
-        ankle_within: for each, points of the mesh as near to it as this, mm, are a ball of bone
-            about it; None where the point itself is given.
-
-    Example:
-        >>> found = TibiaLandmarks(np.zeros((2, 3)), np.zeros((1, 3)), (None,))
-        >>> found.ankle.shape
-        (1, 3)
-    """
-
-    plateau: np.ndarray
+    plateau: np.ndarray  # medial, then lateral edge, `(2, 3)`
+    # the ankle's centre, `(1, 3)`, or both malleoli, whose middle it is, medial first, `(2, 3)`;
+    # only roughly where `ankle_within` is given
     ankle: np.ndarray
-    ankle_within: tuple[float | None, ...]
+    ankle_within: tuple[float | None, ...]  # for each, distance within which the mesh is a ball
 
 
 def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> FemurLandmarks:
@@ -307,13 +272,12 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
     tibia = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path)).tibia
     if tibia is None:
         raise InputProblem(path, "tibia", "missing", "landmarks of the tibia")
-    points, balls = [tibia.ankle_center_mm], [None]
-    if tibia.malleoli is not None:
-        both = tibia.malleoli
-        points, balls = [both.medial_mm, both.lateral_mm], [both.medial_ball, both.lateral_ball]
-    ankle = [x if ball is None else ball.near_mm for x, ball in zip(points, balls, strict=True)]
+    pairs, both = [(tibia.ankle_center_mm, None)], tibia.malleoli
+    if both is not None:
+        pairs = [(both.medial_mm, both.medial_ball), (both.lateral_mm, both.lateral_ball)]
+    ankle = [point if ball is None else ball.near_mm for point, ball in pairs]
     return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * mirror(side),
-                          tuple(ball and ball.within_mm for ball in balls))
+                          tuple(ball and ball.within_mm for _, ball in pairs))
 
 
 def mirror(side: str) -> np.ndarray:

@@ -16,7 +16,7 @@ from pydantic import ConfigDict, PlainValidator
 
 from kneejax._whole_files import read_json, read_sealed, undamaged, write_checked, write_sealed
 from kneejax.files import reading
-from kneejax.files.reading import Flag, InputProblem, Mistakes, Part, Text, meaning, reads, wrong
+from kneejax.files.reading import Flag, InputProblem, Mistakes, Part, Text, reads, wrong
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import Knee, range_of_parameter
 from kneejax.parameters import MEANING, fibres_summed
@@ -31,35 +31,25 @@ _ENDING = ".part"
 
 @dataclasses.dataclass(frozen=True)
 class Calibrated:
-    """What a calibration found.
+    """What a calibration found."""
 
-    Attributes:
-        knee: name or file of the knee that was calibrated.
-        fixed: parameter -> value of the study: those that it set, then those where it began.
-        found: parameter -> value that the calibration found.
-        frame_offset: free coordinate -> what is added to the knee's motion to compare it with the
-            measured one, mm or degrees.
-        study: its title and its file; empty where the result does not say.
-        noise: free coordinate -> standard deviation of its measurement, degrees and mm, as stated
-            or estimated; empty where the result does not say.
-        standard_error: parameter -> its standard error; those that the data do not determine are
-            left out.
-        correlation: parameters, and the correlation of their estimates as rows; empty where the
-            result does not say.
-        patella: whether the knee had its patella.
-        of_fibres: whether the file is older than stiffnesses that are sums over a structure's
-            fibres: its values are their means, and `of_structures` converts them.
-    """
-
-    knee: str
+    knee: str  # name or file of the knee that was calibrated
+    # parameter -> value of the study: those that it set, then those where it began
     fixed: dict[str, float]
-    found: dict[str, float]
+    found: dict[str, float]  # parameter -> value that the calibration found
+    # free coordinate -> what is added to the knee's motion to compare it with the measured one, mm
+    # or degrees
     frame_offset: dict[str, float]
-    study: str = ""
+    study: str = ""  # its title and its file; empty where the result does not say
+    # free coordinate -> standard deviation of its measurement, degrees and mm, stated or estimated
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    # parameter -> its standard error, where the data determine it
     standard_error: dict[str, float] = dataclasses.field(default_factory=dict)
+    # parameters, and the correlation of their estimates as rows
     correlation: tuple[tuple[str, ...], tuple[tuple[float, ...], ...]] = ((), ())
-    patella: bool = False
+    patella: bool = False  # whether the knee had its patella
+    # whether the file is older than stiffnesses that are sums over a structure's fibres: its values
+    # are their means, and `of_structures` converts them
     of_fibres: bool = False
 
     @property
@@ -72,13 +62,10 @@ class Calibrated:
         was calibrated says how many there are."""
         if not self.of_fibres:
             return self
-        fixed, found, errors = (
-            {name: value * fibres_summed(knee, name) for name, value in values.items()}
-            for values in (self.fixed, self.found, self.standard_error)
-        )
-        return dataclasses.replace(
-            self, fixed=fixed, found=found, standard_error=errors, of_fibres=False
-        )
+        sums = {of: {name: value * fibres_summed(knee, name)
+                     for name, value in getattr(self, of).items()}
+                for of in ("fixed", "found", "standard_error")}
+        return dataclasses.replace(self, **sums, of_fibres=False)
 
 
 def _estimate(value: Any, name: str) -> Estimate:
@@ -97,6 +84,9 @@ def _coordinate(name: str) -> str:
     return name
 
 
+Real = Annotated[float, reads(reading.number)]
+
+
 class Written(Part):
     """A part of a file that the package wrote; what else it says is of no concern."""
 
@@ -106,8 +96,8 @@ class Written(Part):
 class Estimate(Written):
     """What was found of a number."""
 
-    value: Any = meaning("in its own unit")
-    standard_error: Annotated[float, reads(reading.number)] | None = meaning("if known", None)
+    value: Any
+    standard_error: Real | None = None
 
 
 def _by_name(read: Callable[[Any, str], Any], names: Any = None) -> PlainValidator:
@@ -124,20 +114,18 @@ Numbers = Annotated[
 class StudySettings(Written):
     """What the study said."""
 
-    knee: Text | None = meaning("name or file", None)
-    path: Any = meaning("of the study", None)
-    patella: Flag = meaning("whether the knee had its patella", False)
-    overrides: Numbers | None = meaning("what the study set", None)
-    start: Numbers | None = meaning("where it began", None)
+    knee: Text | None = None
+    path: Any = None
+    patella: Flag = False
+    overrides: Numbers | None = None  # what the study set
+    start: Numbers | None = None  # where it began
 
 
 class Correlation(Written):
     """Of the estimates; nothing stands for zero."""
 
-    parameters: Annotated[tuple[Text, ...], reading.entries("names", empty=True)] = meaning(
-        "names", ()
-    )
-    matrix: Any = meaning("rows")
+    parameters: Annotated[tuple[Text, ...], reading.entries("names", empty=True)] = ()
+    matrix: Any
 
     @reading.checks
     def _check_square(self, mistakes: Mistakes) -> None:
@@ -151,22 +139,15 @@ class Correlation(Written):
 class ResultFile(Written):
     """What of a result.json is read again."""
 
-    title: Any = meaning("of the study", None)
-    knee: Text = meaning("name or file, in older files", "")
-    parameters: Annotated[dict[str, Estimate], _by_name(_estimate)] | None = meaning(
-        "parameter -> estimate", None
-    )
-    settings: StudySettings | None = meaning("of the study", None)
-    noise: dict[str, Annotated[float, reads(reading.number)] | None] | None = meaning(
-        "estimated", None
-    )
-    frame_offset: Annotated[dict[str, Estimate], _by_name(_estimate, _coordinate)] | None = meaning(
-        "free coordinate -> constant between frames", None
-    )
-    correlation: Correlation | None = meaning("of the estimates", None)
-    stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = meaning(
-        "of what a structure's stiffness is", None
-    )
+    title: Any = None
+    knee: Text = ""  # in older files
+    parameters: Annotated[dict[str, Estimate], _by_name(_estimate)] | None = None
+    settings: StudySettings | None = None
+    noise: dict[str, Real | None] | None = None
+    # free coordinate -> constant between frames
+    frame_offset: Annotated[dict[str, Estimate], _by_name(_estimate, _coordinate)] | None = None
+    correlation: Correlation | None = None
+    stiffness_of: Annotated[str, reading.one_of(MEANING.values())] | None = None
 
     @reading.checks
     def _check_knee(self, mistakes: Mistakes) -> None:
@@ -244,10 +225,8 @@ class Checkpoints:
         self._claimed = before.get("fingerprint") == self._print
         if before and not self._claimed:
             changed = _difference(before.get("about", {}), dict(about))
-            raise InputProblem(
-                "--out", "folder", os.fspath(folder),
-                f"a folder of the same study: {changed}; choose another, or delete this one",
-            )  # fmt: skip
+            expected = f"a folder of the same study: {changed}; choose another, or delete this one"
+            raise InputProblem("--out", "folder", os.fspath(folder), expected)
         self._document = {"about": dict(about), "fingerprint": self._print}
 
     def load(self, name: str) -> dict[str, np.ndarray] | None:

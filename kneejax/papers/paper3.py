@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import lab_tests, laxity, load_curves, mechanics_of
 from kneejax.files import bundled_measurements, load_knee
-from kneejax.files.tables import read_rows
+from kneejax.files.tables.tables import read_rows
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
 from kneejax.papers.paper3_leg import (

@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.cohorts import _synthesise
 from kneejax.files import load_knee_file
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 
 from kneejax.cohorts import Protocol, Spread, synthesise
 from kneejax.files import load_knee
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.parameters import UnsuitableData
 
 pytestmark = pytest.mark.usefixtures("optimised_code")

@@ -25,7 +25,7 @@ from kneejax.files.opensim.record import (
     moved_around,
     sorted_files,
 )
-from kneejax.files.tables import common_times
+from kneejax.files.tables.storage import common_times
 from kneejax.geometry import TIBIA, Pose, State
 
 DATA = Path(__file__).parents[3] / "shared" / "data"
@@ -68,7 +68,8 @@ def test_the_moments_of_a_recorded_static_optimisation_cancel():
         moved(model, movement.values | {"knee_angle_r": movement.values["knee_angle_r"] + way})
         for way in (-step, step)
     ]
-    before, after = ({w.name: w.length for w in crossing(x, bones, below)[0]} for x in sides)
+    before, after = ({w.element.name: w.length for w in crossing(x, bones, below)[0]}
+                     for x in sides)  # fmt: skip
     muscles = -sum(
         np.interp(time, pulls.time, pulls.columns[name]) * (after[name] - before[name])
         for name in before

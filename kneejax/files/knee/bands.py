@@ -96,9 +96,8 @@ def fibre_names(name: str, band: Band) -> tuple[str, ...]:
 def drawn(
     document: dict[str, Any], bands: Mapping[str, Band], tibia: Placement
 ) -> dict[str, Any]:
-    """A knee document whose bands (its section `bands`, read) are fibres, each band a group. Half
-    diameters that are given belong to each other, first to first; those of an outline are chosen so
-    that the band is twisted least at the reference pose, where the tibia is at `tibia`."""
+    """A knee document whose bands, read, are fibres, each band a group. Half diameters belong to
+    each other, first to first; those of an outline twist the band least where the tibia is."""
     fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
     # A left knee's points are its own, and its pose is that of a right one.
     mirror = np.array([1.0, 1.0, -1.0 if document["side"] == "left" else 1.0])

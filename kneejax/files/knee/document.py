@@ -244,8 +244,7 @@ def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
 
 def mirror_part(part: dict[str, Any]) -> dict[str, Any]:
     """The other side's twin of a contact, an obstacle or a surface of a knee document."""
-    kinds: Mapping[str, type[Part]] = faces.OBSTACLES if "bone" in part else faces.SURFACES
-    return _walked(kinds[part["kind"]] if "kind" in part else faces.ContactPart, part, _image)
+    return _walked(faces.model_of(part), part, _image)
 
 
 def with_own_patella(document: dict[str, Any]) -> dict[str, Any]:

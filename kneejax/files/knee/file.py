@@ -253,11 +253,9 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
     for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
         if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
             place = f"patella.ligaments.{name}.{part.slack_field}"
-            raise InputProblem(
-                file, place, getattr(part, part.slack_field),
-                f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference poses: "
-                f"strained by {100.0 * strains[row]:.0f} % it would be torn",
-            )
+            expected = (f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference "
+                        f"poses: strained by {100.0 * strains[row]:.0f} % it would be torn")
+            raise InputProblem(file, place, getattr(part, part.slack_field), expected)
     return found
 
 
@@ -290,13 +288,11 @@ def _muscles(
             raise InputProblem(file, f"tension of {name}", found, expected)
     tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
     names = tuple(name for name, tension in tensions.items() if tension > 0)
-    ways = [Way(x, (FEMUR, x.insertion_bone), patella.wraps.get(x.wrap or ""))
-            for x in (known[name] for name in names)]
+    own = [known[name] for name in names]
+    ways = [Way(x, (FEMUR, x.insertion_bone), patella.wraps.get(x.wrap or "")) for x in own]
     muscles = mechanics.Muscles(
-        [known[name].origin_mm for name in names], [known[name].insertion_mm for name in names],
-        [tensions[name] for name in names], names, _courses(ways),
-        tuple(way.bones for way in ways),
-    )  # fmt: skip
+        [x.origin_mm for x in own], [x.insertion_mm for x in own], [tensions[x] for x in names],
+        names, _courses(ways), tuple(way.bones for way in ways))
     for row in np.flatnonzero(np.asarray(muscles.ends_inside(state))):
         expected = f"an origin, via points and an insertion outside {ways[row].part.wrap}"
         place = f"patella.muscles.{names[row]}.wrap"
@@ -306,10 +302,8 @@ def _muscles(
 
 def detour_counts(ligaments: Iterable[parts.Ligament]) -> bool:
     """Whether a slack length depends on the way that a fibre takes at the reference pose."""
-    return any(
-        (part.wrap is not None or part.via_points) and part.slack_length_mm is None
-        for part in ligaments
-    )
+    return any((part.wrap is not None or part.via_points) and part.slack_length_mm is None
+               for part in ligaments)
 
 
 def slack_length(part: parts.Ligament, length: float) -> float:
@@ -318,9 +312,8 @@ def slack_length(part: parts.Ligament, length: float) -> float:
         return float(part.slack_length_mm)
     if part.reference_strain is not None:
         return float(mechanics.ligament_law.slack_length_from_strain(length, part.reference_strain))
-    values = part.reference_force_N, part.stiffness_N
+    law, corners = mechanics.ligament_law, [part.transition_strain, part.transition_width]
     if part.law == mechanics.NEO_HOOKEAN:
-        law = mechanics.neo_hookean_law
-        return float(law.slack_length_from_force(length, *values, part.transition_width))
-    corners = part.transition_strain, part.transition_width
-    return float(mechanics.ligament_law.slack_length_from_force(length, *values, *corners))
+        law, corners = mechanics.neo_hookean_law, corners[1:]
+    force, stiffness = part.reference_force_N, part.stiffness_N
+    return float(law.slack_length_from_force(length, force, stiffness, *corners))

@@ -64,9 +64,9 @@ def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dic
         _state(part, contact, surfaces.ContactPart, source)
         if "ring" in part and _put(part["ring"], _numbers_of(contact.ring, surfaces.RingPart)):
             _say(part, surfaces.ContactPart, ["ring"], source)
-        faces = [face for face in surfaces.FACES if face in part]
-        for field, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
-            _state(part[field], surface, surfaces.SURFACES[part[field]["kind"]], source)
+        faces = [part[face] for face in surfaces.FACES if face in part]
+        for face, surface in zip(faces, (contact.femoral, contact.tibial), strict=True):
+            _state(face, surface, surfaces.model_of(face), source)
     still = dict.fromkeys(parts.attributes(parts.LoadOfFile), (0.0, 0.0, 0.0))
     for part, load in zip(right.get("loads", {}).values(), knee.loads, strict=True):
         _state(part, load, parts.LoadOfFile, source, still)
@@ -178,7 +178,7 @@ def _courses(
         place = home[fibres[0]]
         section, name = sections[place], sections[place][kind][fibres[0]]["wrap"]
         wrap = copy.deepcopy(before[place][name])
-        _state(wrap, course.obstacle, surfaces.OBSTACLES[wrap["kind"]], source)
+        _state(wrap, course.obstacle, surfaces.model_of(wrap), source)
         if (place, name) in stated and wrap != section["wraps"][name]:
             name = f"{name}_{fibres[0]}"
             for fibre in fibres:

@@ -11,18 +11,7 @@ from kneejax import geometry
 from kneejax.files import reading
 from kneejax.files.knee import parts
 from kneejax.files.knee.parts import APART, WORD, Gives, Mirrored, Point, Sourced
-from kneejax.files.reading import (
-    Chosen,
-    Mistakes,
-    Number,
-    Part,
-    Text,
-    meaning,
-    one_of,
-    reads,
-    within,
-    wrong,
-)
+from kneejax.files.reading import Chosen, Mistakes, Number, Part, Text, one_of, reads, wrong
 from kneejax.geometry import BASES, CUBIC_SPLINE, FEMUR, PATELLA, POWER, SIDES, TIBIA
 from kneejax.mechanics import FORMS, QUADRATURE, RANGES, Contact, Range, Ring, cartilage_law
 
@@ -32,14 +21,15 @@ _MOST_POINTS = 1000  # of a contact, along a side
 _MOST_CONTROL_VALUES = 200
 
 
-def build_surface(surface: dict[str, Any]) -> geometry.Surface:
-    """The surface that a part of a knee document is, with `kind` and that kind's fields."""
-    return SURFACES[surface["kind"]].model_construct(**surface).built()
+def model_of(part: Mapping[str, Any]) -> type[Sourced]:
+    """The model of a surface, an obstacle or a contact of a knee document."""
+    kinds: Mapping[str, type[Sourced]] = OBSTACLES if "bone" in part else SURFACES
+    return kinds[part["kind"]] if "kind" in part else ContactPart
 
 
-def build_obstacle(wrap: dict[str, Any]) -> geometry.Obstacle:
-    """What fibres go around, by its entry in a knee document."""
-    return OBSTACLES[wrap["kind"]].model_construct(**wrap).built()
+def build_surface(part: dict[str, Any]) -> Any:
+    """The surface, or what fibres go around, that a part of a knee document is."""
+    return model_of(part).model_construct(**part).built()
 
 
 def _odd(table: Any, part: Mapping[str, Any]) -> Any:
@@ -49,8 +39,9 @@ def _odd(table: Any, part: Mapping[str, Any]) -> Any:
     return [[parts.negative(c) if j % 2 else c for j, c in enumerate(row)] for row in table]
 
 
-def _swapped(x: Any, _: Any) -> list[float]:
-    return [parts.negative(x[1]), parts.negative(x[0])]
+#: Of places in a plane, forwards and to the right; of limits along Z, or of angles about Y.
+_TURNED = parts.signed(1, -1)
+_SWAPPED = Mirrored(lambda x, _: [parts.negative(x[1]), parts.negative(x[0])])
 
 
 def _extent(value: Any) -> tuple[float, float]:
@@ -69,8 +60,7 @@ def _angles(value: Any) -> tuple[float, float]:
 
 
 def _outline(value: Any) -> list[tuple[float, ...]]:
-    corners = reading.rows(value, 2, RANGES["point_mm"])
-    if len(corners) < 3:
+    if len(corners := reading.rows(value, 2, RANGES["point_mm"])) < 3:
         raise wrong(value, "at least three corners [anterior, lateral]")
     return corners
 
@@ -78,11 +68,11 @@ def _outline(value: Any) -> list[tuple[float, ...]]:
 Origin = Annotated[Point, Gives("frame.origin")]
 Turn = Annotated[parts.Vector, reading.numbers_within(3, "rotation_deg"), parts.TURNS]
 Rotation = Annotated[Turn | None, Gives("frame.rotation")]
-Extent = Annotated[tuple[float, float], reads(_extent), Mirrored(_swapped)]
+Extent = Annotated[tuple[float, float], reads(_extent), _SWAPPED]
 Table = Annotated[Any, reads(reading.rows, None, RANGES["coefficient_mm"]), Mirrored(_odd)]
 Count = Annotated[int, reads(reading.whole, 2, _MOST_POINTS)]
 _TWO = reading.entries("numbers of points", count=2)
-Size = Annotated[float, within("size_mm")]
+Size = Annotated[float, reading.within("size_mm")]
 SemiAxes = Annotated[parts.Vector, reading.numbers_within(3, "size_mm")]
 
 
@@ -91,8 +81,8 @@ class Surface(Sourced):
 
     kind: Annotated[str, APART]
     source: Text
-    fit_rms_mm: Annotated[float, within("fit_mm")] | None = None
-    fit_max_mm: Annotated[float, within("fit_mm")] | None = None
+    fit_rms_mm: Annotated[float, reading.within("fit_mm")] | None = None
+    fit_max_mm: Annotated[float, reading.within("fit_mm")] | None = None
     # of a table over a region: what its values are, and what the least and the greatest may be
     bounds: ClassVar[tuple[str, Range, Range] | None] = None
 
@@ -149,7 +139,7 @@ class Plateau(Surface):
     origin_mm: Origin
     rotation_deg: Rotation = None
     basis: Annotated[str, one_of(BASES), WORD] = POWER
-    outline_mm: Annotated[Any, reads(_outline), parts.signed(1, -1)] = None
+    outline_mm: Annotated[Any, reads(_outline), _TURNED] = None
     anterior_mm: Annotated[tuple[float, float], reads(_extent), Gives("x")]
     lateral_mm: Annotated[Extent, Gives("z")]
     coefficients_mm: Table
@@ -252,10 +242,8 @@ class RingPart(Part):
     cross_section_mm2: Number
     horn_stiffness_N_per_mm: Number
     coronary_stiffness_N_per_mm: Number
-    middle_mm: Annotated[
-        tuple[float, float], reading.numbers_within(2, "point_mm"), parts.signed(1, -1)
-    ]
-    horns_deg: Annotated[tuple[float, float], reads(_horns), Mirrored(_swapped)]
+    middle_mm: Annotated[tuple[float, float], reading.numbers_within(2, "point_mm"), _TURNED]
+    horns_deg: Annotated[tuple[float, float], reads(_horns), _SWAPPED]
     sections: Annotated[int, reads(reading.whole, 2, 60), APART] = 12
 
     def built(self) -> Ring:
@@ -263,8 +251,7 @@ class RingPart(Part):
         return Ring(
             self.youngs_modulus_MPa, self.cross_section_mm2, self.horn_stiffness_N_per_mm,
             self.coronary_stiffness_N_per_mm, self.middle_mm, np.deg2rad(self.horns_deg),
-            self.sections,
-        )  # fmt: skip
+            self.sections)
 
 
 class ContactPart(Sourced):
@@ -272,9 +259,8 @@ class ContactPart(Sourced):
 
     makes = Contact
     form: Annotated[str, one_of(FORMS), WORD]
-    points: Annotated[tuple[Count, ...], _TWO, WORD] = meaning(
-        "along both parameters of the surface; of a ring along its arc and across it", (24, 24)
-    )
+    points: Annotated[tuple[Count, ...], _TWO, WORD] = reading.meaning(
+        "along both parameters of the surface; of a ring along its arc and across it", (24, 24))
     law: Annotated[str, one_of(cartilage_law.LAWS), WORD]
     youngs_modulus_MPa: Number
     poisson_ratio: Number

@@ -72,9 +72,8 @@ def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
 def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
-    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless they are
-    given; `findings` gets sentences. Raises where the mesh has not the size or place of a femur's.
-    """
+    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless given;
+    `findings` gets sentences. Raises where the mesh has not the size or place of a femur's."""
     name = sheets[0].name
     points = np.concatenate([sheet.corners()[0] for sheet in sheets])
     width = float(np.ptp(points[:, 2]))
@@ -96,10 +95,17 @@ def find_femur(
         away = _rows(center.placement.turn(tuple(away.T)), len(away))
         return away / np.linalg.norm(away, axis=1, keepdims=True)
 
-    cloud = joined(articular(sheets, radial, by_angle, "outer", findings))
+    cloud = joined(articular(sheets, radial, "outer", findings, by_angle))
     axis = _found_axis(cloud, center, name, findings) if axis is None else axis
     if notch_mm is None:
-        notch_mm = _found_notch(cylindrical(axis, cloud.points), name)
+        angle, _, along = cylindrical(axis, cloud.points)
+        behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
+        gaps = np.diff(behind)
+        if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
+            expected = ("a gap between the condyles behind the joint, or the notch's place given; "
+                        "have femur and tibia changed places?")
+            raise InputProblem(name, "notch", "none found", expected)
+        notch_mm = float(np.mean(behind[np.argmax(gaps) :][:2]))
         findings.append(f"{Path(name).name}: the notch lies at {notch_mm:.1f} mm along the axis.")
     return Femur(cloud, axis, notch_mm)
 
@@ -108,13 +114,23 @@ def find_plateaus(
     sheets: list[Sheet], femur: Femur, tibia: Placement, findings: list[str],
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:  # fmt: skip
-    """Take sheets of the tibial cartilage apart into compartments, `medial` and `lateral`, facing
-    upwards, at the lateral place `split_mm` if it is given. Raises where they do not meet the femur
-    at the pose `tibia`, or both parts lie on one side of the notch."""
+    """Sheets of the tibial cartilage by compartments, `medial` and `lateral`, parted at the lateral
+    place `split_mm` if it is given. Raises where they do not meet the femur at the pose `tibia`."""
     name = sheets[0].name
-    facing = articular(sheets, lambda _: np.array([0.0, 1.0, 0.0]),
-                       lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p[:, 1]), "upper", findings)
-    _check_meeting(femur, joined(facing), tibia, name)
+    facing = articular(sheets, np.array([0.0, 1.0, 0.0]), "upper", findings)
+    cloud = joined(facing)
+    tibial = moved(tibia, cloud.points)
+    few, others = (points[:: max(1, len(points) // most)]
+                   for points, most in ((tibial, 500), (femur.cloud.points, 2000)))
+    distance = np.sqrt(((few[:, None] - others) ** 2).sum(axis=2).min())
+    if distance > FARTHEST_MM:
+        expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
+        raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
+    angle, radius, _ = femur.cylindrical(tibial)
+    below = np.average(np.sin(angle) * radius, weights=cloud.areas)
+    if below < 0:
+        expected = "tibial cartilage below the femoral axis; is Y superior?"
+        raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
     found: dict[str, Sheet] = {}
     for part in _parted(facing, split_mm, femur, tibia, findings):
         middle = np.average(part.centers, axis=0, weights=part.face_areas)
@@ -146,9 +162,8 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 def condyle_region(
     femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: to the end of the
-    cartilage from a margin before the foremost of the plateau's points, `tibial`, at the reference
-    pose, since a knee may extend further."""
+    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: from a margin
+    before the foremost of `tibial`, the plateau's points at the reference pose."""
     angle, _, along = femur.cylindrical(cloud.points)
     foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()
@@ -178,16 +193,20 @@ def _rows(vector, count: int) -> np.ndarray:
 
 
 def articular(
-    sheets: list[Sheet], direction, place, word: str, findings: list[str]
+    sheets: list[Sheet], direction, word: str, findings: list[str], place=None
 ) -> list[Sheet]:
     """Articular sides of one bone's sheets, turned outwards, without sheets behind another one.
-    `direction` gives unit vectors of a sheet towards the joint; `place` two parameters of points,
-    in units of a cell, and the height over them; `word` says which sheet is kept."""
+    `direction` is a unit vector towards the joint, or gives them of a sheet, and `place` then two
+    parameters of points, in cells, and the height over them; `word` says which sheet is kept."""
+    def above(points: np.ndarray):
+        across = np.delete(points, np.argmax(np.abs(direction)), axis=1)
+        return *across.T / 3.0, points @ direction
+
     facing: list[Sheet] = []
     for sheet in sheets:
         named = Path(sheet.name).name
-        towards = np.broadcast_to(direction(sheet), sheet.normals.shape)
-        along = np.einsum("ij,ij->i", sheet.normals, towards)
+        towards = direction[None] if isinstance(direction, np.ndarray) else direction(sheet)
+        along = np.einsum("ij,ij->i", sheet.normals, np.broadcast_to(towards, sheet.normals.shape))
         if sheet.closed:
             findings.append(f"{named}: a closed volume; its articular side was taken.")
             sheet = sheet.kept(along > _FACING)
@@ -196,7 +215,7 @@ def articular(
             sheet = sheet.turned()
         facing.append(sheet)
     kept: list[Sheet] = []
-    grids = [_heights(*place(sheet.corners()[0])) for sheet in facing]
+    grids = [_heights(*(place or above)(sheet.corners()[0])) for sheet in facing]
     for sheet, own in zip(facing, grids, strict=True):
         shared = ((grid, own.keys() & grid.keys()) for grid in grids if grid is not own)
         if any(2 * len(cells) >= len(own) and np.mean([grid[c] - own[c] for c in cells]) > 0
@@ -222,25 +241,22 @@ def _found_axis(cloud: Cloud, axis: Frame, name: str, findings: list[str]) -> Fr
         if len(rows) < 20:
             expected = "condyles below and behind the axis; is the frame X anterior, Y superior?"
             raise InputProblem(name, "frame", f"{len(rows)} corners there", expected)
-        axis = _nearest_cylinder(cloud.points[rows], cloud.areas[rows], axis)
+        axis = _nearest_cylinder(cloud.kept(rows), axis)
         turn = np.rad2deg(np.abs(np.asarray(axis.rotation)))
         if turn.max() > _STEEPEST_AXIS_DEG:
-            expected = (
-                f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these femoral "
-                "condyles, with X anterior, Y superior, Z to the right?"
-            )
+            expected = (f"a transverse axis within {_STEEPEST_AXIS_DEG:g} degrees of Z; are these "
+                        "femoral condyles, with X anterior, Y superior, Z to the right?")
             raise InputProblem(name, "frame", f"an axis {turn.max():.1f} degrees off", expected)
     x, y, _ = np.asarray(axis.origin)
     rx, ry, _ = np.rad2deg(np.asarray(axis.rotation))
-    findings.append(
-        f"{Path(name).name}: the transverse axis passes through ({x:.1f}, {y:.1f}) mm, turned "
-        f"{rx:.1f} and {ry:.1f} degrees about X and Y."
-    )
+    findings.append(f"{Path(name).name}: the transverse axis passes through ({x:.1f}, {y:.1f}) mm, "
+                    f"turned {rx:.1f} and {ry:.1f} degrees about X and Y.")
     return axis
 
 
-def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Frame:
-    """Axis of the cylinder nearest to points, by Gauss and Newton from a frame near it."""
+def _nearest_cylinder(cloud: Cloud, axis: Frame) -> Frame:
+    """Axis of the cylinder nearest to corners, by Gauss and Newton from a frame near it."""
+    points, areas, _ = cloud
     u = np.array([float(c) for c in axis.placement.turn((0.0, 0.0, 1.0)).full()])
     line = np.r_[np.asarray(axis.origin)[:2], u[:2] / u[2]]
     root = np.sqrt(areas / areas.sum())
@@ -262,35 +278,6 @@ def _nearest_cylinder(points: np.ndarray, areas: np.ndarray, axis: Frame) -> Fra
     return Frame([line[0], line[1], 0.0], [-np.arctan2(y, z), np.arcsin(x), 0.0])
 
 
-def _found_notch(where, name: str) -> float:
-    angle, _, along = where
-    behind = np.sort(along[(angle > np.deg2rad(110)) & (angle < np.deg2rad(230))])
-    gaps = np.diff(behind)
-    if len(gaps) == 0 or gaps.max() < _NARROWEST_NOTCH_MM:
-        expected = (
-            "a gap between the condyles behind the joint, or the notch's place given; have femur "
-            "and tibia changed places?"
-        )
-        raise InputProblem(name, "notch", "none found", expected)
-    k = int(np.argmax(gaps))
-    return float(0.5 * (behind[k] + behind[k + 1]))
-
-
-def _check_meeting(femur: Femur, cloud: Cloud, tibia: Placement, name: str) -> None:
-    tibial = moved(tibia, cloud.points)
-    few, others = (points[:: max(1, len(points) // most)]
-                   for points, most in ((tibial, 500), (femur.cloud.points, 2000)))
-    distance = np.sqrt(((few[:, None] - others) ** 2).sum(axis=2).min())
-    if distance > FARTHEST_MM:
-        expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
-        raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
-    angle, radius, _ = femur.cylindrical(tibial)
-    below = np.average(np.sin(angle) * radius, weights=cloud.areas)
-    if below < 0:
-        expected = "tibial cartilage below the femoral axis; is Y superior?"
-        raise InputProblem(name, "place", f"{-below:.0f} mm above the axis", expected)
-
-
 def _parted(
     sheets: list[Sheet], split_mm: float | None, femur: Femur, tibia: Placement, findings: list[str]
 ) -> list[Sheet]:
@@ -303,10 +290,13 @@ def _parted(
     if split_mm is None:
         split_mm, where = narrowest(sheets[0]), "where it is narrow"
         if split_mm is None:  # the insert of a prosthesis is one plate
-            split_mm = _below_notch(sheets[0], femur, tibia)
+            centers, areas = sheets[0].centers, sheets[0].face_areas
+            along = in_frame(femur.axis, moved(tibia, centers))[:, 2] - femur.notch_mm
+            lateral = float(areas[along > 0].sum() / areas.sum())
+            if min(lateral, 1.0 - lateral) < _LEAST_OF_TWO:  # it is under one of them
+                return sheets
+            split_mm = float(np.average(centers[:, 2] - along, weights=areas))
             where = "below the notch: it lies under both condyles"
-        if split_mm is None:
-            return sheets
         findings.append(f"{name}: one sheet, parted at z = {split_mm:.1f} mm, {where}.")
     parts = []
     offset = np.cumsum([0, *(len(s.points) for s in sheets[:-1])])
@@ -316,12 +306,3 @@ def _parted(
         faces = np.concatenate([face + o for face, o in zip(own, offset, strict=True)])
         parts += [Sheet(points, faces, False, sheets[0].name)] * bool(len(faces))
     return parts
-
-
-def _below_notch(sheet: Sheet, femur: Femur, tibia: Placement) -> float | None:
-    """Where a sheet under both condyles lies below the notch; None where it is under one."""
-    along = in_frame(femur.axis, moved(tibia, sheet.centers))[:, 2] - femur.notch_mm
-    lateral = float(sheet.face_areas[along > 0].sum() / sheet.face_areas.sum())
-    if min(lateral, 1.0 - lateral) < _LEAST_OF_TWO:
-        return None
-    return float(np.average(sheet.centers[:, 2] - along, weights=sheet.face_areas))

@@ -5,7 +5,6 @@ Repairs are said in findings, one sentence each. What cannot be repaired is refu
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,7 +12,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from kneejax.files.meshes.points import MeshPoints, read_mesh_points
+from kneejax.files.meshes.points import MeshPoints
 from kneejax.files.reading import InputProblem, counted
 
 #: Corners closer than this are one, mm.
@@ -79,28 +78,35 @@ class Sheet(NamedTuple):
         return self.points[used], area, raw / np.where(length > 0, length, 1.0)
 
 
-def read_sheets(path: str | os.PathLike[str], unit: str = "auto") -> tuple[list[Sheet], list[str]]:
-    """Read a mesh (see `read_mesh_points`), repair it, and take it apart into connected sheets."""
-    return take_apart(read_mesh_points(path, unit), os.fspath(path))
-
-
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """Repair a mesh, which findings call by a name, and take it apart into connected sheets, the
-    largest first, without fragments of less than a twentieth of the area; a sentence for each
-    repair."""
+    """Repair a mesh of this name, and take it apart into connected sheets, the largest first,
+    without fragments of less than a twentieth of the area; also a sentence for each repair."""
+    from trimesh.grouping import group_rows
+
     findings: list[str] = []
     named = Path(name).name
     if mesh.scale != 1.0:
         findings.append(f"{named}: lengths were multiplied by {mesh.scale:g} to be in mm.")
     points, faces = _cleaned(mesh, name, findings)
-    pairs, same_way, open_edges, branching = _edges(faces)
+    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    ends, forwards = np.sort(edges, axis=1), edges[:, 0] < edges[:, 1]
+    alone, two = (np.asarray(group_rows(ends, require_count=count)) for count in (1, 2))
+    branching = len(np.unique(ends, axis=0)) - len(alone) - len(two)
     if branching > _MOST_BRANCHING * 1.5 * len(faces):
         raise InputProblem(name, "edges", f"{branching} with more than two triangles", "a surface")
     if branching:
         findings.append(f"{named}: {counted(branching, 'edge')} of more than two triangles, kept.")
-    part, flip = _connected(len(faces), pairs, same_way)
+    # Parts, and faces that are wound against their part's first: in a graph with a node for each
+    # face as it is, and one for it turned, an edge joins those wound alike.
+    count, (first, second), (one, other) = len(faces), (two // 3).T, forwards[two].T
+    wound = second + count * (one == other), second + count * (one != other)
+    part, own = (
+        connected_components(coo_array((np.ones(len(a)), (a, b)), (size, size)), directed=False)[1]
+        for a, b, size in ((first, second, count),
+                           (np.r_[first, first + count], np.r_[wound], 2 * count)))
+    flip = own[:count] != own[np.unique(part, return_index=True)[1][part]]
     boundary = np.zeros(part.max() + 1, bool)
-    boundary[part[open_edges]] = True
+    boundary[part[alone // 3]] = True
     sheets, turned = [], 0
     for number in range(part.max() + 1):
         rows = part == number
@@ -147,9 +153,8 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
 
 
 def check_holes(sheet: Sheet, findings: list[str], bordered: bool = True) -> None:
-    """Add a sentence for each hole of a sheet; InputProblem for one wider than `LARGEST_HOLE_MM`,
-    which is too large to be bridged. The border of a sheet is no hole, unless it should have
-    none."""
+    """Add a sentence for each hole of a sheet; raises for one too wide to be bridged. The border of
+    a sheet is no hole, unless it should have none."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
     is_border = bordered and lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
@@ -160,9 +165,8 @@ def check_holes(sheet: Sheet, findings: list[str], bordered: bool = True) -> Non
             expected = f"holes of at most {LARGEST_HOLE_MM:g} mm"
             value = f"a hole of {diameter:.0f} mm at ({place}) mm"
             raise InputProblem(sheet.name, "faces", value, expected)
-        findings.append(
-            f"{named}: a hole of {diameter:.1f} mm at ({place}) mm; the fit bridges it."
-        )
+        said = f"a hole of {diameter:.1f} mm at ({place}) mm; the fit bridges it."
+        findings.append(f"{named}: {said}")
 
 
 def _length(line: np.ndarray) -> float:
@@ -171,9 +175,8 @@ def _length(line: np.ndarray) -> float:
 
 def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarray, np.ndarray]:
     """Corners, those that coincide as one, and triangles with area, each once."""
-    _, first, place = np.unique(
-        np.round(mesh.points_mm / _SAME_MM), axis=0, return_index=True, return_inverse=True
-    )
+    _, first, place = np.unique(np.round(mesh.points_mm / _SAME_MM), axis=0, return_index=True,
+                                return_inverse=True)
     count, named = len(mesh.points_mm) - len(first), Path(name).name
     if count:
         findings.append(f"{named}: corners that coincide with others, merged: {count}.")
@@ -187,36 +190,9 @@ def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarr
             findings.append(f"{named}: left out {counted(wrong.sum(), 'triangle')} {what}.")
     faces = faces[~(flat | twice)]
     if len(faces) < 4:
-        value = f"{len(faces)} with area"
-        raise InputProblem(name, "faces", value, "a mesh of triangles with area")
+        expected = "a mesh of triangles with area"
+        raise InputProblem(name, "faces", f"{len(faces)} with area", expected)
     return points, faces
-
-
-def _edges(faces: np.ndarray):
-    """Pairs of faces that share an edge, whether both run along it the same way, rows with open
-    edges, and the number of edges with more than two faces."""
-    from trimesh.grouping import group_rows
-
-    edges = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    ends, (first, second) = np.sort(edges, axis=1), edges.T
-    alone, two = (np.asarray(group_rows(ends, require_count=count)) for count in (1, 2))
-    several = len(np.unique(ends, axis=0)) - len(alone) - len(two)
-    one, other = (first < second)[two].T
-    return two // 3, one == other, alone // 3, several
-
-
-def _connected(count: int, pairs: np.ndarray, same_way: np.ndarray):
-    """Number of the part of each face, and whether it is wound against the part's first face."""
-    # A node for each face as it is, and one for it turned: an edge joins those wound alike.
-    first, second = pairs.T
-    ends = np.r_[first, first + count], np.r_[second + count * same_way, second + count * ~same_way]
-    labels = [
-        connected_components(coo_array((np.ones(len(a)), (a, b)), (size, size)), directed=False)[1]
-        for (a, b), size in (((first, second), count), (ends, 2 * count))
-    ]
-    part, wound = labels
-    leader = np.unique(part, return_index=True)[1][part]
-    return part, wound[:count] != wound[leader]
 
 
 def narrowest(sheet: Sheet) -> float | None:

@@ -10,10 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from kneejax.files.knee import mirror_part
+from kneejax.files.knee.document import mirror_part
 from kneejax.files.meshes import anatomy
 from kneejax.files.meshes import surfaces as fitted
-from kneejax.files.meshes.health import Sheet, check_holes, read_sheets
+from kneejax.files.meshes.health import Sheet, check_holes, take_apart
+from kneejax.files.meshes.points import read_mesh_points
 from kneejax.files.meshes.surfaces import SheetFit
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import Condyle, Frame, Placement, Pose
@@ -116,40 +117,32 @@ class MeshOptions:
             value = getattr(self, field)
             if value is not None and not RANGES[field].holds(value):
                 raise InputProblem(option, what, value, RANGES[field].expected(value))
-        if self.thickness != "constant" and self.layer_thickness_mm is not None:
-            expected = "constant, where --layer-thickness gives one number"
-            raise InputProblem("--thickness", "thickness", self.thickness, expected)
-        if self.thickness != "constant" and self.femur_bone is None:
-            expected = "both bone meshes, for a field"
-            raise InputProblem("--thickness", "thickness", self.thickness, expected)
-        if self.axis_point_mm is None and any(self.axis_rotation_deg):
-            expected = "a point of the axis too, where --axis-rotation is given"
-            raise InputProblem("--axis-point", "axis", "missing", expected)
-        lower, upper = self.angle_deg or (0.0, 180.0)
-        if not (-180 <= lower and upper <= 360 and upper - lower >= _SMALLEST_ANGLE_DEG):
-            expected = (
-                "two angles in degrees from anterior (0) through distal (90) to posterior (180), "
-                f"the second larger by {_SMALLEST_ANGLE_DEG:g} at least"
-            )
-            raise InputProblem("--angle", "region", f"{lower:g} {upper:g}", expected)
+        varies, (lower, upper) = self.thickness != "constant", self.angle_deg or (0.0, 180.0)
+        allowed = -180 <= lower and upper <= 360 and upper - lower >= _SMALLEST_ANGLE_DEG
+        for wrong, option, what, value, expected in (
+            (varies and self.layer_thickness_mm is not None, "--thickness", "thickness",
+             self.thickness, "constant, where --layer-thickness gives one number"),
+            (varies and self.femur_bone is None, "--thickness", "thickness", self.thickness,
+             "both bone meshes, for a field"),
+            (self.axis_point_mm is None and any(self.axis_rotation_deg), "--axis-point", "axis",
+             "missing", "a point of the axis too, where --axis-rotation is given"),
+            (not allowed, "--angle", "region", f"{lower:g} {upper:g}",
+             "two angles in degrees from anterior (0) through distal (90) to posterior (180), the "
+             f"second larger by {_SMALLEST_ANGLE_DEG:g} at least"),
+        ):  # fmt: skip
+            if wrong:
+                raise InputProblem(option, what, value, expected)
 
 
 @dataclasses.dataclass(frozen=True)
 class MeshImport:
-    """Contacts and surfaces fitted to meshes.
+    """Contacts and surfaces fitted to meshes."""
 
-    Attributes:
-        contacts: name -> contact of a knee document, of the side that was given.
-        findings: what was found, repaired and assumed, one sentence each.
-        fits: `medial condyle`, `medial plateau`, ..., `patella`, `trochlea` -> its fit.
-        doubtful: whether a fit misses the target.
-        patellofemoral: the contact of femur and patella; None without its mesh.
-    """
-
-    contacts: dict[str, dict[str, Any]]
-    findings: tuple[str, ...]
-    fits: dict[str, SheetFit]
-    doubtful: bool
+    contacts: dict[str, dict[str, Any]]  # of a knee document, by name, of the side that was given
+    findings: tuple[str, ...]  # what was found, repaired and assumed, a sentence each
+    fits: dict[str, SheetFit]  # `medial condyle`, `medial plateau`, ..., `patella`, `trochlea`
+    doubtful: bool  # whether a fit misses the target
+    # the contact of femur and patella; None without its mesh
     patellofemoral: dict[str, Any] | None = None
 
 
@@ -227,8 +220,8 @@ def import_meshes(
         said = "given at import" if given_mm else "assumed"
         patellofemoral = _contact(options, patella, layer, surfaces, said, left)
     if given_mm is None and bones is None:
-        assumed = f"the layer is taken as {fitted.ASSUMED_MM:g} mm thick"
-        findings.append(f"No bone meshes, no thickness: {assumed}.")
+        findings.append("No bone meshes, no thickness: the layer is taken as "
+                        f"{fitted.ASSUMED_MM:g} mm thick.")
     if given_mm is not None and options.femur_bone is not None:
         findings.append("The layer's thickness was given: the bone meshes were not read.")
     doubtful = any(fit.quality.rms > TARGET_RMS_MM for fit in fits.values())
@@ -237,7 +230,7 @@ def import_meshes(
 
 def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> list[Sheet]:
     """Sheets of a mesh; those of a left knee as in a mirror."""
-    sheets, said = read_sheets(path, unit)
+    sheets, said = take_apart(read_mesh_points(path, unit), os.fspath(path))
     findings.extend(said)
     if left:
         sheets = [s._replace(points=s.points * _MIRROR).turned() for s in sheets]
@@ -266,7 +259,6 @@ def find_bones(
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", options.split_mm, expected)
     return femur, plateaus
-
 
 
 def judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str]) -> None:
@@ -309,13 +301,12 @@ def spread_points(extents: Iterable[float], least: int = 8) -> list[int]:
 def surface_entry(part: SheetFit, stated: str) -> dict[str, Any]:
     """An entry of a knee document."""
     surface = part.fit.surface
-    names = "plateau", "origin_mm", "rotation_deg"
     if isinstance(surface, Condyle):
-        names = "condyle", "axis_point_mm", "axis_rotation_deg"
+        kind, origin, rotation = "condyle", "axis_point_mm", "axis_rotation_deg"
         limits = {"angle_deg": np.rad2deg(surface.angle), "width_mm": surface.width}
     else:
+        kind, origin, rotation = "plateau", "origin_mm", "rotation_deg"
         limits = {"outline_mm": surface.outline, "anterior_mm": surface.x, "lateral_mm": surface.z}
-    kind, origin, rotation = names
     entry: dict[str, Any] = {"kind": kind, origin: listed(surface.frame.origin)}
     if surface.frame.rotation is not None:
         entry[rotation] = listed(np.rad2deg(surface.frame.rotation))

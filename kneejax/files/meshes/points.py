@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -35,19 +35,12 @@ _NEAREST = 24
 
 @dataclasses.dataclass(frozen=True)
 class MeshPoints:
-    """A triangle mesh whose corners are shared.
+    """A triangle mesh whose corners are shared."""
 
-    Attributes:
-        points_mm: corners, shape `(n, 3)`, mm.
-        normals: outward unit normals at the corners, shape `(n, 3)`.
-        faces: rows of three corners, shape `(m, 3)`.
-        scale: mm per unit of the file.
-    """
-
-    points_mm: np.ndarray
-    normals: np.ndarray
-    faces: np.ndarray
-    scale: float
+    points_mm: np.ndarray  # corners, `(n, 3)`, mm
+    normals: np.ndarray  # outward unit normals at the corners, `(n, 3)`
+    faces: np.ndarray  # rows of three corners, `(m, 3)`
+    scale: float  # mm per unit of the file
 
 
 def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPoints:
@@ -88,12 +81,8 @@ def read_mesh_points(path: str | os.PathLike[str], unit: str = "auto") -> MeshPo
             expected = "a diagonal below 1 (metres) or between 10 and 2000 (mm), or a unit given"
             raise InputProblem(path, "bounding box", f"diagonal {size:.4g}", expected)
         scale = 1000.0 if size < 1 else 1.0
-    return MeshPoints(
-        points_mm=np.array(mesh.vertices, float) * scale,
-        normals=np.array(mesh.vertex_normals, float),
-        faces=np.array(mesh.faces, int),
-        scale=scale,
-    )
+    return MeshPoints(np.array(mesh.vertices, float) * scale, np.array(mesh.vertex_normals, float),
+                      np.array(mesh.faces, int), scale)
 
 
 def bone_surface(
@@ -222,57 +211,23 @@ def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
     return np.array(points, float), np.array(corners, int).reshape(-1, 3)
 
 
-# Whether the file of a mesh is complete: parsers read a part without a word.
-
-
-class _Rows(NamedTuple):
-    """A kind of row of a PLY file: how many, and the type of each property, two for a list."""
-
-    name: str
-    count: int
-    properties: list[tuple[str, ...]]
-
-
 def _check_ply(path: Path, data: bytes) -> None:
-    form, elements, body = _ply_header(path, data)
-    expected = " and ".join(f"{one.count} rows of {one.name}" for one in elements)
-    expected += ", as the header says"
-    if form == "ascii":
-        rows = [line.split() for line in body.split(b"\n") if line.strip()]
-        first = 0
-        for one in elements:
-            for number, row in enumerate(rows[first : first + one.count], 1):
-                if len(row) != _numbers_of(row, one):
-                    found = counted(len(row), "number")
-                    raise InputProblem(path, f"{one.name}, row {number}", found, "a whole row")
-            first += one.count
-        if len(rows) != first:
-            raise InputProblem(path, "rows", len(rows), expected)
-        return
-    there, end, order = len(body), 0, "<" if form == "binary_little_endian" else ">"
-    for one in elements:
-        end = _end_of_rows(body, end, one, order)
-        if end > there:
-            raise InputProblem(path, "rows", f"the end of the file in {one.name}", expected)
-    if body[end:].strip():
-        raise InputProblem(path, "rows", counted(there - end, "byte") + " more", expected)
-
-
-def _ply_header(path: Path, data: bytes) -> tuple[str, list[_Rows], bytes]:
+    """Whether the file is complete: parsers read a part without a word."""
     found = re.match(rb"ply\r?\n(?P<lines>.*?)end_header[ \t]*(\r\n|\n|\r)", data, re.DOTALL)
     if found is None:
         raise InputProblem(path, "header", "not complete", "a triangle mesh in PLY")
-    form, elements = "", []
+    # Of each kind of row its name, how many, and the types of its properties, two of a list.
+    form, elements = "", list[tuple[str, int, list[tuple[str, ...]]]]()
     for line in found["lines"].decode("ascii", "replace").splitlines():
         match line.split():
             case ["format", ("ascii" | "binary_little_endian" | "binary_big_endian") as form, _]:
                 pass
             case ["element", name, count] if re.fullmatch("[0-9]{1,9}", count):
-                elements.append(_Rows(name, int(count), []))
+                elements.append((name, int(count), []))
             case ["property", "list", count, kind, _] if elements and count in _COUNTS:
-                elements[-1].properties.append((count, kind))
+                elements[-1][2].append((count, kind))
             case ["property", kind, _] if elements and kind in _TYPES:
-                elements[-1].properties.append((kind,))
+                elements[-1][2].append((kind,))
             case [("comment" | "obj_info"), *_] | []:
                 pass
             case _:
@@ -280,13 +235,32 @@ def _ply_header(path: Path, data: bytes) -> tuple[str, list[_Rows], bytes]:
     if not form or not elements:
         lacks = "no elements" if form else "no format"
         raise InputProblem(path, "header", lacks, "a triangle mesh in PLY")
-    return form, elements, data[found.end() :]
+    body, expected = data[found.end() :], " and ".join(f"{n} rows of {x}" for x, n, _ in elements)
+    expected += ", as the header says"
+    if form == "ascii":
+        rows, first = [line.split() for line in body.split(b"\n") if line.strip()], 0
+        for name, count, properties in elements:
+            for number, row in enumerate(rows[first : first + count], 1):
+                if len(row) != _numbers_of(row, properties):
+                    shown = counted(len(row), "number")
+                    raise InputProblem(path, f"{name}, row {number}", shown, "a whole row")
+            first += count
+        if len(rows) != first:
+            raise InputProblem(path, "rows", len(rows), expected)
+        return
+    there, end, order = len(body), 0, "<" if form == "binary_little_endian" else ">"
+    for name, count, properties in elements:
+        end = _end_of_rows(body, end, count, properties, order)
+        if end > there:
+            raise InputProblem(path, "rows", f"the end of the file in {name}", expected)
+    if body[end:].strip():
+        raise InputProblem(path, "rows", counted(there - end, "byte") + " more", expected)
 
 
-def _numbers_of(row: list[bytes], rows: _Rows) -> int:
+def _numbers_of(row: list[bytes], properties: list[tuple[str, ...]]) -> int:
     """Numbers that a row of an ASCII file should have; lists say how long they are."""
     place = 0
-    for kinds in rows.properties:
+    for kinds in properties:
         if len(kinds) == 1:
             place += 1
         elif place < len(row) and row[place].isdigit():
@@ -296,14 +270,15 @@ def _numbers_of(row: list[bytes], rows: _Rows) -> int:
     return place
 
 
-def _end_of_rows(body: bytes, begin: int, rows: _Rows, order: str) -> int:
-    """Where the rows of an element end in a binary file, if it is long enough."""
-    sizes = [[np.dtype(_TYPES.get(kind, "u1")).itemsize for kind in kinds]
-             for kinds in rows.properties]
+def _end_of_rows(
+    body: bytes, begin: int, count: int, properties: list[tuple[str, ...]], order: str
+) -> int:
+    """Where so many rows end in a binary file, if it is long enough."""
+    sizes = [[np.dtype(_TYPES.get(kind, "u1")).itemsize for kind in kinds] for kinds in properties]
     if all(len(one) == 1 for one in sizes):
-        return begin + rows.count * sum(size for (size,) in sizes)
-    for _ in range(rows.count):
-        for kinds, size in zip(rows.properties, sizes, strict=True):
+        return begin + count * sum(size for (size,) in sizes)
+    for _ in range(count):
+        for kinds, size in zip(properties, sizes, strict=True):
             if len(kinds) == 2:
                 head = body[begin : begin + size[0]]
                 if len(head) < size[0]:
@@ -320,10 +295,9 @@ def _check_stl(path: Path, data: bytes) -> None:
         return
     words = [word.lower() for word in data.split()]
     if words[:1] != [b"solid"] or b"\x00" in data:
-        expected = "a triangle mesh in STL"
-        if says >= 0:
-            expected += f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}"
-        raise InputProblem(path, "file", counted(len(data), "byte"), expected)
+        lengths = f": {_STL_HEAD} bytes, then {says} triangles of {_STL_FACET}" * (says >= 0)
+        raise InputProblem(path, "file", counted(len(data), "byte"),
+                           f"a triangle mesh in STL{lengths}")
     facets, loops, ends, corners = (
         words.count(word) for word in (b"outer", b"endloop", b"endfacet", b"vertex"))
     if facets and b"endsolid" not in words:
@@ -335,17 +309,14 @@ def _check_stl(path: Path, data: bytes) -> None:
 
 def _check_obj(path: Path, data: bytes) -> None:
     for number, line in enumerate(data.splitlines(), 1):
-        words = line.split(b"#")[0].split()
-        if not words or words[0] not in (b"v", b"f"):
-            continue
-        good, expected = len(words) >= 4, "three coordinates of a corner"
-        if words[0] == b"v":
+        words, good, expected = line.split(b"#")[0].split(), True, ""
+        if words[:1] == [b"v"]:
             numbers = (plain_number(word.decode("ascii", "replace")) for word in words[1:4])
-            good = good and all(x is not None for x in numbers)
-        else:
-            good = good and all(_OBJ_CORNER.fullmatch(word) for word in words[1:])
+            good, expected = all(x is not None for x in numbers), "three coordinates of a corner"
+        elif words[:1] == [b"f"]:
+            good = all(_OBJ_CORNER.fullmatch(word) for word in words[1:])
             expected = "three corners of a face or more"
-        if not good:
+        if expected and not (good and len(words) >= 4):
             found = b" ".join(words).decode("utf-8", "replace")
             raise InputProblem(path, f"line {number}", found, expected)
 

@@ -60,17 +60,11 @@ class FitQuality(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class SheetFit:
-    """A fitted articular surface.
+    """A fitted articular surface."""
 
-    Attributes:
-        fit: the spline and its residuals, in the frames of a right knee.
-        region: mask of its points that lie in the contact region.
-        quality: what is left over there.
-    """
-
-    fit: SplineFit
-    region: np.ndarray
-    quality: FitQuality
+    fit: SplineFit  # the spline and its residuals, in the frames of a right knee
+    region: np.ndarray  # mask of its points that lie in the contact region
+    quality: FitQuality  # what is left over there
 
 
 def fit_compartment(
@@ -98,9 +92,8 @@ def fit_compartment(
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets: one surface of the femur's cartilage
-    from its upper border down and around both condyles, which overlaps with those that meet the
-    tibia: no load is handed over from one to another. Across the notch it falls off."""
+    """Fits of the patella and of the groove that it meets: one surface from the upper border of the
+    femur's cartilage around both condyles, which overlaps with those that meet the tibia."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
     angle, _, along = femur.cylindrical(cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
@@ -112,18 +105,15 @@ def fit_patellofemoral(
 def fit_patella(
     sheets: list[Sheet], findings: list[str], splines: dict[str, float]
 ) -> SplineFit[Plateau]:
-    """Fit a spline to the patella's cartilage: how far back it reaches, over height and width.
-    Sheets are in the patella's frame, of a right knee: X anterior, Y superior, Z lateral. Raises
-    where they are no patella's cartilage that faces backwards, in one sheet."""
+    """Fit a spline to the patella's cartilage, in its frame: how far back it reaches, over height
+    and width. Raises where it is no one sheet of a patella that faces backwards."""
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))
     low, high = _PATELLA_WIDTHS_MM
     if not low < width < high:
         expected = f"a patellar cartilage {low:g} to {high:g} mm wide (along Z)"
         raise InputProblem(name, "width", f"{width:.3g} mm", expected + "; is the unit right?")
-    facing = anatomy.articular(
-        sheets, lambda _: np.array([-1.0, 0.0, 0.0]),
-        lambda p: (p[:, 1] / 3.0, p[:, 2] / 3.0, -p[:, 0]), "rear", findings)
+    facing = anatomy.articular(sheets, np.array([-1.0, 0.0, 0.0]), "rear", findings)
     if len(facing) > 1:
         raise InputProblem(name, "sheets", f"{len(facing)} of them", "one sheet")
     (sheet,) = facing
@@ -132,8 +122,8 @@ def fit_patella(
         towards = f"({', '.join(f'{x:.1f}' for x in mean)}) on average"
         expected = "a surface that faces backwards, (-1, 0, 0); is X anterior and Y superior?"
         raise InputProblem(name, "frame", towards, expected)
-    cloud = anatomy.joined([sheet])
-    frame = Frame(np.average(cloud.points, axis=0, weights=cloud.areas), _BACKWARDS)
+    points, areas, _ = sheet.corners()
+    frame = Frame(np.average(points, axis=0, weights=areas), _BACKWARDS)
     try:
         return _fit_plateau(sheet, frame, splines)
     except ValueError as error:
@@ -144,9 +134,8 @@ def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Which points of a condyle and its plateau can touch: masks of both. The plateau, with points
-    `(n, 3)` at the reference pose in the femur's frame, is carried around the femoral axis as by a
-    hinge, and slid along itself. At each place the gap counts from where it is smallest: the pose
-    of the meshes need not be one of contact."""
+    `(n, 3)` at the reference pose, is carried around the femoral axis as by a hinge, and slid along
+    itself. Gaps count from the smallest: the pose of the meshes need not be one of contact."""
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, touched = np.zeros(len(tibial), bool), []
@@ -172,10 +161,10 @@ def contact_regions(
 def _fit_plateau(sheet: Sheet, frame: Frame, splines: dict[str, float]) -> SplineFit[Plateau]:
     """A height over the plane of a frame, within the outline of a sheet."""
     cloud = anatomy.joined([sheet])
-    local = anatomy.in_frame(frame, cloud.points)
-    x, z = ((float(c.min()), float(c.max())) for c in (local[:, 0], local[:, 2]))
-    given = {**splines, "outline": np.round(anatomy.outline(sheet, frame), 3)}
-    return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, **given)
+    x, _, z = ((float(c.min()), float(c.max())) for c in anatomy.in_frame(frame, cloud.points).T)
+    outline = np.round(anatomy.outline(sheet, frame), 3)
+    return geometry.fit_plateau_spline(cloud.points, x, z, frame, cloud.areas, outline=outline,
+                                       **splines)
 
 
 def sheet_fit(fit: SplineFit, femur: Femur | None, region: np.ndarray | None = None) -> SheetFit:
@@ -231,12 +220,11 @@ def find_layer(
     name: str, condyle: SheetFit, plateau: SheetFit, femur: Femur, sheet: Sheet,
     bones: tuple[list[Sheet], list[Sheet]] | None, kind: str, findings: list[str],
 ) -> Layer:  # fmt: skip
-    """Measure the layer of a compartment between the surfaces of the bones, where they are known:
-    `constant`, or a `field` over the plateau's parameters. Raises where cartilage lies below its
-    bone."""
+    """The layer of a compartment between the bones' surfaces, where known: `constant`, or a `field`
+    over the plateau's parameters. Raises where cartilage lies below its bone."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
-    wanted = {tuple(p) for p in condyle.fit.points[condyle.region].tolist()}
+    wanted = {*map(tuple, condyle.fit.points[condyle.region].tolist())}
     on_condyle = femur.cloud.kept([tuple(p) in wanted for p in femur.cloud.points.tolist()])
     tibial = anatomy.joined([sheet])
     above_femur = thickness(on_condyle, bones[0], f"{name} femoral")
@@ -246,10 +234,8 @@ def find_layer(
         float(np.average(above[rows], weights=cloud.areas[rows])) for above, rows, cloud in (
             (above_femur, np.isfinite(above_femur), on_condyle),
             (above_tibia, known & plateau.region, tibial)))
-    findings.append(
-        f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on the tibia, on "
-        "average over the contact region."
-    )
+    findings.append(f"{name}: cartilage {femoral:.2f} mm thick on the femur and {own:.2f} mm on "
+                    "the tibia, on average over the contact region.")
     mean = femoral + own
     if mean < _THINNEST_MM:
         value = f"{mean:.2f} mm in the {name} contact region"
@@ -265,44 +251,30 @@ def find_layer(
     # The femoral share is its mean, since that part moves. What lies outside the contact region
     # steers a field little, and keeps it in bounds.
     weights = np.where(plateau.region, 1.0, 0.1)[known] * tibial.areas[known]
-    s, t, values, weights = _with_corners(s, t, femoral + above_tibia[known] - mean, weights)
+    values = femoral + above_tibia[known] - mean
+    # Places beyond the sheet, as thick as the nearest of its own, hold a field there.
+    a, b = (x.ravel() for x in np.meshgrid(*[np.linspace(-1.0, 1.0, 11)] * 2))
+    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
+    nearest = np.argmin(apart, axis=1)
+    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
+    s, t, values = np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]]
+    weights = np.r_[weights, np.full(beyond.sum(), 0.5 * weights.sum() / len(a))]
     grid = np.linspace(-1.0, 1.0, 25)
     for degree in _DEGREES:
-        table = _fitted(s, t, values, weights, degree)
+        # The nearest polynomial of this whole degree.
+        table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
+        powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
+        columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
+        table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
         field = mean + polynomial.polygrid2d(grid, grid, table)
         if field.min() >= _THINNEST_MM:
             off = values - polynomial.polyval2d(s, t, table)
             rms = float(np.sqrt(np.average(off**2, weights=weights)))
-            findings.append(
-                f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as a polynomial "
-                f"of degree {degree}, {rms:.2f} mm rms from the measured."
-            )
+            findings.append(f"{name}: thickness from {field.min():.1f} to {field.max():.1f} mm as "
+                            f"a polynomial of degree {degree}, {rms:.2f} mm rms from the measured.")
             return Layer(mean, source, table)
     findings.append(f"{name}: the thickness varies too much for a smooth field; constant instead.")
     return Layer(mean, source)
-
-
-def _with_corners(s, t, values, weights):
-    """With places beyond the sheet, as thick as the nearest of its own: they hold a field there."""
-    grid = np.linspace(-1.0, 1.0, 11)
-    a, b = (x.ravel() for x in np.meshgrid(grid, grid))
-    apart = (a[:, None] - s) ** 2 + (b[:, None] - t) ** 2
-    nearest = np.argmin(apart, axis=1)
-    beyond = apart[np.arange(len(a)), nearest] > 0.1**2
-    own = np.full(beyond.sum(), 0.5 * weights.sum() / len(a))
-    return (
-        np.r_[s, a[beyond]], np.r_[t, b[beyond]], np.r_[values, values[nearest[beyond]]],
-        np.r_[weights, own],
-    )  # fmt: skip
-
-
-def _fitted(s, t, values, weights, degree: int) -> np.ndarray:
-    """Coefficients of the nearest polynomial of a whole degree."""
-    table, root = np.zeros((degree + 1, degree + 1)), np.sqrt(weights)
-    powers = np.add.outer(range(degree + 1), range(degree + 1)) <= degree
-    columns = polynomial.polyvander2d(s, t, [degree, degree])[:, powers.ravel()]
-    table[powers] = np.linalg.lstsq(columns * root[:, None], root * values, rcond=None)[0]
-    return table
 
 
 def distances_along(
@@ -364,7 +336,6 @@ def _nearest(points, directions, a, b, c, sided) -> np.ndarray:
     hit = ok & (u >= -slack) & (v >= -slack) & (u + v <= 1.0 + slack)
     hit &= (entering > 0) | ~sided
     hit &= (distance > -HIGHEST_MM) & (distance < DEEPEST_MM)
-    size = np.where(hit, np.abs(distance), np.inf)
-    best = np.argmin(size, axis=1)
+    best = np.argmin(np.where(hit, np.abs(distance), np.inf), axis=1)
     rows = np.arange(len(points))
-    return np.where(np.isfinite(size[rows, best]), distance[rows, best], np.nan)
+    return np.where(hit[rows, best], distance[rows, best], np.nan)

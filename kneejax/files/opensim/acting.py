@@ -10,7 +10,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from kneejax.files.knee import build_obstacle, mirror_part
+from kneejax.files.knee.document import mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.opensim import ligaments as fibres
 from kneejax.files.opensim.exact import Rigid
 from kneejax.files.opensim.frames import Registration
@@ -96,14 +97,14 @@ def read_external_loads(
         found.append(ExternalForce(element.name, *bodies, *rows, point_columns=columns[1]))
         # A torque is another force's where that one's name begins more like the name of this force,
         # but for the word that says which it is.
-        first = columns[0][0].lower()
+        first, spin = columns[0][0].lower(), columns[2][:1]
         likeness = {
             name: len(os.path.commonprefix([name.lower().replace("torque", "force"), first]))
-            for name in (*columns[2][:1], *spins)
+            for name in (*spin, *spins)
         }
         nearest = max(likeness, key=lambda name: likeness[name], default="")
-        if columns[2] and likeness[nearest] > likeness[columns[2][0]]:
-            own, better = (name[:-1].rstrip("_") for name in (columns[2][0], nearest))
+        if spin and likeness[nearest] > likeness[spin[0]]:
+            own, better = (name[:-1].rstrip("_") for name in (*spin, nearest))
             doubts.append(f"{Path(path).name}: force {element.name} takes its torque from {own}; "
                           f"{better} would fit its force.")
     if not found:
@@ -114,10 +115,9 @@ def read_external_loads(
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Force and moment of the ground on some bodies of a model that moves, at times `(n,)`, s, in
-    the ground's axes and about its origin, `(n, 3)` each, N and N m; between rows both are
-    straight. Also a sentence on each force that can hardly be that of its body; raises where its
-    point is so far away that it must be in another unit."""
+    """Force and moment of the ground on some bodies of a model at times `(n,)`, s, in the ground's
+    axes and about its origin, `(n, 3)` each, N and N m, straight between rows; a sentence on each
+    force that can hardly be that of its body. Raises where its point must be in another unit."""
     def between(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time, loads.table.time, x) for x in values.T], axis=1)
 
@@ -156,15 +156,13 @@ def on_bodies(
         if away[row] > _NOWHERE_M:
             shown = ", ".join(f"{x:g}" for x in point[row])
             suspected = "; mm are suspected" if np.abs(point[row]).max() > 10.0 else ""
-            raise InputProblem(
-                loads.table.file, ", ".join(one.point_columns), f"({shown}) at {time[row]:g} s",
-                f"a point of {one.body} in m, which is {away[row]:,.1f} m away{suspected}",
-            )
+            expected = f"a point of {one.body} in m, which is {away[row]:,.1f} m away{suspected}"
+            raise InputProblem(loads.table.file, ", ".join(one.point_columns),
+                               f"({shown}) at {time[row]:g} s", expected)
         if away[row] > _FAR_M:
-            doubts.append(
-                f"{name} acts {away[row]:.2f} m away from it at {time[row]:g} s, farther than a "
-                "foot is long: another foot's plate, or an origin that is not the model's?"
-            )
+            doubts.append(f"{name} acts {away[row]:.2f} m away from it at {time[row]:g} s, farther "
+                          "than a foot is long: another foot's plate, or an origin that is not the "
+                          "model's?")
     return force, moment, doubts
 
 
@@ -183,17 +181,14 @@ def of_contacts(
         if names[0] in table.columns and {carriers.get(word, "") for word in words} & bodies:
             both = both - table.at(time, names, degree=1).T
     return both[:, :3], both[:, 3:]
+
+
 class Way(NamedTuple):
     """The piece of the path of a muscle or a ligament that spans the knee."""
 
     element: Element
     ends: dict[str, np.ndarray]  # last point above the knee and first below, by bone, `(n, 3)`, m
     length: np.ndarray  # of the whole path between its points, m, `(n,)`
-
-    @property
-    def name(self) -> str:
-        """Of the muscle or ligament."""
-        return self.element.name
 
 
 def crossing(
@@ -283,14 +278,16 @@ def recorded_muscles(
         raise InputProblem(table.file, most, f"{high:g}", f"muscle forces, {RANGES['tension_N']}")
     (over, ligaments, on_patella), straight = crossing(movement, knee, below), []
     by_name = {last_word(name): name for name in table.columns}
-    for name in (*(way.name for way in over), *on_patella):
+    names = [way.element.name for way in over]
+    for name in (*names, *on_patella):
         if name not in by_name:
             table.named(name, "a muscle over the knee")
 
     def tensions(names) -> np.ndarray:
         return np.maximum(table.at(time, [by_name[name] for name in names]), 0.0)
 
-    ways, tension = [*over, *ligaments], [*tensions(way.name for way in over)]
+    ways, tension = [*over, *ligaments], [*tensions(names)]
+    names += [way.element.name for way in ligaments]
     for ligament in ligaments:
         slack, stiffness, transition = (ligament.element.number(*one) for one in (
             ("slack_length", "0"), ("linear_stiffness", "1"), ("transition_strain", "0.06")))
@@ -307,25 +304,22 @@ def recorded_muscles(
         entry = wrap.document(knee, "")
         entry, bone = mirror_part(entry) if knee.side == "l" else entry, entry["bone"]
         center = np.add(entry["center_mm"], getattr(shifts, bone)).tolist()
-        obstacle = build_obstacle(entry | {"center_mm": center})
+        obstacle = build_surface(entry | {"center_mm": center})
         # As OpenSim has it: what ends inside an obstacle at any instant does not lie around it.
         there = obstacle.frame.placement.apply_inverse(tuple(np.moveaxis(ends[bone][rows], 1, 0)))
         parts = zip(there, obstacle.semi_axes_along_frame, strict=True)
         buried = np.any(np.asarray(sum((x / a) ** 2 for x, a in parts)) < 1.0, axis=-1)
-        straight += [
-            f"{ways[row].name} ends inside {wrap.element.name} and runs straight, as in OpenSim."
-            for row, inside in zip(rows, buried, strict=True) if inside
-        ]
-        if not buried.all():
-            kept = [row for row, inside in zip(rows, buried, strict=True) if not inside]
+        inside, kept = np.array(rows)[buried], np.array(rows)[~buried].tolist()
+        straight += [f"{names[row]} ends inside {wrap.element.name} and runs straight, as in "
+                     "OpenSim." for row in inside]
+        if kept:
             courses.append(Course(kept, obstacle=obstacle, obstacle_bone=bone))
     said = f"Over the knee: {counted(len(over), 'muscle')}"
     if ligaments:
-        said += f", {', '.join(way.name for way in ligaments)} by its length"
+        said += f", {', '.join(names[len(over):])} by its length"
     if on_patella:
         said += f"; on the patella: {', '.join(on_patella)}"
     notes += [*straight, f"{said}."]
-    names = tuple(way.name for way in ways)
     every = np.reshape(tension, (len(ways), len(time)))
-    muscles = Muscles(ends[FEMUR], ends[TIBIA], every, names, add_lane_axis(courses))
+    muscles = Muscles(ends[FEMUR], ends[TIBIA], every, tuple(names), add_lane_axis(courses))
     return muscles, tensions(on_patella).sum(axis=0) + none

@@ -43,6 +43,11 @@ class OsimMesh(NamedTuple):
     thickness_mm: float  # of its layer, where it does not vary
     varies: bool  # whether the layer reaches from the surface to its back
 
+    @property
+    def layer(self) -> tuple[float, float, float]:
+        """Its thickness, Young's modulus and Poisson's ratio."""
+        return self.thickness_mm, self.youngs_modulus_MPa, self.poisson_ratio
+
 
 class OsimContact(NamedTuple):
     """A contact of the femur with the tibia or the patella."""
@@ -116,11 +121,9 @@ def find_contacts(
         if len(found) == 2:
             forces, (upper, lower) = zip(*(found[x] for x in (FEMUR, TIBIA)), strict=True)
             free = sum(not c.locked for j in joints if j.child == body for c in j.coordinates)
-            said = (
-                f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
-                f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. The "
-                "stiffness of its arc, horns and border is not the model's: assumed."
-            )
+            said = (f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
+                    f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. "
+                    "The stiffness of its arc, horns and border is not the model's: assumed.")
             rings.append(OsimMeniscus(body, upper, lower, _law(forces[0]), (said,), forces))
     return contacts, rings
 
@@ -151,35 +154,27 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     for mesh in pair:
         layer = "to its back mesh" if mesh.varies else f"{mesh.thickness_mm:g} mm"
-        findings.append(
-            f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), E {mesh.youngs_modulus_MPa:g} MPa, "
-            f"nu {mesh.poisson_ratio:g}, layer {layer}."
-        )
+        findings.append(f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), "
+                        f"E {mesh.youngs_modulus_MPa:g} MPa, nu {mesh.poisson_ratio:g}, "
+                        f"layer {layer}.")
     thickness, ratio, modulus = (
         float(sum(Decimal(repr(getattr(mesh, name))) for mesh in pair) / count)
         for name, count in (("thickness_mm", 1), ("poisson_ratio", 2), ("youngs_modulus_MPa", 2))
     )
-    same = len({(mesh.youngs_modulus_MPa, mesh.poisson_ratio) for mesh in pair}) == 1
+    same = femur.layer[1:] == other.layer[1:]
     if not same and force.truth("use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
         if max(m.poisson_ratio for m in pair) < 0.5:
-            modulus = _in_a_row([(m.thickness_mm, m.youngs_modulus_MPa, m.poisson_ratio)
-                                 for m in pair], ratio)  # fmt: skip
-        findings.append(
-            "The layers are springs in series: E is that of one layer of both thicknesses and the "
-            "mean nu with the same pressure."
-        )
+            modulus = _in_a_row([mesh.layer for mesh in pair], ratio)
+        findings.append("The layers are springs in series: E is that of one layer of both "
+                        "thicknesses and the mean nu with the same pressure.")
         if law != "linear":
-            doubts.append(
-                "The model solves two different materials pairwise; with the nonlinear law the one "
-                "layer agrees only at small depths."
-            )
+            doubts.append("The model solves two different materials pairwise; with the nonlinear "
+                          "law the one layer agrees only at small depths.")
     if ratio == 0.5:
-        doubts.append(
-            "nu is 0.5: a layer that cannot change its volume has no elastic foundation, and its "
-            "contact must be given with a smaller nu."
-        )
+        doubts.append("nu is 0.5: a layer that cannot change its volume has no elastic foundation, "
+                      "and its contact must be given with a smaller nu.")
     return OsimContact(force.name, femur, other, law, modulus, ratio, thickness, tuple(findings),
                        tuple(doubts), force)
 
@@ -192,30 +187,21 @@ def _law(force: Element) -> str:
 
 
 def _in_a_row(layers: list[tuple[float, float, float]], ratio: float) -> float:
-    """Young's modulus of one layer that is as stiff as several, by their thickness, modulus and
-    Poisson's ratio, together."""
-    soft = sum(h / (e * _confined(nu)) for h, e, nu in layers)
-    return sum(h for h, *_ in layers) / soft / _confined(ratio)
+    """Young's modulus of one layer that is as stiff as several `OsimMesh.layer` together."""
+    def confined(nu: float) -> float:  # modulus, over Young's
+        return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
-
-def _confined(nu: float) -> float:
-    """Confined modulus over Young's."""
-    return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+    soft = sum(h / (e * confined(nu)) for h, e, nu in layers)
+    return sum(h for h, *_ in layers) / soft / confined(ratio)
 
 
 @dataclasses.dataclass(frozen=True)
 class OsimGeometry:
-    """Contacts of an imported knee.
+    """Contacts of an imported knee."""
 
-    Attributes:
-        document: the knee document with its contacts.
-        findings: sentences about the fit.
-        doubtful: whether a surface misses its target.
-    """
-
-    document: dict[str, Any]
-    findings: tuple[str, ...]
-    doubtful: bool
+    document: dict[str, Any]  # the knee document with its contacts
+    findings: tuple[str, ...]  # sentences about the fit
+    doubtful: bool  # whether a surface misses its target
 
 
 def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimGeometry:
@@ -261,7 +247,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         backs = [_mesh(folder, mesh, Path(scratch), back=True) for mesh in pair if varies]
         # Takes a while, and few need it.
         from kneejax.files.meshes.importing import MeshOptions, import_meshes
-        from kneejax.files.meshes.menisci import meniscus_of_mesh
+        from kneejax.files.meshes.soft_tissues import meniscus_of_mesh
 
         options = MeshOptions(
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
@@ -278,11 +264,8 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
         document = copy.deepcopy(read.document)
         document["contacts"] = dict(found.contacts)
-        menisci = [
-            meniscus_of_mesh([*dict.fromkeys(_mesh(folder, x, Path(scratch)) for x in (
-                meniscus.upper, meniscus.lower))], document)
-            for meniscus in read.menisci
-        ]  # fmt: skip
+        menisci = [meniscus_of_mesh([*dict.fromkeys(_mesh(folder, mesh, Path(scratch)) for mesh in (
+            one.upper, one.lower))], document) for one in read.menisci]  # fmt: skip
     stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
     for part in document["contacts"].values():
         part["source"] |= dict.fromkeys(stated, f"{file.name}, {contact.name}")
@@ -294,11 +277,9 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         document["patella"]["contacts"] = {"patellofemoral": entry}
     findings, name = [*found.findings], file.name
     for meniscus, fit in zip(read.menisci, menisci, strict=True):
-        own = [(x.thickness_mm, x.youngs_modulus_MPa, x.poisson_ratio)
-               for x in (meniscus.upper, meniscus.lower)]  # fmt: skip
-        cartilage = found.contacts[fit.name.removesuffix("_meniscus")]
-        layers = [(cartilage["layer_thickness_mm"], contact.youngs_modulus_MPa,
-                   contact.poisson_ratio), *own]  # fmt: skip
+        cartilage = found.contacts[fit.name.removesuffix("_meniscus")]["layer_thickness_mm"]
+        layers = [(cartilage, contact.youngs_modulus_MPa, contact.poisson_ratio),
+                  meniscus.upper.layer, meniscus.lower.layer]  # fmt: skip
         ratio = float(np.mean([nu for *_, nu in layers]))
         if max(nu for *_, nu in layers) >= 0.5:
             raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
@@ -327,13 +308,11 @@ def _mesh(folder: Path, mesh: OsimMesh, scratch: Path, back: bool = False) -> Pa
     by_lower = {path.name.lower(): path for path in sorted(folder.iterdir())}
     path = by_lower.get(name.lower())
     if path is None:
-        present = ", ".join(sorted(by_lower)[:6]) or "nothing"
-        without = "; --without-patella does without it" if mesh.bone == PATELLA else ""
-        expected = f"this file; there is {present}{without}"
+        expected = f"this file; there is {', '.join(sorted(by_lower)[:6]) or 'nothing'}"
+        expected += "; --without-patella does without it" * (mesh.bone == PATELLA)
         known = sorted(path.name for path in by_lower.values())
         raise InputProblem(folder, f"mesh of {mesh.name}", name or "not named", expected, known)
-    still = not mesh.frame.turns and not any(mesh.frame.shift)
-    if still and mesh.scale == (1.0, 1.0, 1.0):
+    if mesh.scale == (1.0, 1.0, 1.0) and not mesh.frame.turns and not any(mesh.frame.shift):
         return path
     import trimesh
 

@@ -12,7 +12,7 @@ from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim.frames import Registration, flexion_coordinate, flexions
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.model import Model, read_model, simm_spline
-from kneejax.files.opensim.xml import element_of
+from kneejax.files.opensim.xml import element_of, last_word
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 
@@ -45,23 +45,11 @@ _AXES = {
 
 @dataclasses.dataclass(frozen=True)
 class CoupledMotion:
-    """Splines of OpenSim's kind over flexion.
+    """Splines of OpenSim's kind over flexion."""
 
-    Attributes:
-        flexion_deg: knots, increasing, `(k,)`.
-        secondary: at the knots, degrees and mm, `(k, 5)`, in the order of
-            `kneejax.geometry.FREE_COORDINATES`.
-        rms: what the splines leave of the poses, `(5,)`, likewise.
-
-    Example:
-        >>> motion = CoupledMotion(np.array([0.0, 90.0]), np.zeros((2, 5)), np.zeros(5))
-        >>> motion.secondary.shape
-        (2, 5)
-    """
-
-    flexion_deg: np.ndarray
-    secondary: np.ndarray
-    rms: np.ndarray
+    flexion_deg: np.ndarray  # knots, increasing, `(k,)`
+    secondary: np.ndarray  # `FREE_COORDINATES` at the knots, degrees and mm, `(k, 5)`
+    rms: np.ndarray  # what the splines leave of the poses, `(5,)`, likewise
 
     def at(self, flexion_deg: np.ndarray) -> np.ndarray:
         """The secondary motion at flexions `(n,)`, `(n, 5)`; straight beyond the knots."""
@@ -141,9 +129,8 @@ def couple_model(
 def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
-    """As `couple_model`, in a model that was read. The knee's joint keeps its frames and the
-    coordinate that bends it; its other coordinates go, with the constraints and forces that act on
-    them. Returns a sentence for each change."""
+    """As `couple_model`, in a model that was read; a sentence for each change. The knee's other
+    coordinates go, with the constraints and forces that act on them."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
@@ -166,7 +153,7 @@ def couple_knee(
     for element in model.elements:
         for child in element.children:
             asks = child.tag == "independent_coordinate_names" or child.tag.endswith("_coordinate")
-            words = {word.rsplit("/", 1)[-1] for word in child.content.split()} if asks else set()
+            words = {*map(last_word, child.content.split())} if asks else set()
             if gone & words:
                 expected = "a coordinate that stays: this one follows flexion from now on"
                 raise element.problem(child.tag, ", ".join(gone & words), expected)
@@ -218,10 +205,9 @@ def transform_axes(
     side: str, coordinate: str, knots: np.ndarray, columns: Mapping[str, np.ndarray],
     flexion: tuple[float, float] = (1.0, 0.0), wrapped: bool = False,
 ) -> str:  # fmt: skip
-    """The axes of a SpatialTransform of a side, `right` or `left`, as text in OpenSim's order: by
-    values at `knots` of a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning. Flexion,
-    rad, follows from the coordinate by a slope and a constant. In schema 3 functions are `wrapped`
-    in an element `function`."""
+    """The axes of a SpatialTransform of a side, `right` or `left`, as text: by values at `knots` of
+    a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning; flexion, rad, by a slope and a
+    constant. In schema 3 functions are `wrapped` in an element `function`."""
     axes, named = [], "" if wrapped else ' name="function"'
     for name, (axis, right, left) in _AXES.items():
         if name == "flexion":

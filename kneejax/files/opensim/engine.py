@@ -22,9 +22,7 @@ _NAME = "opensim"
 
 
 def main(file: str) -> None:
-    """Do what a file of settings says: `model`, `motion`, `loads`, `actuators`, `joint`, `tibia`
-    (`child` or `parent` of the joint), `begin_s`, `end_s`, `every` (rows of the motion),
-    `folder`."""
+    """Do what a file of settings says, as `whole_body.ask_opensim` writes it."""
     settings = json.loads(Path(file).read_text(encoding="utf-8"))
     osim = imported("opensim", "opensim", "opensim")
     osim.Logger.removeFileSink()

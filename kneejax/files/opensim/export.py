@@ -30,21 +30,11 @@ _STILL = exact.Rigid()
 
 @dataclasses.dataclass(frozen=True)
 class OsimExport:
-    """A model with a knee's numbers.
+    """A model with a knee's numbers."""
 
-    Attributes:
-        data: content of the new file; the model's own bytes where nothing changed.
-        changes: a sentence for each number that changed, and each fibre put in or taken out.
-        notes: what a person should know.
-
-    Example:
-        >>> OsimExport(b"", ("ACL.stiffness_N: 820 -> 902",), ()).changes
-        ('ACL.stiffness_N: 820 -> 902',)
-    """
-
-    data: bytes
-    changes: tuple[str, ...]
-    notes: tuple[str, ...]
+    data: bytes  # content of the new file; the model's own bytes where nothing changed
+    changes: tuple[str, ...]  # a sentence for each number, and each fibre put in or taken out
+    notes: tuple[str, ...]  # what a person should know
 
 
 def export_osim(
@@ -126,6 +116,7 @@ class _Export:
         self.document, self.origin = known.document, known.document.get("imported_from", {})
         self.fibres = {fibre.key: fibre for fibre in base.ligaments.values()}
         self.keys = {name: self.key("ligaments", name) for name in self.document["ligaments"]}
+        self.unknown = [key for key in self.fibres if key not in self.keys.values()]
         self.changes: list[str] = []
 
     def key(self, section: str, name: str) -> str:
@@ -163,13 +154,12 @@ class _Export:
             every = exact.decimals(exact.angles_xyz(back @ exact.turn_xyz(np.deg2rad(new))))
         elif kind == "point":
             every = carrier.point_back(exact.metres(new))
+            for _ in range(3 * carrier.turns):  # a rounding of the way there is taken back
+                there = exact.millimetres(carrier.point(every))
+                every = exact.decimals(every.astype(float) + back @ np.subtract(new, there) / 1e3)
         else:
             places = exact.METRES_TO_MM if kind == "length" else 0
             every = np.array([exact.unshifted(x, places) for x in new])
-        if kind == "point" and carrier.turns:
-            for _ in range(3):  # a rounding of the way there is taken back
-                there = exact.millimetres(carrier.point(every))
-                every = exact.decimals(every.astype(float) + back @ np.subtract(new, there) / 1e3)
         if carrier.turns:
             changed = range(3)
         elif kind in ("point", "turn"):
@@ -187,9 +177,9 @@ class _Export:
         names = {fibre.key: name for name, fibre in self.base.ligaments.items()}
         for name, entry in self.document["ligaments"].items():
             key, place = self.keys[name], f"ligaments.{name}"
-            if key not in names and self.replace:
-                continue
             if key not in names:
+                if self.replace:
+                    continue
                 expected = f"a fibre of {self.base.model.name} that spans the knee"
                 expected += ", or --replace to add it"
                 raise InputProblem(self.known.path, place, key, expected, names)
@@ -226,9 +216,9 @@ class _Export:
         used = {entry.get("wrap") for entry in self.document["ligaments"].values()}
         for name, entry in self.document.get("wraps", {}).items():
             key = self.key("wraps", name)
-            if key not in by_key and name not in used:
-                continue
             if key not in by_key:
+                if name not in used:
+                    continue
                 expected = f"a wrap object of {self.base.model.name} on the knee's bones"
                 raise InputProblem(self.known.path, f"wraps.{name}", key, expected, by_key)
             wrap, old = self.base.wraps[by_key[key]], self.base.document["wraps"][by_key[key]]
@@ -253,16 +243,13 @@ class _Export:
                 raise InputProblem(self.known.path, f"ligaments.{name}", name, expected)
             entry = {"damping_N_s": 0.0} | entry | {"slack_length_mm": self.slack_length_mm(name)}
             new.append(self.fibre(name, entry))
-            self.changes.append(
-                f"{name}: put in, {entry['stiffness_N']:.6g} N per unit strain, "
-                f"{entry['slack_length_mm']:.6g} mm without load"
-            )
+            self.changes.append(f"{name}: put in, {entry['stiffness_N']:.6g} N per unit strain, "
+                                f"{entry['slack_length_mm']:.6g} mm without load")
         for element in reversed(new):
             last.add_after(element)
-        gone = [fibre for key, fibre in self.fibres.items() if key not in self.keys.values()]
-        for fibre in gone:
-            fibre.element.take_out()
-        self.changes[:0] = [f"{fibre.key}: taken out" for fibre in gone]
+        for key in self.unknown:
+            self.fibres[key].element.take_out()
+        self.changes[:0] = [f"{key}: taken out" for key in self.unknown]
 
     def fibre(self, name: str, entry: dict[str, Any]) -> Element:
         """A fibre as the model writes them, indented like its last one."""
@@ -295,19 +282,18 @@ class _Export:
 
     def notes(self) -> list[str]:
         """What a person should know of how the knee fits the model."""
-        notes = []
+        notes, bones = [], self.base.knee
         if not self.origin:
             assumed = "parts were matched by name"
             if self.replace:
-                bodies = f"{self.base.knee.femur} and {self.base.knee.tibia}"
-                assumed = f"its frames are assumed to be those of {bodies}"
+                assumed = f"its frames are assumed to be those of {bones.femur} and {bones.tibia}"
             notes.append(f"The knee does not say which model it came from: {assumed}.")
         elif self.origin["sha256"] != self.base.document["imported_from"]["sha256"]:
             file = self.origin["file"]
             notes.append(f"The model differs from the one that was imported ({file}).")
-        left = self.base.found.unsupported if self.replace else [
-            key for key in self.fibres if key not in self.keys.values()]
-        why = "they could not be read" if self.replace else "the knee does not have them"
+        left, why = self.unknown, "the knee does not have them"
+        if self.replace:
+            left, why = self.base.found.unsupported, "they could not be read"
         if left:
             notes.append(f"Left unchanged, since {why}: {', '.join(left)}.")
         return notes

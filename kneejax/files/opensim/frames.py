@@ -27,6 +27,7 @@ _COLLATERAL = {-1.0: re.compile(r"^[sd]?MCL|TCL", re.IGNORECASE),
 _ALONG, _ALONG_FIBRES = 0.7, 0.5
 _LONG_MM, _FAR_MM = 40.0, 100.0
 _WANTED = "X anterior, Y superior, Z to the person's right"
+_OTHERWISE = f"kneejax takes {_WANTED}, and this model may mean other axes."
 #: Flexions between which a model's flexion axis is sought, degrees.
 _BETWEEN = 20.0, 60.0
 #: An axis farther from its name than this is said, degrees.
@@ -43,49 +44,40 @@ class _Superior(NamedTuple):
     doubt: str
     along: float = _ALONG
 
-    @property
-    def holds(self) -> bool:
-        return self.direction[1] >= self.along
-
 
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[OsimKneeJoint, np.ndarray]:
-    """The knee with its bones' axes as they should be, and the rotation from the model's axes, by
-    `ligaments` between femur and tibia. Raises where the axes are others and it is unclear which.
-    """
+    """The knee with its bones' axes as they should be, and the rotation from the model's; by
+    `ligaments` of femur and tibia too. Raises where the axes are others and it is unclear which."""
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
-    upright = [one for one in superior if one.holds]
+    others = [one for one in superior if one.direction[1] < one.along]
     across = flexion is None or abs(flexion[2]) >= _ALONG
-    if across and (upright or not superior):
+    if across and (len(others) < len(superior) or not superior):
         right = np.array([0.0, 0.0, 1.0]) if flexion is None else flexion * np.sign(flexion[2])
         votes = _votes(knee, ligaments, right, sense, flexion)
-        doubts = [one.doubt for one in superior if not one.holds]
         if votes and max(votes.values()) < 0 and len(votes) > 1:
             rotation = np.diag([-1.0, 1.0, -1.0])
             return turned(knee, rotation, ", ".join(votes)), rotation
-        doubts += [
-            f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says that Z is "
-            "to the left: is the side right?"
-            for why, vote in votes.items() if vote < 0
-        ]
+        doubts = [one.doubt for one in others]
+        doubts += [f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says "
+                   "that Z is to the left: is the side right?"
+                   for why, vote in votes.items() if vote < 0]
         return knee._replace(doubts=(*knee.doubts, *doubts)), np.eye(3)
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
         # A knee that bends says little where its shank is upright already.
         y, line = _nearest(up), _nearest(flexion)
         votes = _votes(knee, ligaments, line, sense, flexion)
-        signs = {*votes.values()}
-        sure = len(votes) > 1 and len(signs) == 1
+        sure = len(votes) > 1 and len({*votes.values()}) == 1
         if sure and y @ line == 0 and flexion @ line > 0.8:
-            z = line * signs.pop()
+            z = line * next(iter(votes.values()))
             why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
             rotation = np.stack([np.cross(y, z), y, z])
             return turned(knee, rotation, why), rotation
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
-    found += [f"{one.why} say that {_word(one.direction)} points upwards"
-              for one in superior if not one.holds]
+    found += [f"{one.why} say that {_word(one.direction)} points upwards" for one in others]
     if across and all(one.direction[1] <= -one.along for one in superior):
         swapped = "; ".join(found) + ": have femur and tibia changed places?"
         return knee._replace(doubts=(*knee.doubts, swapped)), np.eye(3)
@@ -104,10 +96,9 @@ def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKnee
         why = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
         knee = knee._replace(unusual=(*knee.unusual, why))
     turn = Rigid(rotation)
-    tibia, patella = (turn.after(there).after(turn.inverse())
-                      for there in (knee.tibia_in_femur, knee.patella_in_femur))
+    there = {bone: turn.after(x).after(turn.inverse()) for bone, x in knee.in_femur.items()}
     rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
-    return knee._replace(turned=True, rigid=rigid, tibia_in_femur=tibia, patella_in_femur=patella)
+    return knee._replace(turned=True, rigid=rigid, in_femur=there)
 
 
 def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
@@ -131,18 +122,16 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
             way = 1e3 * (near[0] - middle)
             if np.linalg.norm(way) <= _FAR_MM:
                 continue
-            x, y, z = 1e3 * near[0]
+            place = ", ".join(f"{x:.0f}" for x in 1e3 * near[0])
             yield _Superior(
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
-                f"Joint {joint.name} lies at ({x:.0f}, {y:.0f}, {z:.0f}) mm in the {bone}'s frame, "
-                f"not {side} the knee: kneejax takes {_WANTED}, and this model may mean other "
-                "axes.",
-            )
+                f"Joint {joint.name} lies at ({place}) mm in the {bone}'s frame, not {side} the "
+                f"knee: {_OTHERWISE}")
 
 
 def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_Superior]:
     """How long fibres run from the tibia to the femur, in the tibia's axes."""
-    back, way = knee.tibia_in_femur.inverse(), np.zeros(3)
+    back, way = knee.in_femur[TIBIA].inverse(), np.zeros(3)
     for fibre in ligaments:
         first, last = (np.array(x, float) for x in (
             back.point(fibre.points[0].in_bone(knee)), fibre.points[-1].in_bone(knee)))
@@ -152,11 +141,8 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
         if 1e3 * length >= _LONG_MM and 0.7 < stretched < 1.4:
             way += first - last
     if way.any():
-        yield _Superior(
-            way / np.linalg.norm(way), "the long fibres",
-            f"The long fibres do not run along Y: kneejax takes {_WANTED}, and this model may "
-            "mean other axes.", _ALONG_FIBRES,
-        )
+        yield _Superior(way / np.linalg.norm(way), "the long fibres",
+                        f"The long fibres do not run along Y: {_OTHERWISE}", _ALONG_FIBRES)
 
 
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
@@ -170,11 +156,10 @@ def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None,
     # By this coordinate alone: nothing that is coupled to it follows.
     bent = {c.name: c.default for c in every} | {bend.name: bend.default + 0.1}
     there = moved(model, bent).between(knee.femur, knee.tibia)
-    axis = _axis_of(there.turn @ knee.tibia_in_femur.turn.T)
+    axis = _axis_of(there.turn @ knee.in_femur[TIBIA].turn.T)
     if not axis.any():
         return None, 0.0
-    low, high = bend.range or (0.0, 0.0)
-    sense = 0.0
+    (low, high), sense = bend.range or (0.0, 0.0), 0.0
     if max(abs(low), abs(high)) > 1.5 * min(abs(low), abs(high)):
         sense = float(np.sign(low + high))  # a knee bends farther than it extends
     elif abs(bend.default) > np.deg2rad(10.0):
@@ -205,8 +190,7 @@ def _votes(
 
 def _axis_of(turn: np.ndarray) -> np.ndarray:
     """The unit vector about which a rotation turns; zero where it hardly does."""
-    skew = turn - turn.T
-    axis = np.array([skew[2, 1], skew[0, 2], skew[1, 0]])
+    axis = np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     size = np.linalg.norm(axis)
     return axis / size if size >= 1e-3 else np.zeros(3)
 
@@ -221,21 +205,13 @@ def _word(direction: np.ndarray) -> str:
 
 
 class Registration(NamedTuple):
-    """From a model's frames to a knee's, mm; of a left knee to those of its mirrored twin.
+    """From a model's frames to a knee's, mm; of a left knee to those of its mirrored twin."""
 
-    Attributes:
-        femur: a shift, `(3,)`.
-        tibia: likewise.
-        same: whether nothing is shifted.
-        notes: what was done, a sentence each.
-        doubts: what a person should look at.
-    """
-
-    femur: np.ndarray
-    tibia: np.ndarray
-    same: bool
-    notes: tuple[str, ...]
-    doubts: tuple[str, ...] = ()
+    femur: np.ndarray  # a shift, `(3,)`
+    tibia: np.ndarray  # likewise
+    same: bool  # whether nothing is shifted
+    notes: tuple[str, ...]  # what was done, a sentence each
+    doubts: tuple[str, ...] = ()  # what a person should look at
 
     def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
         """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or
@@ -252,10 +228,9 @@ SAME = Registration(np.zeros(3), np.zeros(3), True, ())
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
-    """Register a model's bones to those of a knee, by one of `FRAMES`. Where the knee was made of
-    this model, as its document says, the frames are the same. Otherwise axes are taken by their
-    names, and the middle of the model's flexion axis comes to lie on the middle of the knee's
-    flexion facets. Sizes are not changed."""
+    """Register a model's bones to those of a knee, by one of `FRAMES`: the same frames where the
+    knee was made of this model; otherwise axes by their names, and the middle of the model's
+    flexion axis on that of the knee's flexion facets. Sizes are not changed."""
     axes, _ = anatomical(model, bones, [])
     if axes.turned:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
@@ -289,14 +264,12 @@ def registration(
     off = np.rad2deg(np.arccos(min(1.0, abs(axis[2]))))
     words = " and ".join(f"{bone} by ({', '.join(f'{x:.1f}' for x in shift)}) mm"
                          for bone, shift in (("femur", femur), ("tibia", tibia)))
-    notes = (
-        "Frames: by landmarks: axes by their names; the middle of the model's flexion axis lies on "
-        f"the middle of the knee's flexion facets, which shifts the {words}. Sizes stay.",
-    )
-    doubts = (
-        f"The model's flexion axis is {off:.0f} degrees off its Z axis: axes by name are doubtful.",
-    )
-    return Registration(femur, tibia, False, notes, doubts if off > _ASKEW_DEG else ())
+    note = ("Frames: by landmarks: axes by their names; the middle of the model's flexion axis "
+            "lies on the middle of the knee's flexion facets, which shifts the "
+            f"{words}. Sizes stay.")
+    doubt = (f"The model's flexion axis is {off:.0f} degrees off its Z axis: axes by name are "
+             "doubtful.")
+    return Registration(femur, tibia, False, (note,), (doubt,) if off > _ASKEW_DEG else ())
 
 
 def registered(
@@ -321,8 +294,7 @@ def registered(
 
 
 def flexion_coordinate(bones: OsimKneeJoint) -> str:
-    """The coordinate that bends a model's knee: the first angle of its joints; raises without one.
-    """
+    """The coordinate that bends a model's knee, the first angle of its joints; raises without."""
     names = [c.name for c in coordinates_of(bones.joints) if c.turns]
     if not names:
         joint = bones.joints[0]

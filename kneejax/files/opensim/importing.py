@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from kneejax.files.knee import check_knee
+from kneejax.files.knee.document import check_knee
 from kneejax.files.opensim import ligaments as fibres
 from kneejax.files.opensim import report
 from kneejax.files.opensim.contact import OsimContact, OsimMeniscus, find_contacts
@@ -28,35 +28,20 @@ SOFT_N = 50.0
 
 @dataclasses.dataclass(frozen=True)
 class OsimImport:
-    """A knee as read from an OpenSim model.
+    """A knee as read from an OpenSim model."""
 
-    Attributes:
-        document: content of a knee file, in mm and N.
-        model: the model as it was read.
-        knee: its bones and joints.
-        ligaments: name in the knee file -> fibre of the model.
-        wraps: name in the knee file -> wrap object of the model.
-        found: fibres, with those left out and why.
-        contacts: contacts of femur and tibia.
-        untaken: forces and constraints of the model that are no part of the knee.
-        bodies: at the knee that are part of none of its bones.
-        patellofemoral: contacts of femur and patella.
-        patella: what was assumed or left out of it and the muscles.
-        menisci: those for which rings stand.
-    """
-
-    document: dict[str, Any]
+    document: dict[str, Any]  # content of a knee file, in mm and N
     model: Model
     knee: OsimKneeJoint
-    ligaments: dict[str, fibres.OsimLigament]
-    wraps: dict[str, OsimWrap]
-    found: fibres.Found
-    contacts: tuple[OsimContact, ...]
-    untaken: tuple[report.Untaken, ...]
-    bodies: tuple[str, ...]
-    patellofemoral: tuple[OsimContact, ...]
-    patella: fibres.PatellaSection
-    menisci: tuple[OsimMeniscus, ...] = ()
+    ligaments: dict[str, fibres.OsimLigament]  # by the names in the knee file
+    wraps: dict[str, OsimWrap]  # likewise
+    found: fibres.Found  # with those left out and why
+    contacts: tuple[OsimContact, ...]  # of femur and tibia
+    untaken: tuple[report.Untaken, ...]  # forces and constraints that are no part of the knee
+    bodies: tuple[str, ...]  # at the knee that are part of none of its bones
+    patellofemoral: tuple[OsimContact, ...]  # contacts of femur and patella
+    patella: fibres.PatellaSection  # what was assumed or left out of it and the muscles
+    menisci: tuple[OsimMeniscus, ...] = ()  # those for which rings stand
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -73,11 +58,10 @@ class OsimImport:
         if soft:
             softest = min(x["stiffness_N"] for x in soft.values())
             name, first = next(iter(soft.items()))
-            doubts.append(
-                f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
-                f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
-                f"{first['stiffness_N'] * first['slack_length_mm']:.4g} N per unit strain."
-            )
+            meant = first["stiffness_N"] * first["slack_length_mm"]
+            doubts.append(f"Stiffness below {SOFT_N:g} N per unit strain, from {softest:.3g} N on: "
+                          f"{', '.join(soft)}. N/mm are suspected: of {name} that would be "
+                          f"{meant:.4g} N per unit strain.")
         return tuple(doubts)
 
     @property
@@ -143,8 +127,29 @@ def import_osim(
     knee = find_knee(model, side, femur, tibia)
     whole = with_pelvis_and_foot(model, knee, at)
     found = fibres.find_ligaments(model, whole)
-    unwanted = _leave_out(model, found, without)
-    knee = _with_small_bones(knee, whole, found.ligaments)
+    known = [*(x.key for x in found.ligaments), *found.unsupported, *found.outside]
+    known = [*dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)])]
+    unwanted: list[str] = []
+    for pattern in without:
+        unwanted += (hits := fnmatch.filter(known, pattern))
+        if not hits:
+            expected = "the name of a fibre or force, or a pattern that fits one"
+            raise InputProblem(path, "--without", pattern, expected, known)
+    found.ligaments[:] = [x for x in found.ligaments if x.key not in unwanted]
+    found.answered[:] = [x for x in found.answered if x.name not in unwanted]
+    for name in unwanted:
+        found.unsupported.pop(name, None)
+    # What fibres end on below the tibia is held where the defaults have it.
+    ends: dict[str, list[str]] = collections.defaultdict(list)
+    for ligament in found.ligaments:
+        small = {point.body for point in ligament.points} - {*knee.rigid}
+        for body in small if {whole.bone_of(body) for body in small} == {TIBIA} else ():
+            ends[body].append(ligament.key)
+    held = [f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here "
+            "it does not: it is held at the model's default coordinates."
+            for body, names in ends.items()]
+    knee = knee._replace(rigid=knee.rigid | {body: whole.rigid[body] for body in ends},
+                         doubts=(*knee.doubts, *held))
     own = [x for x in found.ligaments if not _beside(x, knee)]
     if not own:
         why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
@@ -160,8 +165,8 @@ def import_osim(
     ligaments = dict(zip(names, found.ligaments, strict=True))
     wraps = fibres.wrap_names(found.ligaments)
     contacts, menisci = find_contacts(model, knee)
-    of_tibia, of_patella = (tuple(c for c in contacts if (c.other.bone == PATELLA) == there)
-                            for there in (False, True))
+    of_tibia, of_patella = (tuple(c for c in contacts if c.other.bone == bone)
+                            for bone in (TIBIA, PATELLA))
     section = fibres.PatellaSection({}, ())
     if patella:
         section = fibres.read_patella(model, whole, beside, knee, at or {})
@@ -184,10 +189,9 @@ def import_osim(
     keys = {wrap.element: name for name, wrap in wraps.items()}
     notes = [*knee.unusual, "Knee joint of the model."]
     notes += [f"{x.name} ({x.kind}): {'; '.join(x.describe())}." for x in knee.joints]
-    for said in ([f"Contact {x.name} of the model:", *x.findings] for x in of_tibia):
-        notes += said
-    for said in ([f"Meniscus {x.body} of the model:", *x.findings] for x in menisci):
-        notes += said
+    for named, one in (*((f"Contact {x.name}", x) for x in of_tibia),
+                       *((f"Meniscus {x.body}", x) for x in menisci)):
+        notes += [f"{named} of the model:", *one.findings]
     origin = {
         "file": file,
         "sha256": hashlib.sha256(model.file.original).hexdigest(),
@@ -220,46 +224,10 @@ def import_osim(
                       tuple(bodies), of_patella, section, tuple(menisci))
 
 
-def _with_small_bones(
-    knee: OsimKneeJoint, whole: OsimKneeJoint, ligaments: list[fibres.OsimLigament]
-) -> OsimKneeJoint:
-    """The knee with what its fibres end on below the tibia, held where the defaults have it."""
-    ends: dict[str, list[str]] = collections.defaultdict(list)
-    for ligament in ligaments:
-        bodies = {point.body for point in ligament.points} - {*knee.rigid}
-        for body in bodies if {whole.bone_of(body) for body in bodies} == {TIBIA} else ():
-            ends[body].append(ligament.key)
-    doubts = tuple(
-        f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here it "
-        "does not: it is held at the model's default coordinates."
-        for body, names in ends.items()
-    )
-    rigid = knee.rigid | {body: whole.rigid[body] for body in ends}
-    return knee._replace(rigid=rigid, doubts=(*knee.doubts, *doubts))
-
-
 def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:
     """The body of a fibre that is neither of femur nor of tibia; empty without one."""
     bodies = (point.body for point in ligament.points)
     return next((x for x in bodies if knee.bone_of(x) in ("", PATELLA)), "")
-
-
-def _leave_out(model: Model, found: fibres.Found, without) -> list[str]:
-    """Names that a person wants left out; fibres of these go."""
-    known = [*(x.key for x in found.ligaments), *found.unsupported, *found.outside]
-    known = [*dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)])]
-    names: list[str] = []
-    for pattern in without:
-        hits = fnmatch.filter(known, pattern)
-        if not hits:
-            expected = "the name of a fibre or force, or a pattern that fits one"
-            raise InputProblem(model.file.path, "--without", pattern, expected, known)
-        names += [name for name in hits if name not in names]
-    found.ligaments[:] = [x for x in found.ligaments if x.key not in names]
-    for name in names:
-        found.unsupported.pop(name, None)
-    found.answered[:] = [x for x in found.answered if x.name not in names]
-    return names
 
 
 def _groups(names: list[str]) -> dict[str, list[str]]:

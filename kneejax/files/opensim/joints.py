@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.files.opensim.exact import Rigid, decimals, turn_about
 from kneejax.files.opensim.model import GROUND, Model, describe, evaluate, function_of
 from kneejax.files.opensim.xml import Element
-from kneejax.files.tables import Storage, last_word
+from kneejax.files.tables.storage import Storage, last_word
 
 #: Kinds of joint -> axes along or about which their coordinates go, in order: R rotation, T
 #: translation. A custom joint states its own.
@@ -173,9 +173,8 @@ def placed(
     joints: Iterable[Joint], body: str, values: Mapping[str, Any],
     shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
 ) -> dict[str, Rigid]:  # fmt: skip
-    """Where bodies are in one of them to which joints connect them: forward kinematics.
-    Coordinates, rad or m, are arrays of a shape, or numbers where it is None: then decimals stay
-    exact as long as nothing turns."""
+    """Where bodies are in one of them to which joints connect them: forward kinematics, at arrays
+    of a shape; at numbers where it is None: then decimals stay exact as long as nothing turns."""
     still = () if shape is None else (np.broadcast_to(np.eye(3), (*shape, 3, 3)),
                                       np.zeros((*shape, 3)))
     found = {body: Rigid(*still)}
@@ -191,9 +190,9 @@ def moved(model: Model, values: Mapping[str, Any]) -> Movement:
     joints = read_joints(model)
     shape = np.shape(next(iter(values.values()))) if values else ()
     known = coordinates_of(joints)
-    every = {c.name: np.broadcast_to(values.get(c.name, c.default), shape) for c in known}
-    every = _followed(model, known, every, values)
-    every = {name: np.broadcast_to(x, shape) for name, x in every.items()}
+    every = {c.name: values.get(c.name, c.default) for c in known}
+    every = {name: np.broadcast_to(x, shape)
+             for name, x in _followed(model, known, every, values).items()}
     # A body that no joint carries begins at the ground, as in OpenSim.
     carried = {joint.child for joint in joints}
     free = [joint.parent for joint in joints if joint.parent not in carried]
@@ -230,11 +229,9 @@ def read_joints(model: Model) -> list[Joint]:
                   if element.tag.endswith("Joint") and element.tag != "Joint"]
         every = coordinates_of(joints)
         values = _followed(model, every, {c.name: c.default for c in every}, ())
-        model.joints = [
-            dataclasses.replace(joint, coordinates=tuple(
-                c._replace(default=float(values[c.name])) for c in joint.coordinates))
-            for joint in joints
-        ]
+        model.joints = [dataclasses.replace(joint, coordinates=tuple(
+            c._replace(default=float(values[c.name])) for c in joint.coordinates))
+            for joint in joints]
     return model.joints
 
 
@@ -243,13 +240,11 @@ def _followed(
 ) -> dict[str, Any]:
     """Coordinates, rad or m, where couplers hold; what is given, locked or prescribed follows
     nothing."""
-    values, known = dict(values), list(couplers(model))
-    fixed = {*given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
-    for _ in known:  # one may follow another
-        for element, name, leading in known:
-            function = function_of(element)
-            if name in fixed or name not in values or function is None:
-                continue
+    values, fixed = dict(values), {
+        *given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
+    known = [(*one, function_of(one[0])) for one in couplers(model) if one[1] not in fixed]
+    for element, name, leading, function in known * len(known):  # one may follow another
+        if name in values and function is not None:
             arguments = [values.get(one, 0.0) for one in leading]
             values[name] = element.number("scale_factor", "1") * evaluate(function, arguments)
     return values

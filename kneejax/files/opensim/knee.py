@@ -17,10 +17,9 @@ from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
 SIDES = {"r": "right", "l": "left"}
 _MARKS = {
-    "r": re.compile(r"(?:^|[^a-z])r(?:$|[^a-z])|right", re.IGNORECASE),
-    "l": re.compile(r"(?:^|[^a-z])l(?:$|[^a-z])|left", re.IGNORECASE),
+    x: re.compile(rf"(?i:(?:^|[^a-z]){x}(?:$|[^a-z])|{side})|[a-z0-9]{x.upper()}$")
+    for x, side in SIDES.items()
 }
-_CAMEL = {"r": re.compile(r"[a-z0-9]R$"), "l": re.compile(r"[a-z0-9]L$")}
 _KNEE = re.compile(r"knee|tibiofemoral|femorotibial|(?:^|[^a-z])tf(?:$|[^a-z])", re.IGNORECASE)
 _OTHER = re.compile(r"patell|menisc|(?:^|[^a-z])(?:pf|pat)(?:$|[^a-z])", re.IGNORECASE)
 _PATELLA = re.compile(r"patell|kneecap", re.IGNORECASE)
@@ -40,11 +39,11 @@ class OsimKneeJoint(NamedTuple):
     # body -> (`femur`, `tibia` or `patella`, the motion from the body's to that bone's
     # coordinates), for the bones and what does not move against them
     rigid: dict[str, tuple[str, Rigid]]
-    tibia_in_femur: Rigid  # motion of the tibia at the coordinates' defaults, in the model's axes
+    # bone -> the motion from its coordinates to the femur's at the coordinates' defaults
+    in_femur: dict[str, Rigid]
     findings: tuple[str, ...]  # what was taken as what
     doubts: tuple[str, ...]  # what a person should look at
     patella: str = ""  # its body; empty without one
-    patella_in_femur: Rigid = Rigid()  # as `tibia_in_femur`
     turned: bool = False  # whether the bones' axes are others than those of their bodies
     unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
@@ -54,27 +53,15 @@ class OsimKneeJoint(NamedTuple):
 
     @property
     def pose(self) -> tuple[float, ...]:
-        """Table row of the tibia in the femur at the coordinates' defaults, in the order of
-        `kneejax.geometry.COLUMNS`, by clinical meaning."""
-        return tuple(poses_of(self.tibia_in_femur, self.side).tolist())
-
-    @property
-    def patella_pose(self) -> tuple[float, ...]:
-        """Likewise of the patella."""
-        return tuple(poses_of(self.patella_in_femur, self.side).tolist())
-
-    @property
-    def in_femur(self) -> dict[str, Rigid]:
-        """Bone -> the motion from its coordinates to the femur's at the coordinates' defaults."""
-        return {FEMUR: Rigid(), PATELLA: self.patella_in_femur, TIBIA: self.tibia_in_femur}
+        """Of the tibia in the femur, in the order of `kneejax.geometry.COLUMNS`."""
+        return tuple(poses_of(self.in_femur[TIBIA], self.side).tolist())
 
 
 def find_knee(
     model: Model, side: str, femur: str | None = None, tibia: str | None = None
 ) -> OsimKneeJoint:
-    """Find the knee of a side: its bones, what is rigidly joined to each, and the reference pose.
-    It is the joint (or the joints in a row) whose names speak of a knee of that side, and of these
-    the one whose child carries the foot. With the bodies `femur` and `tibia` nothing is guessed."""
+    """Find the knee of a side: the joint, or the joints in a row, whose names speak of it, and of
+    these the one whose child carries the foot. With `femur` and `tibia` nothing is guessed."""
     file, joints, findings, doubts = model.file.path, read_joints(model), list[str](), list[str]()
     unusual: tuple[str, ...] = ()
     if side not in SIDES:
@@ -83,16 +70,23 @@ def find_knee(
         given = "--femur" if femur is not None else "--tibia"
         raise InputProblem(file, given, femur or tibia, "--femur and --tibia together")
     if femur is not None and tibia is not None:
-        femur, tibia = _body(model, "--femur", femur), _body(model, "--tibia", tibia)
-        found = _between(joints, femur, tibia)
-        carried = tibia != femur and tibia in {joint.parent for joint in chain(joints, femur)}
-        if _carries_upwards(joints, found, femur, tibia) or (
-            carried and not _carries_upwards(joints, found, tibia, femur)
-        ):
-            doubts.append(
-                f"{femur} was given as the femur and {tibia} as the tibia; their names or the "
-                "model's joints say otherwise: have --femur and --tibia changed places?"
-            )
+        options = ("--femur", femur), ("--tibia", tibia)
+        for option, name in options:
+            if model.named(name) in ("", GROUND):
+                known = [body for body in model.bodies if body != GROUND]
+                listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
+                raise InputProblem(file, option, name, f"a body of the model: {listed}", known)
+        femur, tibia = (model.named(name) for _, name in options)
+        up, down = chain(joints, femur), chain(joints, tibia)
+        way = [j for j in up if j not in down] + [j for j in down[::-1] if j not in up]
+        # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
+        found = [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
+        carried = tibia != femur and tibia in {joint.parent for joint in up}
+        otherwise = carried and not _carries_upwards(joints, found, tibia, femur)
+        if otherwise or _carries_upwards(joints, found, femur, tibia):
+            doubts.append(f"{femur} was given as the femur and {tibia} as the tibia; their names "
+                          "or the model's joints say otherwise: have --femur and --tibia changed "
+                          "places?")
     else:
         found = _guess(model, joints, side, findings)
         femur, tibia = found[0].parent, found[-1].child
@@ -121,16 +115,12 @@ def find_knee(
         rigid |= {body: (PATELLA, at) for body, (at, _) in _held(movement, patella, []).items()}
     elif patellae:
         doubts.insert(0, f"{len(patellae)} bodies may be the patella: {', '.join(patellae)}.")
-    doubts += [
-        f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes its "
-        "value at 0 s."
-        for joint in found for c in joint.coordinates if c.prescribed is not None
-    ]
-    return OsimKneeJoint(
-        side, femur, tibia, tuple(found), rigid, movement.between(femur, tibia), tuple(findings),
-        tuple(doubts), patella, movement.between(femur, patella) if patella else Rigid(),
-        unusual=unusual,
-    )
+    doubts += [f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes "
+               "its value at 0 s." for c in coordinates_of(found) if c.prescribed is not None]
+    in_femur = {FEMUR: Rigid(), TIBIA: movement.between(femur, tibia)}
+    in_femur |= {PATELLA: movement.between(femur, patella)} if patella else {}
+    return OsimKneeJoint(side, femur, tibia, tuple(found), rigid, in_femur, tuple(findings),
+                         tuple(doubts), patella, unusual=unusual)
 
 
 def chain(joints: Iterable[Joint], body: str) -> list[Joint]:
@@ -175,12 +165,10 @@ def with_pelvis_and_foot(
         waiting = [name for name in knee.rigid if knee.bone_of(name) == bone]
         while waiting and (bone == TIBIA or standing):
             body = waiting.pop()
-            for joint in joints:
-                carried = joint.parent == body and joint.child not in knee.rigid
-                new = not is_between(joint) and joint not in knee.joints
-                if carried and new and (joint, joint.child) not in parts[bone]:
-                    parts[bone].append((joint, joint.child))
-                    waiting.append(joint.child)
+            carried = [(j, j.child) for j in joints if j.parent == body and j not in knee.joints
+                       and j.child not in knee.rigid and not is_between(j)]
+            parts[bone] += (new := [one for one in carried if one not in parts[bone]])
+            waiting += [child for _, child in new]
     moving = [joint for found in parts.values() for joint, _ in found if joint.parent != GROUND]
     known = {c.name: c for c in coordinates_of(moving)}
     values = {}
@@ -188,9 +176,8 @@ def with_pelvis_and_foot(
         if name not in known:
             expected = f"a coordinate of hip or foot: {', '.join(known) or 'the model has none'}"
             raise InputProblem(model.file.path, "--at", name, expected, known)
-        coordinate = known[name]
-        scale, unit = coordinate.unit
-        lower, upper = (x * scale for x in coordinate.range or (-math.inf, math.inf))
+        scale, unit = known[name].unit
+        lower, upper = (x * scale for x in known[name].range or (-math.inf, math.inf))
         if not lower <= value <= upper:
             expected = f"{lower:.6g} to {upper:.6g} {unit}, its range in the model"
             raise InputProblem(model.file.path, f"--at {name}", f"{value:g}", expected)
@@ -210,11 +197,9 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
     moving = [joint for joint in joints if joint.coordinates]
     candidates = [j for j in moving if _KNEE.search(words(j)) and not _OTHER.search(words(j))]
     if not candidates:
-        candidates = [
-            joint for joint in moving
-            if any(_FEMUR.search(n) for n in _welded(joints, joint.parent, joint))
-            and any(_TIBIA.search(n) for n in _welded(joints, joint.child, joint))
-        ]
+        candidates = [j for j in moving
+                      if any(map(_FEMUR.search, _welded(joints, j.parent, j)))
+                      and any(map(_TIBIA.search, _welded(joints, j.child, j)))]
     marked = {s: [j for j in candidates if _side(j) == s] for s in SIDES}
     if marked["r"] or marked["l"]:
         if not marked[side]:
@@ -225,9 +210,8 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
             raise InputProblem(model.file.path, "--side", side, expected)
         candidates = marked[side]
     elif candidates:
-        findings.append(
-            f"No name says which side the knee is of; it was taken as {SIDES[side]}, as asked."
-        )
+        findings.append("No name says which side the knee is of; it was taken as "
+                        f"{SIDES[side]}, as asked.")
     carrying = [j for j in candidates if any(k.parent == j.child for k in joints)]
     candidates = carrying if len(candidates) > 1 and carrying else candidates
     # The candidates from the uppermost to the lowest, with what is between.
@@ -245,16 +229,8 @@ def _guess(model: Model, joints: list[Joint], side: str, findings: list[str]) ->
 def _side(joint: Joint) -> str:
     """The side that a joint's names speak of; empty if none or both."""
     words = (joint.name, joint.parent, joint.child, *(c.name for c in joint.coordinates))
-    said = {s for s in SIDES if any(_MARKS[s].search(w) or _CAMEL[s].search(w) for w in words)}
+    said = {s for s in SIDES if any(_MARKS[s].search(w) for w in words)}
     return said.pop() if len(said) == 1 else ""
-
-
-def _between(joints: list[Joint], femur: str, tibia: str) -> list[Joint]:
-    """Joints of the way from one body to the other."""
-    up, down = chain(joints, femur), chain(joints, tibia)
-    way = [j for j in up if j not in down] + [j for j in reversed(down) if j not in up]
-    # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
-    return [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
 
 
 def _carries_upwards(joints: list[Joint], knee: list[Joint], upper: str, lower: str) -> bool:
@@ -285,12 +261,3 @@ def _held(movement: Movement, bone: str, knee: list[Joint]) -> dict[str, tuple[R
         other: (at[other], f"{joint.kind} {joint.name}" + ", locked" * bool(joint.coordinates))
         for joint, _, other in kinematics.reached(movement.joints, bone, fixed)
     }
-
-
-def _body(model: Model, option: str, name: str) -> str:
-    found = model.named(name)
-    if not found or found == GROUND:
-        known = [body for body in model.bodies if body != GROUND]
-        listed = ", ".join(known[:12]) + (", ..." if len(known) > 12 else "")
-        raise InputProblem(model.file.path, option, name, f"a body of the model: {listed}", known)
-    return found

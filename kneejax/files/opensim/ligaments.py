@@ -11,13 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from kneejax.files.knee import ENDS
+from kneejax.files.knee.parts import ENDS
 from kneejax.files.opensim import paths
-from kneejax.files.opensim.exact import METRES_TO_MM, shifted
+from kneejax.files.opensim.exact import METRES_TO_MM, poses_of, shifted
 from kneejax.files.opensim.knee import OsimKneeJoint
 from kneejax.files.opensim.model import Model
 from kneejax.files.opensim.xml import Element
-from kneejax.files.reading import counted
+from kneejax.files.reading import counted, plain_number
 from kneejax.geometry import BODIES, FEMUR, PATELLA
 from kneejax.mechanics import FAILURE_SOURCE, RANGES, usual_failure_strain
 
@@ -86,8 +86,7 @@ class _Unsupported(Exception):
 
 
 def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres: those of the knee, and the others with the reason; raises without any.
-    """
+    """Sort a model's fibres: those of the knee, the others with the reason; raises without any."""
     found, keys, wraps = Found([], {}, {}, [], []), paths.Counted(), paths.read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
@@ -102,11 +101,17 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
         try:
             points = _points(model, element, knee)
             if element.tag != KIND:
-                raise _Unsupported(
-                    "of class Ligament (resting_length, pcsa_force and a force-length curve)"
-                )
+                what = "resting_length, pcsa_force and a force-length curve"
+                raise _Unsupported(f"of class Ligament ({what})")
             wrap = _wrap(element, len(points), wraps, knee, found.notes, key)
-            numbers = {field: _number(element, field) for field in NUMBERS}
+            numbers = {}
+            for field, (tag, own, unit) in NUMBERS.items():
+                (value,) = element.numbers(tag, 1, own)
+                limit = ">= 0" if field == "damping_N_s" else "> 0"
+                if value < 0 or (value == 0 and limit == "> 0"):
+                    word = element.word(tag) or f"{own} (OpenSim's default)"
+                    raise element.problem(tag, word, f"a number {limit}{unit}")
+                numbers[field] = value
         except _Outside as reason:
             found.outside[key] = str(reason)
         except _Unsupported as reason:
@@ -153,11 +158,9 @@ def _wrap(
     for path_wrap in paths.path_objects(element, "PathWrapSet"):
         same = [x for x in wraps if x.element.name == path_wrap.last_word("wrap_object")]
         if not same:
-            raise path_wrap.problem(
-                "wrap_object", path_wrap.word("wrap_object") or "missing",
-                f"a wrap object of the model ({element.tag} {element.name} goes around it)",
-                [wrap.element.name for wrap in wraps],
-            )
+            expected = f"a wrap object of the model ({element.tag} {element.name} goes around it)"
+            raise path_wrap.problem("wrap_object", path_wrap.word("wrap_object") or "missing",
+                                    expected, [wrap.element.name for wrap in wraps])
         # OpenSim takes the first of that name; one on the knee's bones is what is meant here.
         wrap = next((wrap for wrap in same if wrap.body in knee.rigid), same[0])
         if not wrap.active:
@@ -168,61 +171,41 @@ def _wrap(
         if wrap.unsupported:
             raise _Unsupported(wrap.unsupported)
         span = path_wrap.word("range", default="-1 -1")
-        try:
-            first, last = (int(float(word)) for word in span.split())
-        except (ValueError, OverflowError):
-            first, last = 0, 0
-        if first not in (-1, 1) or last not in (-1, points):
+        ends = [plain_number(word) for word in span.split()]
+        if len(ends) != 2 or ends[0] not in (-1, 1) or ends[1] not in (-1, points):
             raise _Unsupported(
                 f"goes around {wrap.key} with only some points ({' '.join(span.split())})")
-        if wrap not in found:
-            found.append(wrap)
+        found += [wrap] if wrap not in found else []
     if len(found) > 1:
         names = ", ".join(wrap.key for wrap in found)
         raise _Unsupported(f"goes around {len(found)} wrap objects ({names})")
     if found and points > 2:
-        notes.append(
-            f"{key} has via points and the wrap object {found[0].key}: here every part of the "
-            "fibre may touch the object, in OpenSim one part does."
-        )
+        notes.append(f"{key} has via points and the wrap object {found[0].key}: here every part of "
+                     "the fibre may touch the object, in OpenSim one part does.")
     return found[0] if found else None
-
-
-def _number(element: Element, field: str) -> Decimal:
-    """One of `NUMBERS`, in SI."""
-    tag, own, unit = NUMBERS[field]
-    (value,) = element.numbers(tag, 1, own)
-    limit = ">= 0" if field == "damping_N_s" else "> 0"
-    if value < 0 or (value == 0 and limit == "> 0"):
-        word = element.word(tag) or f"{own} (OpenSim's default)"
-        raise element.problem(tag, word, f"a number {limit}{unit}")
-    return value
 
 
 def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:
     """The fibres; those with a point inside their obstacle run straight, if that is allowed:
     OpenSim itself leaves out an obstacle as long as a point lies inside it."""
-    answer = []
-    for ligament in found.ligaments:
+    answer = [*found.ligaments]
+    for row, ligament in enumerate(answer):
         wrap = ligament.wrap
         if wrap is None or (deepest := wrap.deepest(knee, ligament.points)) is None:
-            answer.append(ligament)
             continue
         depth, point = deepest
-        there = knee.bone_of(point.body) == knee.bone_of(wrap.body)
-        where, kind = point.element.name or "a path point", wrap.element.tag
-        shape = f"the {kind.removeprefix('Wrap').lower()} {wrap.key}"
-        shape += "" if there else " at the reference pose"
+        where = point.element.name or "a path point"
+        shape = f"the {wrap.element.tag.removeprefix('Wrap').lower()} {wrap.key}"
+        if knee.bone_of(point.body) != knee.bone_of(wrap.body):
+            shape += " at the reference pose"
         if inside != "straight" and depth > SHALLOW_MM:
-            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}",
-                "a point outside what the fibre goes around; --inside straight leaves the "
-                f"obstacle out, as OpenSim does, --without {ligament.key} the fibre",
-            )
-        found.notes.append(
-            f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre runs "
-            "straight, as in OpenSim, which leaves out an obstacle that a point is inside of."
-        )
-        answer.append(dataclasses.replace(ligament, wrap=None))
+            expected = ("a point outside what the fibre goes around; --inside straight leaves the "
+                        f"obstacle out, as OpenSim does, --without {ligament.key} the fibre")
+            raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}", expected)
+        found.notes.append(f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre "
+                           "runs straight, as in OpenSim, which leaves out an obstacle that a "
+                           "point is inside of.")
+        answer[row] = dataclasses.replace(ligament, wrap=None)
     return answer
 
 
@@ -231,13 +214,11 @@ def check_lengths(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
     for ligament in ligaments:
         first, last = (ligament.points[i].in_femur(knee) for i in (0, -1))
         length = 1e3 * float(np.linalg.norm(last - first))
-        allowed = RANGES["length_mm"]
-        if not allowed.holds(length):
-            raise ligament.element.problem(
-                "attachments", f"{length:.4g} mm apart at the reference pose",
-                f"{allowed}: another unit than metres, or a default pose in which the knee is "
-                "apart, are suspected",
-            )
+        if not (allowed := RANGES["length_mm"]).holds(length):
+            expected = (f"{allowed}: another unit than metres, or a default pose in which the knee "
+                        "is apart, are suspected")
+            value = f"{length:.4g} mm apart at the reference pose"
+            raise ligament.element.problem("attachments", value, expected)
 
 
 class PatellaSection(NamedTuple):
@@ -269,11 +250,10 @@ def read_patella(
     muscles = _muscles(model, whole, notes, doubts)
     every = (*beside, *muscles)
     if any(point.body not in knee.rigid for one in every for point in one.points):
-        notes.append(
-            "Pelvis and foot stand where the model's default coordinates have them"
-            + (f", but for {where}" if at else "")
-            + ": what comes from there begins or ends at a fixed point of the femur or the tibia."
-        )
+        but = f", but for {where}" if at else ""
+        notes.append(f"Pelvis and foot stand where the model's default coordinates have them{but}: "
+                     "what comes from there begins or ends at a fixed point of the femur or the "
+                     "tibia.")
     wraps = wrap_names(every)
     names = {wrap.element: name for name, wrap in wraps.items()}
     keys = paths.file_names((x.key for x in beside), "L")
@@ -287,7 +267,16 @@ def read_patella(
         return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
     entries = {}
     for name, muscle in zip(paths.file_names([m.key for m in muscles], "M"), muscles, strict=True):
-        entries[name] = entry = _entry(muscle, whole, file)
+        bones = [whole.bone_of(point.body) for point in muscle.points]
+        # What runs along a bone does not change its length: it begins and ends where it leaves one.
+        begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
+        end = -next(k for k, bone in enumerate(bones[::-1]) if bone != bones[-1])
+        (_, origin), (bone, insertion), via = muscle.ends(whole, begin, end)
+        said = f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
+        source = f"{file}, {muscle.element.tag} {muscle.key}" + said * (bone == PATELLA)
+        entries[name] = entry = {
+            "tension_N": 0.0, "origin_mm": origin, **via, "insertion_bone": bone,
+            "insertion_mm": insertion, "source": source}
         if muscle.element in strongest:
             share = strongest[muscle.element] / sum(strongest.values())
             entry["tension_N"] = round(AT_REST_N * share, 4)
@@ -298,10 +287,11 @@ def read_patella(
             notes.append(f"Muscle {muscle.key} runs without {wrap.key}: {place}.")
         elif wrap is not None:
             entry["wrap"] = names[wrap.element]
-    pose = zip(BODIES[PATELLA].values(), whole.patella_pose, strict=True)
+    pose = poses_of(whole.in_femur[PATELLA], whole.side).tolist()
     source = f"{file}: {whole.patella} in {whole.femur} at the coordinates' default values"
     document: dict[str, Any] = {
-        "reference_pose": {one.column: value for one, value in pose} | {"source": source},
+        "reference_pose": dict(zip((one.column for one in BODIES[PATELLA].values()), pose,
+                                   strict=True)) | {"source": source},
         "ligaments": ligaments,
         "contacts": {},
         "muscles": entries,
@@ -347,24 +337,9 @@ def wrap_of(
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active
         and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS
     ]
-    if found and found[0].unsupported:
-        quadrant = found[0].element.word("quadrant")
-        notes.append(
-            f"Muscle {element.name} takes the shorter way around {found[0].key}, which the model "
-            f"confines to the quadrant {quadrant}."
-        )
+    notes += [f"Muscle {element.name} takes the shorter way around {wrap.key}, which the model "
+              f"confines to the quadrant {wrap.element.word('quadrant')}."
+              for wrap in found[:1] if wrap.unsupported]
     notes += [f"Muscle {element.name} goes around one obstacle: {other.key} was left out."
               for other in found[1:]]
     return found[0] if found else None
-
-
-def _entry(muscle: paths.OsimPath, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
-    bones = [knee.bone_of(point.body) for point in muscle.points]
-    # What runs along a bone does not change its length: it begins and ends where it leaves one.
-    begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
-    end = -next(k for k, bone in enumerate(bones[::-1]) if bone != bones[-1])
-    (_, origin), (bone, insertion), via = muscle.ends(knee, begin, end)
-    said = f"; tension_N: {AT_REST_N:g} N shared by greatest isometric force"
-    source = f"{file}, {muscle.element.tag} {muscle.key}" + said * (bone == PATELLA)
-    return {"tension_N": 0.0, "origin_mm": origin, **via, "insertion_bone": bone,
-            "insertion_mm": insertion, "source": source}

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from kneejax.files.opensim.exact import Rigid
-from kneejax.files.opensim.xml import Element, XmlFile, parse_xml
-from kneejax.files.reading import plain_number
+from kneejax.files.opensim.xml import Element, XmlFile, last_word, parse_xml
+from kneejax.files.reading import InputProblem, plain_number
 
 KIND = "an OpenSim model"
 GROUND = "ground"
@@ -52,9 +52,8 @@ class Model:
         for tag, known, unit in _UNITS:
             word = found.word(tag)
             if not word:
-                self.notes.append(
-                    f"The model does not state {tag}: OpenSim's default, {unit}, was assumed."
-                )
+                self.notes += [f"The model does not state {tag}: OpenSim's default, {unit}, was "
+                               "assumed."]
             elif word.lower() not in known:
                 raise found.problem(tag, word, unit)
         # Everything in the model but defaults, controllers and markers; of it bodies by name,
@@ -115,7 +114,7 @@ class Model:
         if not word:
             return None
         path = word if word.startswith("/") else posixpath.join(_path(owner), word)
-        last = word.rstrip("/").rsplit("/", 1)[-1]
+        last = last_word(word)
         exact = self.frames.get(posixpath.normpath(path), self.bodies.get(last))
         same = [frame for frame in self.frames.values() if frame.name == last]
         return exact if exact is not None or len(same) != 1 else same[0]
@@ -193,7 +192,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
     factor = evaluate(inner, arguments) if inner is not None else 1.0
     try:
         if kind == "Constant":
-            return _number(function, "value", "0")
+            return function.number("value", "0")
         if kind == "LinearFunction":
             # OpenSim 2 and 3 call them coefficients too; the constant comes last.
             *slopes, constant = _numbers(function, "coefficients", 2)
@@ -203,9 +202,9 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if kind == "MultiplierFunction":
             if inner is None:
                 raise ValueError("no function to multiply")
-            return _number(function, "scale", "1") * factor
+            return function.number("scale", "1") * factor
         if kind == "Sine":
-            size, rate, phase, middle = (_number(function, *one) for one in (
+            size, rate, phase, middle = (function.number(*one) for one in (
                 ("amplitude", "1"), ("omega", "1"), ("phase", "0"), ("offset", "0")))
             return size * np.sin(rate * np.asarray(x) + phase) + middle
         knots, values = (_numbers(function, name, 2) for name in ("x", "y"))
@@ -214,6 +213,8 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
         if kind == "GCVSpline":
             return _natural(function, knots, values, x)
         return (_between if kind == "PiecewiseLinearFunction" else simm_spline)(knots, values, x)
+    except InputProblem:
+        raise
     except ValueError as error:
         expected = "the numbers of this kind of function"
         raise function.problem("numbers", str(error), expected) from None
@@ -222,13 +223,13 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
 def describe(function: Element) -> str:
     """A function of any kind in a few words, for a report."""
     if function.tag == "Constant":
-        return f"constant {_number(function, 'value', '0'):g}"
+        return f"constant {function.number('value', '0'):g}"
     if function.tag in ("LinearFunction", "PolynomialFunction"):
         return f"{function.tag} {function.word('coefficients')}"
     if function.tag == "MultiplierFunction":
         inner = function_of(function)
         what = describe(inner) if inner is not None else "nothing"
-        return f"{_number(function, 'scale', '1'):g} times {what}"
+        return f"{function.number('scale', '1'):g} times {what}"
     count = len(function.word("x").split())
     return f"{function.tag} through {count} points" if count else function.tag
 
@@ -244,10 +245,14 @@ def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     """
     if len(knots) == 2 or np.any(np.diff(knots) <= 0):
         return _between(knots, values, x)
-    ends = [(3, np.zeros(values.shape[1:]))] * 2
-    if len(knots) > 3:
-        ends = [(3, _third_derivative(knots[k], values[k])) for k in (slice(4), slice(-4, None))]
-    spline = make_interp_spline(knots, values, k=3, bc_type=([ends[0]], [ends[1]]))
+    ends = []
+    for k in (slice(4), slice(-4, None)):
+        x4, third = knots[k], values[k]
+        for order in range(1, 4):  # divided differences
+            apart = (x4[order:] - x4[:-order]).reshape(-1, *[1] * (values.ndim - 1))
+            third = np.diff(third, axis=0) / apart
+        ends.append([(3, 6.0 * third[0] if len(knots) > 3 else np.zeros(values.shape[1:]))])
+    spline = make_interp_spline(knots, values, k=3, bc_type=tuple(ends))
     inside = np.clip(x, knots[0], knots[-1])
     beyond = np.reshape(x - inside, (*np.shape(x), *[1] * (values.ndim - 1)))
     return spline(inside) + beyond * spline(inside, 1)
@@ -266,13 +271,6 @@ def _natural(function: Element, knots: np.ndarray, values: np.ndarray, x: Any) -
     return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
 
 
-def _third_derivative(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Of the cubic through four points."""
-    for order in range(1, 4):
-        y = np.diff(y, axis=0) / (x[order:] - x[:-order]).reshape(-1, *[1] * (y.ndim - 1))
-    return 6.0 * y[0]
-
-
 def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
     width = knots[i + 1] - knots[i]
@@ -280,18 +278,8 @@ def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     return values[i] + (x - knots[i]) * slope
 
 
-def _number(function: Element, tag: str, usual: str) -> float:
-    return _read(function.word(tag, default=usual))
-
-
 def _numbers(function: Element, tag: str, at_least: int) -> np.ndarray:
-    numbers = np.array([_read(word) for word in function.word(tag).split()])
-    if len(numbers) < at_least or not np.isfinite(numbers).all():
+    numbers = [plain_number(word) for word in function.word(tag).split()]
+    if len(numbers) < at_least or not all(x is not None and math.isfinite(x) for x in numbers):
         raise ValueError(f"{tag}: {function.word(tag) or 'missing'}")
-    return numbers
-
-
-def _read(word: str) -> float:
-    if (found := plain_number(word)) is None:
-        raise ValueError(f"{word} is no number")
-    return found
+    return np.array(numbers)

@@ -105,9 +105,8 @@ class OsimWrap(_Carried):
     def deepest(
         self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
     ) -> tuple[float, OsimPoint] | None:
-        """How deep inside it a point lies at the reference pose, mm, and which is the deepest; None
-        where all lie outside. Depth is along the ray from its centre, or in a cylinder across it or
-        to its end."""
+        """Depth of the deepest point inside it at the reference pose, mm, and the point; None where
+        all lie outside. Along the ray from its centre, in a cylinder across it or to its end."""
         entry, found = self.document(knee, ""), None
         back = knee.in_femur[entry["bone"]].inverse()
         turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))

@@ -17,8 +17,9 @@ from kneejax.files.opensim.joints import Joint, Movement, coordinate_columns, co
 from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import Storage, storage
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.files.tables import storage
+from kneejax.files.tables.storage import Storage
+from kneejax.geometry import FEMUR, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name
 
@@ -138,20 +139,15 @@ def sorted_files(
         else:
             value = storage.read_storage(path).renamed(called)
             words = {storage.last_word(name) for name in value.columns}
-            if flexion in words:
-                kind = "coordinates"
-            elif len(words & muscles) > 1:
-                kind = "muscle forces"
-            elif any(on_tibia in name.lower() for name in value.columns):
-                kind = "joint reactions"
-            else:
+            has = (flexion in words, len(words & muscles) > 1,
+                   any(on_tibia in name.lower() for name in value.columns))
+            kind = next((one for one, there in zip(_KINDS, has, strict=False) if there), "")
+            if not kind:
                 near = nearest_name(flexion, words)
                 so = f" (--called {flexion}={near})" if near else ""
-                expected = (
-                    f"a table with the coordinate {flexion}{so}, with forces of the model's "
-                    f"muscles, or with reactions on {bones.tibia}; forces of the ground come with "
-                    "their .xml"
-                )
+                expected = (f"a table with the coordinate {flexion}{so}, with forces of the "
+                            f"model's muscles, or with reactions on {bones.tibia}; forces of the "
+                            "ground come with their .xml")
                 found = ", ".join(sorted(words)[:_SHOWN]) + ", ..." * (len(words) > _SHOWN)
                 raise InputProblem(path, "columns", found, expected, flexion if near else None)
         if kind in kinds:
@@ -166,9 +162,8 @@ def sorted_files(
 
 def bodies_below(joints: Sequence[Joint], bones: OsimKneeJoint) -> set[str]:
     """Bodies of the leg below the knee: what joints other than the knee's join to the tibia."""
-    above = {name for name in bones.rigid if bones.bone_of(name) in (FEMUR, PATELLA)}
-    above |= {GROUND, bones.femur, bones.patella}
-    found = {name for name in bones.rigid if bones.bone_of(name) == TIBIA} - above
+    found = {name for name in bones.rigid if bones.bone_of(name) == TIBIA}
+    above = {GROUND, bones.patella, *bones.rigid} - found
     return connected(joints, found, lambda joint: joint not in bones.joints
                      and not {joint.parent, joint.child} & above)
 
@@ -211,12 +206,9 @@ def acting_on(
     for name in sorted(below):
         element, there = model.bodies[name], around.placed[name]
         center = np.array(element.point("mass_center"), float)
-        if element.child("inertia") is not None:
-            inertia = [float(x) for x in element.numbers("inertia", 6)]
-        else:
-            inertia = [element.number(f"inertia_{two}", "0")
-                       for two in ("xx", "yy", "zz", "xy", "xz", "yz")]
-        inertia = np.array(inertia)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+        inertia = (element.numbers("inertia", 6) if element.child("inertia") is not None else
+                   [element.number(f"inertia_{two}", "0") for two in "xx yy zz xy xz yz".split()])
+        inertia = np.array(inertia, float)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
         masses.append(MovingMass(
             element.number("mass", "0"), inertia, there.turn, there.point(center), _STEP_S))
     parts = {
@@ -270,15 +262,11 @@ def _of_columns(
         change = np.abs(np.diff(table.columns[columns[bend.name]])) / steps
         fastest = float(change.max()) * (1.0 if table.in_degrees else np.rad2deg(1.0))
         if fastest > _FASTEST_DEG_S:
-            doubts.append(
-                f"{file}: {bend.name} turns by {fastest:,.0f} degrees/s: its times or angles "
-                "are in other units than s and those of the header."
-            )
+            doubts.append(f"{file}: {bend.name} turns by {fastest:,.0f} degrees/s: its times or "
+                          "angles are in other units than s and those of the header.")
     if np.median(steps) >= _SLOWEST_S:
-        doubts.append(
-            f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are suspected; "
-            "inertia counts for nothing then."
-        )
+        doubts.append(f"{file}: rows are {np.median(steps):g} s apart: times in ms or percent are "
+                      "suspected; inertia counts for nothing then.")
     known = {*columns, *(name for _, name, _ in kinematics.couplers(model)),
              *(c.name for c in coordinates_of(joints) if c.prescribed is not None)}
     on_way = {joint.name: joint for body in sorted(below) for joint in chain(joints, body)}
@@ -289,9 +277,7 @@ def _of_columns(
             continue
         if unknown != free:
             absent += unknown
-            continue
-        doubts.append(
-            f"{file}: no column of {', '.join(free)}: taken at the model's defaults, which decide "
-            "how weight, inertia and ground act on the leg."
-        )
+        else:
+            doubts.append(f"{file}: no column of {', '.join(free)}: taken at the model's defaults, "
+                          "which decide how weight, inertia and ground act on the leg.")
     return doubts, absent

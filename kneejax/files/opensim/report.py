@@ -12,7 +12,7 @@ from kneejax.files.opensim.joints import read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, beyond, is_between
 from kneejax.files.opensim.ligaments import KIND, TRANSITION_WIDTH
 from kneejax.files.opensim.model import GROUND, Model
-from kneejax.files.opensim.xml import Element
+from kneejax.files.opensim.xml import Element, last_word
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 from kneejax.mechanics import ligament_law
 
@@ -56,16 +56,13 @@ def untaken(
     model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
     patella: bool, rings: Collection[str] = (),
 ) -> tuple[list[Untaken], list[str]]:
-    """Forces and constraints but those that were read or about which everything has been said, and
-    bodies at the knee that are part of none of its bones. `unwanted` are names that a person asked
-    to leave out, as patella and muscles without `patella`; for the menisci `rings` rings stand.
-    One acts on the knee if it joins bodies on two sides of its joints, of which one is at the knee,
-    or if it names a coordinate of these joints. Its class does not matter: every word of it that
-    is the name of a body, of a frame or contact geometry on one, or of a coordinate counts."""
+    """Forces and constraints but those taken, and bodies at the knee that are part of no bone. One
+    acts on the knee if it joins bodies on two sides of its joints, of which one is at the knee, or
+    names a coordinate of these joints. Its class does not matter: every word of it that is the name
+    of a body, of a frame or contact geometry on one, or of a coordinate counts."""
     joints, known = read_joints(model), {*taken}
-    own = {joint.element for joint in knee.joints}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
-    cut = [*between, *(joint for joint in joints if joint.element in own)]
+    cut = [*between, *knee.joints]
     inner = dict.fromkeys(body for joint in between for body in beyond(joints, cut, joint.child))
     near = {*knee.rigid, *inner}
     # Body -> the part of the model, that of the first of its bodies, to which it belongs.
@@ -75,7 +72,18 @@ def untaken(
             parts = dict.fromkeys(beyond(joints, cut, body), body) | parts
     on_ground = [parts[joint.other(GROUND)] for joint in joints if joint.on_ground]
     parts[GROUND] = joined = on_ground[0] if on_ground else parts[knee.femur]
-    bodies = _bodies(model)
+    # Name of a body, or of a frame or a geometry on one -> the bodies.
+    places = collections.defaultdict(set)
+    for frame in model.frames.values():
+        places[frame.name].add(model.place(frame)[0])
+    for element in model.elements:
+        around = [outer.tag for outer in element.iterancestors()]
+        if around[0] in ("objects", "ContactGeometrySet") and "ContactGeometrySet" in around:
+            word = element.word("body_name", "socket_frame", "socket_frame_connectee_name")
+            if (frame := model.frame(word, element)) is not None:
+                places[element.name].add(model.place(frame)[0])
+    bodies = {name: [*one][0] for name, one in places.items() if len(one) == 1}
+    bodies |= {body: body for body in model.bodies}
     coordinates = {c.name for joint in cut for c in joint.coordinates
                    if {joint.parent, joint.child} & near}
     of_rings = {c.name for joint in between if joint.child in rings for c in joint.coordinates}
@@ -83,10 +91,21 @@ def untaken(
     for element in model.forces():
         if element in known:
             continue
-        on, asked = _attached(model, element, bodies, coordinates)
+        # Bodies and coordinates that anything within it names.
+        on, asked = set(), set()
+        for leaf in _leaves(element):
+            for word in leaf.content.split() if leaf.tag != "wrap_object" else ():
+                last, socket = last_word(word), leaf.tag.startswith("socket_")
+                frame = model.frame(word, leaf.getparent()) if socket else None
+                if last in coordinates:
+                    asked.add(last)
+                elif frame is not None:
+                    on.add(model.place(frame)[0])
+                elif last in bodies:
+                    on.add(bodies[last])
         sides = {parts[body] for body in on}
-        alone = not any(child.tag.endswith("Path") for child in element.children) and len(on) == 1
-        across = len(sides) > 1 or (alone and sides != {joined})
+        has_path = any(child.tag.endswith("Path") for child in element.children)
+        across = len(sides) > 1 or (len(on) == 1 and not has_path and sides != {joined})
         how = _how(element) if asked or (across and on & near) else ELSEWHERE
         goes = any(knee.bone_of(body) == PATELLA for body in on) or element.tag.endswith("Muscle")
         held = on <= {x for x in near if x in rings or knee.bone_of(x) == TIBIA}
@@ -117,46 +136,8 @@ def numbers_of_kinds(tags: Iterable[str], bodies: Iterable[str] = ()) -> str:
     names = [next(kind for kind, words in _KINDS.items() if re.search(words, x)) for x in tags]
     names += ["meniscus" if "menisc" in body.lower() else "body" for body in bodies]
     counts = collections.Counter(names)
-    every = ((counts[name], name) for name in (*_KINDS, *_PLURALS) if counts[name])
     return ", ".join(f"{n} {name if n == 1 else _PLURALS.get(name, f'{name}s')}"
-                     for n, name in every)
-
-
-def _bodies(model: Model) -> dict[str, str]:
-    """Name of a body, or of a frame or a geometry on one -> the body."""
-    by_name = collections.defaultdict(set)
-    for frame in model.frames.values():
-        by_name[frame.name].add(model.place(frame)[0])
-    for element in model.elements:
-        outer = element.getparent()
-        if outer is None or outer.tag not in ("objects", "ContactGeometrySet"):
-            continue
-        if any(outer.tag == "ContactGeometrySet" for outer in element.iterancestors()):
-            word = element.word("body_name", "socket_frame", "socket_frame_connectee_name")
-            frame = model.frame(word, element)
-            if frame is not None:
-                by_name[element.name].add(model.place(frame)[0])
-    single = {name: [*places][0] for name, places in by_name.items() if len(places) == 1}
-    return single | {body: body for body in model.bodies}
-
-
-def _attached(
-    model: Model, element: Element, bodies: dict[str, str], coordinates: set[str]
-) -> tuple[set[str], set[str]]:
-    """Bodies and coordinates that anything within an element names."""
-    on, asked = set(), set()
-    for leaf in _leaves(element):
-        for word in leaf.content.split() if leaf.tag != "wrap_object" else ():
-            last = word.rstrip("/").rsplit("/", 1)[-1]
-            socket = leaf.tag.startswith("socket_")
-            frame = model.frame(word, leaf.getparent()) if socket else None
-            if last in coordinates:
-                asked.add(last)
-            elif frame is not None:
-                on.add(model.place(frame)[0])
-            elif last in bodies:
-                on.add(bodies[last])
-    return on, asked
+                     for name in (*_KINDS, *_PLURALS) if (n := counts[name]))
 
 
 def _how(element: Element) -> str:
@@ -196,7 +177,17 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
             f"File {model.name}, version {model.version} of OpenSim's format.\n")
     for title, items in import_sections(read, geometry).items():
         text += f"\n## {title}\n\n" + ("".join(f"- {item}\n" for item in items) or "None.\n")
-        text += _table(read) if title == "Joint" else ""
+        if title != "Joint":
+            continue
+        text += f"\n## Ligaments read: {len(read.ligaments)} fibres of class {KIND}\n\n"
+        text += "| fibre | points | wrap object | stiffness N | slack length mm | transition |\n"
+        text += "|---|---|---|---|---|---|\n" + "".join(
+            f"| {name} | {2 + len(x.get('via_points', ()))} | {x.get('wrap', '')} "
+            f"| {x['stiffness_N']:g} | {x['slack_length_mm']:.6g} | {x['transition_strain']:g} |\n"
+            for name, x in read.document["ligaments"].items())
+        groups = read.document.get("groups", {}).items()
+        names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups)
+        text += f"\nGroups made from their names: {names}.\n" if names else ""
     return text
 
 
@@ -208,20 +199,16 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
               for joint in knee.joints for text in joint.describe()]
     contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
     contacts += [f"{m.body}: {text}" for m in read.menisci for text in m.findings]
+    stl = "`kneejax import stl --knee knee.yaml ...` adds"
     if geometry:
         contacts += geometry
     elif read.contacts:
-        contact = read.contacts[0]
-        contacts.append(
-            "No surfaces: with --geometry FOLDER the importer fits them to the meshes "
-            f"{contact.femur.file} and {contact.other.file}, or `kneejax import stl --knee "
-            "knee.yaml ...` adds them to this knee."
-        )
+        pair = f"{read.contacts[0].femur.file} and {read.contacts[0].other.file}"
+        contacts.append("No surfaces: with --geometry FOLDER the importer fits them to the meshes "
+                        f"{pair}, or {stl} them to this knee.")
     else:
-        contacts.append(
-            f"The model has no {FORCE} between femur and tibia; `kneejax import stl --knee "
-            "knee.yaml ...` adds contacts to this knee."
-        )
+        contacts.append(f"The model has no {FORCE} between femur and tibia; {stl} contacts to this "
+                        "knee.")
     fibres, wraps = read.document["ligaments"], []
     for name in read.wraps:
         entry = read.document["wraps"][name]
@@ -262,20 +249,3 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
             *[around] * bool(wraps),
         ],
     }
-
-
-def _table(read: OsimImport) -> str:
-    """The fibres, in Markdown."""
-    text = f"""
-## Ligaments read: {len(read.ligaments)} fibres of class {KIND}
-
-| fibre | points | wrap object | stiffness N | slack length mm | transition |
-|---|---|---|---|---|---|
-"""
-    for name, x in read.document["ligaments"].items():
-        text += f"| {name} | {2 + len(x.get('via_points', ()))} | {x.get('wrap', '')} "
-        text += f"| {x['stiffness_N']:g} | {x['slack_length_mm']:.6g} "
-        text += f"| {x['transition_strain']:g} |\n"
-    groups = read.document.get("groups", {}).items()
-    names = ", ".join(f"{name} ({len(fibres)})" for name, fibres in groups)
-    return text + (f"\nGroups made from their names: {names}.\n" if names else "")

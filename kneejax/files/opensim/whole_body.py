@@ -40,48 +40,28 @@ _ACTUATORS = "reserves and residuals of OpenSim: a ForceSet (.xml)"
 
 @dataclasses.dataclass(frozen=True)
 class WholeBody:
-    """A movement that OpenSim can be asked about.
+    """A movement that OpenSim can be asked about."""
 
-    Attributes:
-        model: that moves.
-        motion: table of coordinates, as it was given.
-        coordinates: the same by the coordinates' own names, rad or degrees, and m.
-        loads: external loads; None where the model's own contacts press its feet.
-        side: `r` or `l`.
-        bones: bodies that are the femur and the tibia.
-        joint: the knee's.
-        tibia_is_child: whether that joint's child goes with the tibia, not with the femur.
-        time_s: begin and end.
-        every: rows of the motion from one instant of static optimisation to the next.
-        actuators: reserves and residuals; None for those that are made.
-    """
-
-    model: Path
-    motion: Path
-    coordinates: Storage
-    loads: Path | None
-    side: str
-    bones: tuple[str, str]
-    joint: str
-    tibia_is_child: bool
-    time_s: tuple[float, float]
-    every: int
-    actuators: Path | None = None
+    model: Path  # that moves
+    motion: Path  # table of coordinates, as it was given
+    coordinates: Storage  # the same by the coordinates' own names, rad or degrees, and m
+    loads: Path | None  # external loads; None where the model's own contacts press its feet
+    side: str  # `r` or `l`
+    bones: tuple[str, str]  # bodies that are the femur and the tibia
+    joint: str  # the knee's
+    tibia_is_child: bool  # whether that joint's child goes with the tibia, not with the femur
+    time_s: tuple[float, float]  # begin and end
+    every: int  # rows of the motion from one instant of static optimisation to the next
+    actuators: Path | None = None  # reserves and residuals; None for those that are made
 
 
 @dataclasses.dataclass(frozen=True)
 class WholeBodyForces:
-    """Tables that OpenSim wrote.
+    """Tables that OpenSim wrote."""
 
-    Attributes:
-        moments: generalised forces of inverse dynamics.
-        forces: of muscles and actuators, of static optimisation.
-        reactions: of the knee on the tibia.
-    """
-
-    moments: Path
-    forces: Path
-    reactions: Path
+    moments: Path  # generalised forces of inverse dynamics
+    forces: Path  # of muscles and actuators, of static optimisation
+    reactions: Path  # of the knee on the tibia
 
 
 def whole_body(

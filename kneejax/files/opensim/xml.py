@@ -33,6 +33,11 @@ _AMPERSAND, _HYPHEN, _NOTHING = "\ue000", "\ue001", "\ue002"
 _AS_IT_WAS = str.maketrans({_AMPERSAND: "&", _HYPHEN: "-", _NOTHING: None})
 
 
+def last_word(path: str) -> str:
+    """The last name of a path of components."""
+    return path.rstrip("/").rsplit("/", 1)[-1]
+
+
 class Element(etree.ElementBase):
     """An element of lxml that reads its properties, and says where it stands where one is wrong."""
 
@@ -85,7 +90,7 @@ class Element(etree.ElementBase):
 
     def last_word(self, *tags: str) -> str:
         """The last name of a path that is the text of a child."""
-        return self.word(*tags).rstrip("/").rsplit("/", 1)[-1]
+        return last_word(self.word(*tags))
 
     def numbers(self, tag: str, count: int, default: str = "") -> list[Decimal]:
         """As many finite numbers of a child, or InputProblem; of `default` if it is absent."""
@@ -172,9 +177,8 @@ class XmlFile(NamedTuple):
     root: Element
 
     def written(self) -> bytes:
-        """The file with the elements as they are now, in its own encoding. What stands before and
-        after the root, comments, space between elements, ends of lines and the way to close an
-        empty element stay."""
+        """The file with the elements as they are now. Its encoding, what stands around the root,
+        comments, space, ends of lines and the way to close an empty element stay."""
         text, closed = self.text, f"</{self.root.tag}"
         new = etree.tostring(self.root, encoding="unicode", with_tail=False)
         if 2 * text.count(" />") > text.count("/>"):
@@ -192,7 +196,18 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
     """Parse a file that should be of a kind, or its bytes; what is not well-formed is refused with
     line and column, and so are entities of its own."""
     original = read_bytes(path, kind) if data is None else data
-    text, encoding = _decoded(original, path, kind)
+    encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
+    if b"\x00" in original and encoding != "utf-16":
+        raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
+    if not encoding:
+        found = _DECLARED.match(original.lstrip())
+        encoding = found.group(1).decode("ascii") if found else "utf-8"
+    try:
+        if codecs.lookup(encoding).name in _NO_ENCODINGS:
+            raise LookupError(f"{encoding} is no encoding of a document")
+        text = original.decode(encoding)
+    except (UnicodeError, LookupError) as error:
+        raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None
     if "<!ENTITY" in text:
         place = f"line {text[: text.index('<!ENTITY')].count(chr(10)) + 1}"
         raise InputProblem(path, place, "<!ENTITY", f"{kind} without entities of its own")
@@ -201,11 +216,11 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
         root, error = _parsed(_BARE.sub(_AMPERSAND, _COMMENT.sub(
             lambda found: f"<!--{found[0][4:-3].replace('-', _HYPHEN)}-->", text)), path)
     if error is not None or root is None:
-        place, found = "line 1, column 1", "no element"
+        place, shown = "line 1, column 1", "no element"
         if error is not None:
             place = f"line {error.line}, column {error.column}"
-            found = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
-        raise InputProblem(path, place, found, f"{kind} in well-formed XML")
+            shown = _MISMATCH.sub(r"mismatched tag \3 for \1 of line \2", error.message.strip())
+        raise InputProblem(path, place, shown, f"{kind} in well-formed XML")
     return XmlFile(Path(path), original, text, encoding, root)
 
 
@@ -229,19 +244,3 @@ def _parsed(text: str, path: str | os.PathLike[str] = ""):
         root = None
     fatal = (one for one in parser.error_log if one.level == etree.ErrorLevels.FATAL)
     return root, next(fatal, None)
-
-
-def _decoded(original: bytes, path, kind: str) -> tuple[str, str]:
-    """The text, and Python's name of its encoding."""
-    encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
-    if b"\x00" in original and encoding != "utf-16":
-        raise InputProblem(path, "file", "binary data", f"{kind}, which is text")
-    if not encoding:
-        found = _DECLARED.match(original.lstrip())
-        encoding = found.group(1).decode("ascii") if found else "utf-8"
-    try:
-        if codecs.lookup(encoding).name in _NO_ENCODINGS:
-            raise LookupError(f"{encoding} is no encoding of a document")
-        return original.decode(encoding), encoding
-    except (UnicodeError, LookupError) as error:
-        raise InputProblem(path, "encoding", str(error), f"{kind} in its encoding") from None

@@ -12,15 +12,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
 
-from pydantic import (
-    BaseModel,
-    ConfigDict,
-    GetCoreSchemaHandler,
-    ModelWrapValidatorHandler,
-    ValidationError,
-    ValidationInfo,
-    model_validator,
-)
+import pydantic
+from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import core_schema
 
 from kneejax.files.reading._problem import InputProblem, InputProblems, wrong
@@ -38,7 +31,9 @@ class Part(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _in_words(cls, value: Any, build: ModelWrapValidatorHandler, info: ValidationInfo) -> Any:
+    def _in_words(
+        cls, value: Any, build: pydantic.ModelWrapValidatorHandler, info: ValidationInfo
+    ) -> Any:
         """Check every field; what pydantic finds becomes mistakes with their places."""
         mistakes = Mistakes()
         if (info.context or {}).get("file") and isinstance(value, dict):
@@ -67,15 +62,13 @@ class Part(BaseModel):
 def checked(
     model: type[_P], value: Any, file: str = "", folder: Path | None = None, *, nulls: bool = False
 ) -> _P:
-    """What stands in a file, as a model of it; raises where a field is missing, unknown or out of
-    range, with all mistakes. Paths in it are relative to `folder`; fields may be null where `nulls`
-    says so, as in a file that the package wrote."""
-    mistakes = Mistakes(file)
+    """What stands in a file, as a model of it, or all mistakes in it. Paths in it are relative to
+    `folder`; fields may be null where `nulls` says so, as in a file that the package wrote."""
     try:
         context = {"folder": folder or Path(), "file": not nulls}
         return model.model_validate(value, context=context)
     except ValidationError as error:
-        mistakes.keep(error)
+        (mistakes := Mistakes(file)).keep(error)
     raise together(mistakes)
 
 
@@ -110,11 +103,15 @@ class Mistakes(list[ValueError]):
         """Add a mistake, or the several that an exception stands for, found at a place; raises what
         is no mistake of a person."""
         if isinstance(problem, ValidationError):  # a model's own, as `_in_words` raised it
-            problem = _raised(problem.errors()[0])
+            problem = problem.errors()[0].get("ctx", {})["error"]
         for one in getattr(problem, "problems", (problem,)):
-            # What else may be wrong was found by JAX's modules, which are there then.
-            said = _placed if isinstance(one, InputProblem) else _explained
-            self.append(said(one, self.file, at))
+            if not isinstance(one, InputProblem):
+                # What else may be wrong was found by JAX's modules, which are there then.
+                one = _explained(one, self.file, at)
+            elif not one.file:  # one that names its file has its whole place
+                place = _joined(at, one.field) or "file" * bool(self.file)
+                one = InputProblem(self.file, place, one.value, one.expected, one.nearest)
+            self.append(one)
 
     def check(self) -> None:
         """Raise what was found, if anything."""
@@ -125,15 +122,6 @@ class Mistakes(list[ValueError]):
 def together(problems: Sequence[ValueError]) -> ValueError:
     """One mistake as it is; several as one exception, a line each."""
     return problems[0] if len(problems) == 1 else InputProblems(problems)
-
-
-def _placed(problem: InputProblem, file: str, at: str) -> InputProblem:
-    """A mistake with its file and its whole place; one that names its file has both."""
-    if problem.file:
-        return problem
-    place = _joined(at, problem.field)
-    place = place or "file" if file else place
-    return InputProblem(file, place, problem.value, problem.expected, problem.nearest)
 
 
 def _explained(problem: ValueError, file: str, at: str) -> ValueError:
@@ -161,11 +149,6 @@ def _joined(at: str, place: str) -> str:
     return f"{at}.{place}" if apart else (at + place).lstrip(".")
 
 
-def _raised(error: Any) -> ValueError:
-    """What a validator raised."""
-    return error["ctx"]["error"]
-
-
 def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]) -> None:
     """Keep what is wrong with the fields of a model; models in it have spoken for theirs."""
     every = error.errors(include_url=False)
@@ -188,7 +171,7 @@ def _keep_all(mistakes: Mistakes, error: ValidationError, model: type[BaseModel]
         place = "".join(f"[{x}]" if isinstance(x, int) else f".{x}" for x in path).lstrip(".")
         match one["type"]:
             case "value_error":
-                mistakes.keep(_raised(one), place)
+                mistakes.keep(one.get("ctx", {})["error"], place)
             case "missing" if one["loc"][-1] not in near.values():
                 mistakes.append(wrong("missing", "this field", at=place))
             case "model_type":
@@ -218,7 +201,7 @@ class Chosen:
     def __init__(self, model: Callable[[Any], type[Part]]):
         self.model = model
 
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler):
+    def __get_pydantic_core_schema__(self, source: Any, handler: pydantic.GetCoreSchemaHandler):
         def read(value: Any, info: ValidationInfo) -> Any:
             return self.model(value).model_validate(value, context=info.context)
 

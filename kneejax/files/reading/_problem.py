@@ -49,9 +49,8 @@ class InputProblem(ValueError):
         suggestion = "" if nearest is None else f"; did you mean {nearest}?"
         parts = (str(field), _LONGEST_FIELD), (expected, _LONGEST_EXPECTED)
         place, expected = (_cut(_in_one_line(text), most) for text, most in parts)
-        super().__init__(
-            _in_one_line(f"{self.file}: {place}: {_shown(value)}: expected {expected}{suggestion}")
-        )
+        line = f"{self.file}: {place}: {_shown(value)}: expected {expected}{suggestion}"
+        super().__init__(_in_one_line(line))
 
     def __reduce__(self):
         arguments = (self.file, self.field, self.value, self.expected, self.nearest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandler
@@ -68,7 +68,6 @@ def choice(value: Any, options: Iterable[str]) -> str:
 
 
 def _flag(value: Any) -> bool:
-    """True or false."""
     if not isinstance(value, bool):
         raise wrong(value, "true or false")
     return value
@@ -88,13 +87,7 @@ def numbers(
     value: Any, count: int | None = None, allowed: Range | None = None
 ) -> tuple[float, ...]:
     """A list of finite numbers, each within a range."""
-    found = []
-    for place, one in enumerate(items(value, "numbers", count)):
-        try:
-            found.append(number(one, allowed))
-        except InputProblem as problem:
-            raise wrong(one, problem.expected, at=f"[{place}]") from None
-    return tuple(found)
+    return tuple(_in_list(items(value, "numbers", count), number, allowed))
 
 
 def interval(value: Any, allowed: Range | None = None) -> tuple[float, float]:
@@ -109,15 +102,20 @@ def rows(
     value: Any, columns: int | None = None, allowed: Range | None = None
 ) -> list[tuple[float, ...]]:
     """A rectangular table of finite numbers, a list of rows."""
-    table = []
-    for place, row in enumerate(items(value, "rows of numbers")):
-        try:
-            table.append(numbers(row, columns, allowed))
-        except InputProblem as one:
-            raise wrong(one.value, one.expected, at=f"[{place}]{one.field}") from None
+    table = [*_in_list(items(value, "rows of numbers"), numbers, columns, allowed)]
     if len({len(row) for row in table}) != 1:
         raise wrong(value, "rows of equal length")
     return table
+
+
+def _in_list(values: list, read: Callable[..., _T], *arguments: Any) -> Iterator[_T]:
+    """Entries that are read so; a mistake in one says which it is."""
+    for place, one in enumerate(values):
+        try:
+            yield read(one, *arguments)
+        except InputProblem as problem:
+            at = f"[{place}]{problem.field}"
+            raise wrong(problem.value, problem.expected, at=at) from None
 
 
 def name(value: Any) -> str:
@@ -166,11 +164,8 @@ def mapping_of(
 
 def by_parameter(read: Callable[[Any, Range | None], Any]) -> Callable[[Any], dict[str, Any]]:
     """A reader of a mapping from names or wildcards of parameters to what is said of them."""
-    return mapping_of(
-        lambda value, name: read(value, range_of_parameter(name)),
-        "a mapping from a parameter to its value",
-        parameter_name,
-    )
+    return mapping_of(lambda value, name: read(value, range_of_parameter(name)),
+                      "a mapping from a parameter to its value", parameter_name)
 
 
 def parameter_name(value: Any) -> str:
@@ -238,14 +233,12 @@ def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np
     def refused(expected: str) -> InputProblem:
         return InputProblem(file, field, text, expected)
 
-    expected = f"FROM:TO:STEP or a comma separated list, {allowed}"
     is_range = ":" in text
     stated = [plain_number(part) for part in text.split(":" if is_range else ",")]
     numbers = [x for x in stated if x is not None]
-    if len(numbers) < len(stated):
-        raise refused(expected)
-    if is_range and (len(numbers) != 3 or not np.isfinite(numbers).all()):
-        raise refused(expected)
+    is_stated = len(numbers) == (3 if is_range else len(stated)) == len(stated)
+    if not is_stated or (is_range and not np.isfinite(numbers).all()):
+        raise refused(f"FROM:TO:STEP or a comma separated list, {allowed}")
     if not all(allowed.holds(x) for x in (numbers[:2] if is_range else numbers)):
         raise refused(f"{of}s {allowed}")
     if not is_range:

@@ -22,8 +22,7 @@ from kneejax.mechanics import NAMED_LOADS
 _UNITS = {
     "mm": ("mm", 1.0), "cm": ("mm", 10.0), "m": ("mm", 1000.0),
     "deg": ("deg", 1.0), "degree": ("deg", 1.0), "degrees": ("deg", 1.0), "°": ("deg", 1.0),
-    "rad": ("deg", math.degrees(1.0)), "radian": ("deg", math.degrees(1.0)),
-    "radians": ("deg", math.degrees(1.0)),
+    **dict.fromkeys(("rad", "radian", "radians"), ("deg", math.degrees(1.0))),
     "n": ("N", 1.0), "kn": ("N", 1000.0), "nm": ("Nm", 1.0), "ncm": ("Nm", 0.01),
     "nmm": ("Nm", 0.001),
 }  # fmt: skip
@@ -54,16 +53,12 @@ class _Sense(NamedTuple):
     sign: float
 
 
-def _senses() -> dict[str, _Sense]:
-    found = {"flexion": _Sense(COLUMNS[0], "", 1.0), "extension": _Sense(COLUMNS[0], "", -1.0)}
-    for load in NAMED_LOADS.values():
-        motion = next(COORDINATES[x].column for x in load.also_called if x in COORDINATES)
-        for word in {*load.also_called, *load.opposite} - {*_BESIDE, *_TESTED}:
-            found[word] = _Sense(motion, load.name, -1.0 if word in load.opposite else 1.0)
-    return found | {"proximal": found["superior"], "distal": found["inferior"]}
-
-
-_SENSES = _senses()
+_SENSES = {"flexion": _Sense(COLUMNS[0], "", 1.0), "extension": _Sense(COLUMNS[0], "", -1.0)}
+for _load in NAMED_LOADS.values():
+    _motion = next(COORDINATES[x].column for x in _load.also_called if x in COORDINATES)
+    for _word in {*_load.also_called, *_load.opposite} - {*_BESIDE, *_TESTED}:
+        _SENSES[_word] = _Sense(_motion, _load.name, -1.0 if _word in _load.opposite else 1.0)
+_SENSES |= {"proximal": _SENSES["superior"], "distal": _SENSES["inferior"]}
 
 
 class Header(NamedTuple):
@@ -108,8 +103,17 @@ def by_headers(
     that do not count, `known` names that do; `about` says what the table is of, for a load without
     a direction. Gives what was assumed, a phrase each; columns that are not used."""
     used = {column for column, _ in table.named.values()} | {*ignore}
-    read = [header_meaning(own) for own in table.header if own not in used]
-    read = [_directed(one, about) for one in read if one is not None]
+    read = [x for own in table.header if own not in used and (x := header_meaning(own)) is not None]
+    # A load without a direction takes that of the test, where its name says one.
+    words = re.findall(r"[a-z]+", about.lower())
+    said = [(_SENSES[word].load, _SENSES[word].sign) for word in words if word in _SENSES]
+    said += [(_TESTED[word], 0.0) for word in words if word in _TESTED]
+    for k, one in enumerate(read):
+        loads = {load for load, _ in said if load.endswith(f"_{one.unit}")}
+        if one.nameless and len(loads) == 1:
+            signs = {sign for load, sign in said if load in loads}
+            sign = -1.0 if -1.0 in signs and 1.0 not in signs else 1.0
+            read[k] = one._replace(name=loads.pop(), factor=sign * one.factor)
     unused = [one.own for one in read if not (one.name or one.nameless)]
     found: dict[str, Header] = {}
     for one in (x for x in read if x.name in known and x.name not in table.named):
@@ -126,21 +130,6 @@ def by_headers(
     phrases += [f"{own} is not used, since flexion is prescribed" for own in unused]
     table.named.update({name: (one.own, one.factor) for name, one in found.items()})
     return phrases, unused
-
-
-def _directed(one: Header, about: str) -> Header:
-    """A load without a direction takes that of the test, where its name says one."""
-    if not one.nameless:
-        return one
-    words = re.findall(r"[a-z]+", about.lower())
-    said = [(_SENSES[word].load, _SENSES[word].sign) for word in words if word in _SENSES]
-    said += [(_TESTED[word], 0.0) for word in words if word in _TESTED]
-    signs = {sign for load, sign in said if load.endswith(f"_{one.unit}")}
-    loads = {load for load, _ in said if load.endswith(f"_{one.unit}")}
-    if len(loads) != 1:
-        return one
-    backwards = -1.0 in signs and 1.0 not in signs
-    return one._replace(name=loads.pop(), factor=-one.factor if backwards else one.factor)
 
 
 def _times(one: Header) -> str:
@@ -165,11 +154,9 @@ def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[floa
         if np.ptp(bent) < 0.5 or (bent == np.round(bent)).all():
             one = columns[0]
             ways = (f'"{one.factor * x:.7g} * {one.own}"' for x in (1.0, math.degrees(1.0)))
-            table.wrong(
-                one.own, f"up to {largest:.3g}",
-                "its unit: degrees and radians cannot be distinguished; write "
-                f"{one.name}: {' or '.join(ways)} under columns",
-            )  # fmt: skip
+            expected = ("its unit: degrees and radians cannot be distinguished; write "
+                        f"{one.name}: {' or '.join(ways)} under columns")
+            table.wrong(one.own, f"up to {largest:.3g}", expected)
             return None
         words, factor = "radians", math.degrees(1.0)
     named = ", ".join(f"{one.name} from {_times(one)}" for one in columns)

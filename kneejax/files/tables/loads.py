@@ -12,17 +12,17 @@ import numpy as np
 
 from kneejax.files.reading import InputProblem, plain_number
 from kneejax.files.tables.headers import MOST_MOMENT_NM, by_headers, header_meaning
-from kneejax.files.tables.tables import Table, assumed, pose_range
+from kneejax.files.tables.tables import Table, assumed, column_range
 from kneejax.geometry import CLINICAL, COLUMNS, OTHER_COLUMNS, convert_table
-from kneejax.mechanics import NAMED_LOADS, RANGES, Range, load_called, load_opposite_to
+from kneejax.mechanics import NAMED_LOADS, load_called, load_opposite_to
 
 #: What sounds like a load, so that leaving it out must be said.
 _LOAD = re.compile(r"load|force|torque|moment|tension|_(N|Nm|Nmm|kN)$", re.IGNORECASE)
 #: Names of columns that a table may have, beside those of parts.
 _KNOWN = (*NAMED_LOADS, *COLUMNS, *OTHER_COLUMNS, "weight", "time_s")
 #: Ways in which tables of `kneejax simulate` call a load, beside its name.
-_ALSO = {name.replace("_N", "_force_N"): name for name in NAMED_LOADS if name.endswith("_N")}
-_ALSO |= {name.replace("_Nm", "_moment_Nm"): name for name in NAMED_LOADS if name.endswith("_Nm")}
+_ALSO = {re.sub("_N$", "_force_N", re.sub("_Nm$", "_moment_Nm", name)): name
+         for name in NAMED_LOADS}
 #: What was read of a part of the knee, as columns name it: `ACL.tension_N`, `medial.contact_N`.
 _READING = re.compile(r"[\w.+-]+\.(tension_N|contact_N|strain)")
 #: Column of the times of a table over time.
@@ -59,9 +59,7 @@ def read_loads(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
         if meant is not None and name != meant:
             expected = f"one of {', '.join(NAMED_LOADS)}"
             raise InputProblem(table.file, "header", name, expected, meant)
-    loads = {x: table.column(x, RANGES[x]) for x in table.header if x in NAMED_LOADS}
-    table.mistakes.check()
-    return loads
+    return table.numbers(x for x in table.header if x in NAMED_LOADS)
 
 
 def read_loads_over_time(
@@ -94,8 +92,7 @@ def read_loads_over_time(
     for name in table.header:
         if name not in (TIME, *sizes, *led):
             raise InputProblem(table.file, "header", name, (TIME, *NAMED_LOADS, *may_lead))
-    times, ways = table.column(TIME), {name: table.column(name, pose_range(name)) for name in led}
-    table.mistakes.check()
+    times, ways = table.column(TIME), table.numbers(led)
     table.check_times(TIME, times)
     if len(times) < 2:
         raise InputProblem(table.file, TIME, f"{times[0]:g}", "two times at least")
@@ -103,17 +100,11 @@ def read_loads_over_time(
 
 
 class CandidateRow(NamedTuple):
-    """One test of a table.
+    """One test of a table."""
 
-    Attributes:
-        name: of the load, empty if the table gives none.
-        flexion_deg: prescribed flexion.
-        loads: name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size, all of them.
-    """
-
-    name: str
-    flexion_deg: float
-    loads: dict[str, float]
+    name: str  # of the load, empty if the table gives none
+    flexion_deg: float  # prescribed
+    loads: dict[str, float]  # name of a load (`kneejax.mechanics.NAMED_LOADS`) -> its size
 
 
 def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
@@ -145,51 +136,37 @@ def read_candidates(path: str | os.PathLike[str]) -> tuple[CandidateRow, ...]:
             expected = f"any of {', '.join(_CANDIDATE)}"
             raise InputProblem(table.file, "header", name, expected, near)
     table.check_columns(table.header)
-    read = {x: table.column(x, RANGES[x]) for x in _CANDIDATE[:-1] if x in table.header}
-    table.mistakes.check()
-    names = [cell for _, cell in table.cells("name")] if "name" in table.header else []
-    tests: dict[tuple[float, ...], int] = {}
-    found = []
-    for row in range(len(table.rows)):
+    read = table.numbers(x for x in _CANDIDATE[:-1] if x in table.header)
+    tests, found = {}, []
+    named = table.cells("name") if "name" in table.header else [("", "")] * len(table.rows)
+    for row, (_, name) in enumerate(named):
         values = dict.fromkeys(_CANDIDATE[:-1], 0.0) | {x: float(y[row]) for x, y in read.items()}
         if (first := tests.setdefault(tuple(values.values()), row)) != row:
             again = f"the test of row {first + 1} again"
             raise InputProblem(table.file, table.place(row), again, "every test once")
-        found.append(CandidateRow(names[row] if names else "", values.pop("flexion_deg"), values))
+        found.append(CandidateRow(name, values.pop("flexion_deg"), values))
     return tuple(found)
 
 
 class LabTable(NamedTuple):
-    """A test under load as it was measured.
+    """A test under load as it was measured, in `n` rows."""
 
-    Attributes:
-        flexion_deg: of each row, `(n,)`.
-        loads: name of a load -> its size in each row, `(n,)`.
-        observed: the five free coordinates of each row, `(n, 5)`, degrees and mm, translations
-            along the axes of Grood and Suntay; NaN where a table has no such column.
-        readings: what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain, and of
-            the patella, its column -> degrees or mm along the femur's axes; NaN where a cell is
-            empty.
-        weight: of each row, `(n,)`; None where a table has no such column.
-        time_s: of each row, s; likewise.
-    """
-
-    flexion_deg: np.ndarray
-    loads: dict[str, np.ndarray]
+    flexion_deg: np.ndarray  # `(n,)`
+    loads: dict[str, np.ndarray]  # name of a load -> its size in each row, `(n,)`
+    # the five free coordinates, `(n, 5)`, degrees and mm, translations along the axes of Grood and
+    # Suntay; NaN where a table has no such column
     observed: np.ndarray
+    # what was read of parts of the knee, `PART.KIND` -> `(n,)`, N or strain, and of the patella,
+    # its column -> degrees or mm along the femur's axes; NaN where a cell is empty
     readings: dict[str, np.ndarray] = {}
-    weight: np.ndarray | None = None
-    time_s: np.ndarray | None = None
+    weight: np.ndarray | None = None  # `(n,)`; None where a table has no such column
+    time_s: np.ndarray | None = None  # likewise, s
 
     def take(self, rows: np.ndarray) -> LabTable:
         """Some of the rows."""
-        return LabTable(
-            self.flexion_deg[rows],
-            {name: sizes[rows] for name, sizes in self.loads.items()},
-            self.observed[rows],
-            {name: sizes[rows] for name, sizes in self.readings.items()},
-            *(x if x is None else x[rows] for x in (self.weight, self.time_s)),
-        )
+        return LabTable(*(
+            {name: sizes[rows] for name, sizes in x.items()} if isinstance(x, dict)
+            else x if x is None else x[rows] for x in self))
 
 
 def read_lab_table(
@@ -244,10 +221,10 @@ def read_lab_table(
     about = f"{os.path.basename(table.file)} {about}"
     phrases, unused = by_headers(table, ignore, about, (*known, *NAMED_LOADS))
     _check_header(table, {*(columns or ())}, flexion_deg, {*ignore, *unused}, unloaded)
-    loads = {name: table.column(name, RANGES[name]) for name in NAMED_LOADS if name in named}
-    poses = {x: table.column(x, _range(x), x != COLUMNS[0]) for x in COLUMNS if x in named}
-    readings = {x: table.column(x, _range(x), empty=True) for x in named if _is_reading(x)}
-    weight, time_s = (table.column(x, RANGES[x]) if x in named else None for x in ("weight", TIME))
+    readings = [x for x in named if _is_reading(x)]
+    read = {x: table.column(x, column_range(x), empty=x in COLUMNS[1:] or x in readings)
+            for x in (*NAMED_LOADS, *COLUMNS, *readings, "weight", TIME) if x in named}
+    loads = {x: read[x] for x in NAMED_LOADS if x in read}
     for name, size in loads.items():
         if name.endswith("_Nm") and np.abs(size).max(initial=0.0) > MOST_MOMENT_NM:
             own, _ = named[name]
@@ -255,7 +232,7 @@ def read_lab_table(
             table.wrong(own, f"up to {np.abs(size).max():g}", expected)
     table.mistakes.check()
     absent = np.full(len(table.rows), np.nan)
-    observed = np.stack([poses.get(name, absent) for name in COLUMNS], axis=1)
+    observed = np.stack([read.get(name, absent) for name in COLUMNS], axis=1)
     doubted = [name in stated and name not in sure for name in COLUMNS]
     table.check_units(np.where(doubted, observed, np.nan), least_deg=1.0)
     table.mistakes.check()
@@ -271,19 +248,13 @@ def read_lab_table(
         observed = convert_table(observed, convention, CLINICAL)
         # Rows of one flexion stay rows of one flexion, whatever the conversion rounds.
         observed[:, 0] = np.round(observed[:, 0], 6)
-    return LabTable(observed[:, 0], loads, observed[:, 1:], readings, weight, time_s)
+    return LabTable(observed[:, 0], loads, observed[:, 1:], {x: read[x] for x in readings},
+                    read.get("weight"), read.get(TIME))
 
 
 def _is_reading(name: str) -> bool:
     """Whether a column tells of a part of the knee, or of a bone other than the tibia."""
     return name in OTHER_COLUMNS or _READING.fullmatch(name) is not None
-
-
-def _range(name: str) -> Range:
-    """What may stand in a column of a pose or a reading."""
-    if name.endswith("_N"):
-        return RANGES["force_N"]  # a load cell that reads nothing reads less as often
-    return RANGES["strain"] if name.endswith(".strain") else pose_range(name)
 
 
 def _meant(name: str) -> str | None:
@@ -307,10 +278,8 @@ def _check_header(
         if said is not None and said.nameless:
             loads_left = True
             known = ", ".join(x for x in NAMED_LOADS if x.endswith(f"_{said.unit}"))
-            expected = (
-                "its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, or "
-                f'"{own}" under columns, for one of {known}'
-            )
+            expected = ("its direction: a test named drawer, AP, torsion, IE, varus, VV or axial, "
+                        f'or "{own}" under columns, for one of {known}')
         meant = load_opposite_to(own)
         table.wrong("header", own, expected, f"columns: {{{meant}: -{own}}}" if meant else None)
     read = any(map(_is_reading, there))

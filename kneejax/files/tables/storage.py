@@ -20,6 +20,7 @@ _COUNTS = ("nrows", "ncolumns", "datarows", "datacolumns")
 _DEGREE = 5
 #: Line of an old header -> whether angles are degrees.
 _SENTENCES = {"angles are in degrees.": True, "angles are in radians.": False}
+_VERSION = re.compile(r"\s*version(?:\s|=|$)", re.IGNORECASE)
 #: No joint turns so little in a record of a movement, degrees; one given in radians does.
 _RADIANS_BELOW = 3.2
 
@@ -97,7 +98,20 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
     if not ends:
         raise InputProblem(file, "header", "no line endheader", _KIND)
     header, body = lines[: ends[0]], enumerate(lines[ends[0] + 1 :], ends[0] + 2)
-    degrees, unit_by = _angle_unit(file, header)
+    # Angles are in what the line inDegrees says, or as OpenSim reads what has none: degrees in a
+    # motion of SIMM, a .mot without a version, and radians in any other table.
+    degrees, unit_by = False, "as OpenSim reads a header without a line inDegrees=yes"
+    if file.lower().endswith(".mot") and not any(_VERSION.match(line) for line in header):
+        degrees = True
+        unit_by = "as OpenSim reads a .mot whose header has neither version nor inDegrees"
+    for line in header[::-1]:  # the first of them counts
+        name, _, value = (x.strip() for x in line.partition("="))
+        if name.lower() == "indegrees":
+            degrees, unit_by = value.lower() == "yes", f"as inDegrees={value.lower()} says"
+            if value.lower() not in ("yes", "no"):
+                raise InputProblem(file, "inDegrees", value or "empty", "yes or no")
+        elif line.strip().lower() in _SENTENCES:
+            degrees, unit_by = _SENTENCES[line.strip().lower()], "as its header says"
     rows = [(number, line.split()) for number, line in body if line.strip()]
     if len(rows) < 3:
         found = counted(max(len(rows) - 1, 0), "row")
@@ -119,25 +133,6 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
             raise InputProblem(file, words[0], words[1], f"{found}, as the file has")
     table.check_times(names[0], time)
     return Storage(file, time, dict(zip(names[1:], values, strict=True)), degrees, unit_by)
-
-
-def _angle_unit(file: str, header: Sequence[str]) -> tuple[bool, str]:
-    """Whether angles are degrees, and by what: the line inDegrees, or as OpenSim reads what has
-    none: degrees in a motion of SIMM, a .mot without a version, and radians in any other table."""
-    has_version = False
-    for line in header:
-        name, _, value = (x.strip() for x in line.lower().partition("="))
-        if name == "indegrees":
-            if value not in ("yes", "no"):
-                own = line.partition("=")[2].strip()
-                raise InputProblem(file, "inDegrees", own or "empty", "yes or no")
-            return value == "yes", f"as inDegrees={value} says"
-        if line.strip().lower() in _SENTENCES:
-            return _SENTENCES[line.strip().lower()], "as its header says"
-        has_version |= "version" in (name, *line.split()[:1])
-    if file.lower().endswith(".mot") and not has_version:
-        return True, "as OpenSim reads a .mot whose header has neither version nor inDegrees"
-    return False, "as OpenSim reads a header without a line inDegrees=yes"
 
 
 def angles_rad(table: Storage, name: str) -> np.ndarray:

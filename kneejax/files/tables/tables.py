@@ -18,7 +18,7 @@ from kneejax.files import reading
 from kneejax.files.reading import InputProblem, Mistakes, counted, plain_number
 from kneejax.files.tables.headers import METRES_BELOW, by_headers
 from kneejax.geometry import BODIES, COLUMNS, CONVENTIONS, FEMORAL, PATELLA, convert_table
-from kneejax.mechanics import RANGES, Range
+from kneejax.mechanics import NAMED_LOADS, RANGES, Range
 from kneejax.parameters import Assumption
 from kneejax.quantities import nearest_name
 
@@ -68,8 +68,7 @@ def read_poses(
     phrases, _ = by_headers(read, known=COLUMNS)
     read.check_columns([read.named.get(name, (name,))[0] for name in COLUMNS])
     read.check_rows_convention(convention)
-    table = np.stack([read.column(x, pose_range(x)) for x in COLUMNS], axis=1)
-    read.mistakes.check()
+    table = np.stack([*read.numbers(COLUMNS).values()], axis=1)
     read.check_units(table)
     read.mistakes.check()
     assumed(file, phrases)
@@ -95,9 +94,7 @@ def read_patella_poses(path: str | os.PathLike[str], *, needed: bool = False) ->
     if not {*columns} & {*table.header}:
         return None
     table.check_columns(columns)
-    found = np.stack([table.column(name, pose_range(name)) for name in columns], axis=1)
-    table.mistakes.check()
-    return found
+    return np.stack([*table.numbers(columns).values()], axis=1)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -126,7 +123,7 @@ class Table:
         if not lines:
             raise InputProblem(file, "header", "empty", "names of columns, with commas between")
         header = [name.strip() for name in lines[0][1]]
-        if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
+        if len(header) == 1 and {*";\t"} & {*header[0]}:
             raise InputProblem(file, "header", header[0], "columns separated by commas")
         table = cls(file, header, lines[1:], Mistakes(file))
         table.seek(sought)
@@ -214,17 +211,19 @@ class Table:
         column = self.header.index(name)
         return [(self.place(k, name), x[column].strip()) for k, (_, x) in enumerate(self.rows)]
 
-    def column(
-        self, name: str, allowed: Range | None = None, empty: bool = False
-    ) -> np.ndarray:
-        """Numbers of a column, in the package's unit and sense; NaN of a cell that may be empty and
-        is, and of those that are no finite number or out of range, the first of which is a mistake.
-        """
+    def numbers(self, names: Iterable[str]) -> dict[str, np.ndarray]:
+        """Columns that are within the ranges of their names; raises what is wrong so far."""
+        found = {name: self.column(name, column_range(name)) for name in names}
+        self.mistakes.check()
+        return found
+
+    def column(self, name: str, allowed: Range | None = None, empty: bool = False) -> np.ndarray:
+        """Numbers of a column, in the package's unit and sense; NaN of cells that are empty where
+        they may be, no finite number or out of range, the first of which is a mistake."""
         own, factor = self.named.get(name, (name, 1.0))
         values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(own)
         for row, (_, cells) in enumerate(self.rows):
-            cell = cells[k].strip()
-            x = plain_number(cell)
+            x = plain_number(cell := cells[k].strip())
             if empty and cell.lower() in ("", "nan"):
                 continue
             if x is None or not math.isfinite(x):
@@ -251,11 +250,13 @@ def assumed(file: str, phrases: Sequence[str]) -> None:
         warnings.warn(f"{file}: columns by their headers: {'; '.join(phrases)}", Assumption, 3)
 
 
-def pose_range(column: str) -> Range:
-    """What may stand in a column of a pose of any bone: flexion of the knee has the least room."""
-    if column == COLUMNS[0]:
-        return RANGES[column]
-    return RANGES["rotation_deg" if column.endswith("_deg") else "point_mm"]
+def column_range(name: str) -> Range:
+    """What may stand in a column: of a load, of a pose of any bone, or of what was read of a part.
+    A load cell that reads nothing reads less as often."""
+    if name in (COLUMNS[0], "weight", "time_s", *NAMED_LOADS):
+        return RANGES[name]
+    kinds = {".strain": "strain", "_N": "force_N", "_deg": "rotation_deg", "_mm": "point_mm"}
+    return RANGES[next(kind for end, kind in kinds.items() if name.endswith(end))]
 
 
 def write_poses(

@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from kneejax.files import InputProblem, format_knee, load_knee_file, mirror_document
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.geometry import Pose, State
 from kneejax.mechanics import add_lane_axis
 from tests.files.knee.knee_documents import changed

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import load_knee_file, mirror_document, restated
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.parameters import select
 
 SPHERE = {

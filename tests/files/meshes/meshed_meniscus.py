@@ -3,7 +3,7 @@
 import numpy as np
 
 from kneejax.files import mirror_document
-from kneejax.files.knee import build_surface
+from kneejax.files.knee.surfaces import build_surface
 
 INNER, OUTER, EDGE, HEIGHT = 7.0, 14.0, 0.6, 6.0
 AREA = 0.5 * (OUTER - INNER) * (EDGE + HEIGHT)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, load_knee_file, meniscus_of_mesh, mirror_document
-from kneejax.files.knee import build_surface, mirror_part
+from kneejax.files.knee.document import mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.geometry import Pose
 from tests.files.meshes import meshed_meniscus as made
 from tests.files.meshes.meshed_knee import joined, mirrored, written

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, MeshOptions, import_meshes
-from kneejax.files.knee import build_surface, mirror_part
-from kneejax.files.meshes.health import read_sheets
+from kneejax.files.knee.document import mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.meshes.importing import find_bones, right_sheets
 from kneejax.files.meshes.surfaces import fit_patella
 from kneejax.geometry import Frame
@@ -229,7 +229,7 @@ def test_meshes_that_are_no_patella_are_refused(tmp_path):
 
     def alone(points, faces):
         with pytest.raises(InputProblem, match="^[^\n]*expected [^\n]*$") as caught:
-            fit_patella(read_sheets(written(points, faces))[0], [], QUICK)
+            fit_patella(right_sheets(written(points, faces), "auto", False, []), [], QUICK)
         return str(caught.value)
 
     points, faces = made.patellar()
@@ -295,6 +295,6 @@ def test_a_real_knee_is_met_within_the_target():
 
 @pytest.mark.skipif(not LENHART.is_dir(), reason="the public meshes are not here")
 def test_a_real_patella_is_met_within_the_target():
-    sheets, _ = read_sheets(LENHART / "lenhart2015-R-patella-cartilage.stl")
+    sheets = right_sheets(LENHART / "lenhart2015-R-patella-cartilage.stl", "auto", False, [])
     fit = fit_patella(sheets, [], {})
     assert fit.rms < 0.1  # mm, all of it; found: 0.083

@@ -156,7 +156,7 @@ def test_prescribed_coupled_and_usual_values_are_what_opensim_takes():
     )  # fmt: skip
     found = read(model)
     rotation = [[0.7005, 0.6154, 0.3612], [-0.3353, 0.7307, -0.5947], [-0.6299, 0.2955, 0.7182]]
-    np.testing.assert_allclose(found.knee.tibia_in_femur.turn, rotation, atol=1e-4)
+    np.testing.assert_allclose(found.knee.in_femur["tibia"].turn, rotation, atol=1e-4)
     assert any("knee_flex_r is prescribed" in doubt for doubt in found.doubts)
     assert any("cc drives knee_rot_r" in doubt for doubt in found.doubts)
 

@@ -16,7 +16,7 @@ from kneejax.files import (
     reconstructed,
     write_knee,
 )
-from kneejax.files.knee import build_knee
+from kneejax.files.knee.file import build_knee
 from kneejax.geometry import TIBIA, Pose, State
 from kneejax.mechanics import add_lane_axis
 from kneejax.planning import PLANNED, operated_knees

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from kneejax.files import InputProblem, read_storage
-from kneejax.files.tables import angles_rad, common_times
+from kneejax.files.tables.storage import angles_rad, common_times
 
 SECOND = r"row 2 \(line 7\)"
 HEAD = "walk\nversion=1\ninDegrees={}\nendheader\ntime\tknee_angle_r\tankle\n"

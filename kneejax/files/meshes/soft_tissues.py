@@ -1,4 +1,4 @@
-"""A meniscus's mesh as a ring on its plateau: outline, horns, cross-section and upper surface."""
+"""Meshes of soft tissue: a meniscus as a ring on its plateau, a ligament as a band."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import jax
 import numpy as np
 
 from kneejax import geometry
-from kneejax.files.knee import build_surface, mirror_part
-from kneejax.files.knee.document import mirror_document
+from kneejax.files.knee.document import mirror_document, mirror_part
+from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.meshes import anatomy, importing
 from kneejax.files.meshes.health import Sheet, check_holes
 from kneejax.files.meshes.importing import TARGET_RMS_MM, MeshPath, judge, right_sheets
-from kneejax.files.meshes.points import cut_by_plane
+from kneejax.files.meshes.points import bone_surface, cut_by_plane, read_mesh_points
 from kneejax.files.meshes.surfaces import SheetFit, sheet_fit
 from kneejax.files.reading import InputProblem
-from kneejax.geometry import Plateau, Pose
-from kneejax.mechanics import QUADRATURE
+from kneejax.geometry import Plateau, Pose, Vector
+from kneejax.mechanics import QUADRATURE, AttachmentArea, untwisted
 
 #: Numbers of the contact and of its ring that a mesh does not state.
 MATERIAL = {"youngs_modulus_MPa": 20.0, "poisson_ratio": 0.2, "onset_width_mm": 0.05}
@@ -39,34 +39,24 @@ _DOWN = -0.3  # of normals of the lower side
 #: from the plateau and from its middle that are refused, mm.
 _WIDTHS_MM = (15.0, 80.0)
 _LYING_MM, _COARSE_MM, _FARTHEST_MM, _BESIDE_MM = 1.0, 3.0, 5.0, 20.0
+_FEWEST = 6  # triangles where a ligament is attached
+_ALONG = 21  # cross-sections of a ligament
 
 
 class MeshMeniscus(NamedTuple):
-    """What a meniscus's mesh states of a contact with a ring.
+    """What a meniscus's mesh states of a contact with a ring."""
 
-    Attributes:
-        name: of the contact: its compartment's, with `_meniscus`.
-        contact: entry of a knee document, of the side that was given.
-        fit: of the upper surface, in the tibia's frame of a right knee.
-        angle_deg: of sections through the middle, from the front towards the right, `(n,)`.
-        inner_mm: distance of their inner border from the middle, `(n,)`.
-        outer_mm: likewise of their outer border.
-        height_mm: where they are highest, `(n,)`.
-        area_mm2: their areas, `(n,)`.
-        findings: what was found, one sentence each.
-        doubts: what a person should look at, likewise.
-    """
-
-    name: str
-    contact: dict[str, Any]
-    fit: SheetFit
+    name: str  # of the contact: its compartment's, with `_meniscus`
+    contact: dict[str, Any]  # entry of a knee document, of the side that was given
+    fit: SheetFit  # of the upper surface, in the tibia's frame of a right knee
+    # of sections through the middle, from the front towards the right, `(n,)`
     angle_deg: np.ndarray
-    inner_mm: np.ndarray
-    outer_mm: np.ndarray
-    height_mm: np.ndarray
-    area_mm2: np.ndarray
-    findings: tuple[str, ...]
-    doubts: tuple[str, ...]
+    inner_mm: np.ndarray  # distance of their inner border from the middle, `(n,)`
+    outer_mm: np.ndarray  # likewise of their outer border
+    height_mm: np.ndarray  # where they are highest, `(n,)`
+    area_mm2: np.ndarray  # their areas, `(n,)`
+    findings: tuple[str, ...]  # what was found, a sentence each
+    doubts: tuple[str, ...]  # what a person should look at, likewise
 
 
 def meniscus_of_mesh(
@@ -118,8 +108,7 @@ def meniscus_of_mesh(
     name = _compartment(path, anatomy.joined(sheets), right["contacts"], compartment)
     cartilage = right["contacts"][name]
     plateau: Any = build_surface(cartilage["tibial_surface"])
-    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points))
-             for s in sheets]  # fmt: skip
+    local = [s._replace(points=anatomy.in_frame(plateau.frame, s.points)) for s in sheets]
     corners = np.concatenate([sheet.points[sheet.faces] for sheet in local])
     middle = _middle(corners)
     begin, end = _horns(path, corners, middle, name)
@@ -130,9 +119,7 @@ def meniscus_of_mesh(
         expected = "a closed mesh of one arc, or its upper and its lower side"
         raise InputProblem(path, "cross-section", value, expected)
     up = np.array([float(c) for c in plateau.frame.placement.turn((0.0, 1.0, 0.0)).full()])
-    (upper,) = anatomy.articular(
-        sheets[:1], lambda _: up, lambda p: (p[:, 0] / 3.0, p[:, 2] / 3.0, p @ up), "upper",
-        findings)  # fmt: skip
+    (upper,) = anatomy.articular(sheets[:1], up, "upper", findings)
     cloud = anatomy.joined([upper])
     at = np.linspace(begin + _END, end - _END, _CORNERS)
     near, far, *_ = _sections(corners, middle, at).T
@@ -162,8 +149,8 @@ def meniscus_of_mesh(
     (doubts if abs(gap) > _LYING_MM else findings).append(f"{said}.")
 
     cartilage_mm, width = float(cartilage["layer_thickness_mm"]), outer - inner
-    thick, arc = float(area.mean() / width.mean()), float(0.5 * (inner + outer).mean())
-    arc *= end - begin
+    thick = float(area.mean() / width.mean())
+    arc = float(0.5 * (inner + outer).mean()) * (end - begin)
     findings += [
         f"{name} meniscus: cross-section {area.mean():.1f} mm2 on average ({area.min():.1f} to "
         f"{area.max():.1f} along the arc), {height.mean():.1f} mm high ({height.min():.1f} to "
@@ -276,8 +263,98 @@ def _horns(
         value = f"open {'laterally' if np.sin(opening) > 0.0 else 'medially'}"
         expected = f"a {name} meniscus, open towards the middle of the knee; is the side right?"
         raise InputProblem(path, "arc", value, expected)
-    begin = float(turns[k] + gaps[k] - 2.0 * np.pi)
-    end = float(turns[k])
+    begin, end = float(turns[k] + gaps[k] - 2.0 * np.pi), float(turns[k])
     # The same numbers whatever the direction in which an angle begins to count.
     shift = 2.0 * np.pi * np.round(0.5 * (begin + end) / (2.0 * np.pi))
     return begin - shift, end - shift
+
+
+class MeshBand(NamedTuple):
+    """What a ligament's mesh tells of a band."""
+
+    femoral: AttachmentArea  # where it is attached to the first bone, in its frame
+    # likewise, to the second; its half diameters are those that twist the band least
+    tibial: AttachmentArea
+    # unit vector from the first to the second area, in the first bone's frame
+    direction: np.ndarray
+    # distances from the first area to where cross-sections were measured, `(n,)`
+    along_mm: np.ndarray
+    areas_mm2: np.ndarray  # those cross-sections, across the direction, `(n,)`
+
+    @property
+    def area_mm2(self) -> float:
+        """Cross-section of a bar of even width that is as compliant: the harmonic mean."""
+        return float(1.0 / np.mean(1.0 / self.areas_mm2))
+
+    def entry(self) -> dict[str, object]:
+        """The fields of a band in a knee file that a mesh can tell."""
+        return {
+            f"{name}_area": {"centre_mm": area.centre.tolist(),
+                             "half_axes_mm": area.half_axes.tolist()}
+            for name, area in (("femoral", self.femoral), ("tibial", self.tibial))
+        } | {"area_mm2": self.area_mm2}  # fmt: skip
+
+
+def band_of_meshes(
+    ligament: str | os.PathLike[str], first_bone: str | os.PathLike[str],
+    second_bone: str | os.PathLike[str], pose: Pose, within_mm: float = 1.0, side: str = "right",
+) -> MeshBand:  # fmt: skip
+    """The band that a ligament's mesh is.
+
+    Args:
+        ligament: a closed mesh in the frame of the first bone, at the pose in which it was
+            scanned; STL, PLY, OBJ or VTP.
+        first_bone: a mesh in its own frame of the knee.
+        second_bone: likewise.
+        pose: of the second bone in the first, when the ligament was scanned.
+        within_mm: how far from a bone the ligament's surface may be where it is attached.
+        side: of the knee; a pose is that of a right one, which a left one mirrors.
+
+    Returns:
+        Areas, direction and cross-sections. Young's modulus, prestretch and law are no matter of
+        a mesh.
+
+    Raises:
+        InputProblem: a file is no mesh, the ligament does not touch a bone, or is not closed
+            between its areas.
+    """
+    mesh, back = read_mesh_points(ligament), pose.placement.inverse()
+    mirror = np.array([1.0, 1.0, 1.0 if side == "right" else -1.0])
+    corners = mesh.points_mm[mesh.faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    middles, sizes = corners.mean(axis=1), 0.5 * np.linalg.norm(normals, axis=1)
+    found = []
+    in_second = anatomy.moved(back, mesh.points_mm * mirror) * mirror
+    for bone, own in ((first_bone, mesh.points_mm), (second_bone, in_second)):
+        near = bone_surface(bone)(own)[2] <= within_mm
+        touching = near[mesh.faces].all(axis=1)
+        if touching.sum() < _FEWEST:
+            expected = (f"{_FEWEST} or more within {within_mm:g} mm of {os.fspath(bone)}; is the "
+                        "ligament in the frame of the first bone, and is the pose that of the "
+                        "scan?")
+            raise InputProblem(ligament, "triangles", int(touching.sum()), expected)
+        found.append(AttachmentArea.of_points(middles[touching], sizes[touching]))
+    first, second = found[0], untwisted(*found)
+    span = second.centre - first.centre
+    length = float(np.linalg.norm(span))
+    along = length * np.linspace(0.2, 0.8, _ALONG)
+    areas = np.array([_cross_section(corners, normals, first.centre, span / length, x)
+                      for x in along])
+    if not np.all(areas > 0.0):
+        expected = "a closed mesh, with the ligament's inside between its areas"
+        raise InputProblem(ligament, "cross-section", f"{areas.min():.3g} mm^2", expected)
+    axes = [[*map(float, back.turn(Vector(*x)))] for x in second.half_axes * mirror]
+    centre = anatomy.moved(back, second.centre[None] * mirror)[0] * mirror
+    tibial = AttachmentArea(centre, np.array(axes) * mirror)
+    return MeshBand(first, tibial, span / length, along, areas)
+
+
+def _cross_section(corners, normals, origin, direction, at: float) -> float:
+    """Area in which a plane across a direction cuts a closed mesh, mm^2, from its border: half of
+    the product of each piece's outward normal with its place is summed."""
+    pieces, rows = cut_by_plane(corners, origin + at * direction, direction)
+    outwards = normals[rows] - (normals[rows] @ direction)[:, None] * direction
+    size = np.linalg.norm(outwards, axis=1)
+    reach = np.einsum("ij,ij->i", pieces.mean(axis=1) - origin, outwards)
+    length = np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1)
+    return float(0.5 * np.sum(reach / np.where(size > 0.0, size, np.inf) * length))
