@@ -228,6 +228,10 @@ AnySurface = Annotated[Surface, _by_kind(SURFACES)]
 AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
 
 
+#: By how much a meniscus may reach beyond its horns: what lies there bears nothing.
+_BEYOND_HORNS_DEG = 1.0
+
+
 def _horns(value: Any) -> tuple[float, float]:
     begin, end = reading.numbers(value, 2, RANGES["rotation_deg"])
     if not 10.0 <= end - begin < 360.0:
@@ -245,6 +249,13 @@ class RingPart(Part):
     middle_mm: Annotated[tuple[float, float], reading.numbers_within(2, "point_mm"), _TURNED]
     horns_deg: Annotated[tuple[float, float], reads(_horns), _SWAPPED]
     sections: Annotated[int, reads(reading.whole, 2, 60), APART] = 12
+
+    def beyond_horns(self, outline_mm: list[tuple[float, ...]]) -> float:
+        """How far an outline reaches beyond the nearer horn, degrees."""
+        forwards, right = (np.asarray(outline_mm) - self.middle_mm).T
+        begin, end = self.horns_deg
+        turned = np.rad2deg(np.arctan2(right, forwards)) - 0.5 * (begin + end)
+        return float(np.max(np.abs((turned + 180.0) % 360.0 - 180.0)) - 0.5 * (end - begin))
 
     def built(self) -> Ring:
         """The ring in a right knee."""
@@ -293,9 +304,15 @@ class ContactPart(Sourced):
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))
         face = self.faces[1]
-        if self.ring is not None and getattr(getattr(self, face), "outline_mm", None) is None:
-            expected = "a plateau with outline_mm, that of the meniscus, since there is a ring"
-            mistakes.append(wrong(getattr(self, face).kind, expected, at=face))
+        if self.ring is not None:
+            outline = getattr(getattr(self, face), "outline_mm", None)
+            if outline is None:
+                expected = "a plateau with outline_mm, that of the meniscus, since there is a ring"
+                mistakes.append(wrong(getattr(self, face).kind, expected, at=face))
+            elif (beyond := self.ring.beyond_horns(outline)) > _BEYOND_HORNS_DEG:
+                expected = "horns between which all of outline_mm lies, seen from middle_mm; it "
+                expected += f"reaches {beyond:.3g} degrees beyond"
+                mistakes.append(wrong([*self.ring.horns_deg], expected, at="ring.horns_deg"))
         if (table := self.layer_variation_mm) is not None:
             with mistakes.gathered("layer_variation_mm"):
                 allowed = RANGES["layer_thickness_mm"]

@@ -12,7 +12,7 @@ from tests.files.knee.knee_documents import changed, write
 
 RING = {
     "youngs_modulus_MPa": 120.0, "cross_section_mm2": 30.0, "horn_stiffness_N_per_mm": 180.0,
-    "coronary_stiffness_N_per_mm": 20.0, "middle_mm": [0.0, -24.0], "horns_deg": [-330.0, -60.0],
+    "coronary_stiffness_N_per_mm": 20.0, "middle_mm": [0.0, 0.5], "horns_deg": [-221.0, 41.0],
     "sections": 8,
 }  # fmt: skip
 PLACE = ["contacts", "medial_meniscus", "ring"]
@@ -32,7 +32,7 @@ def test_a_ring_is_read_of_either_side_with_its_parameters(tmp_path, document):
     for a, b in zip(jax.tree.leaves(right), jax.tree.leaves(left), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-12)
     ring = right.contacts[right.contact_names.index("medial_meniscus")].ring
-    assert ring.sections == 8 and float(ring.horns[1]) == pytest.approx(np.deg2rad(-60.0))
+    assert ring.sections == 8 and float(ring.horns[1]) == pytest.approx(np.deg2rad(41.0))
     names = [f"medial_meniscus.{x}" for x in
              ("hoop_modulus", "cross_section", "horn_stiffness", "coronary_stiffness")]  # fmt: skip
     selection = kj.select(right, names)
@@ -50,6 +50,7 @@ def test_a_ring_is_read_of_either_side_with_its_parameters(tmp_path, document):
         ("horns_deg", [0.0, 5.0], "the second larger by 10 degrees at least, less than 360"),
         ("horn_stiffness_N_per_mm", -1.0, "expected between 0.001 and 1,000,000 N/mm"),
         ("sections", 1, "sections: 1: expected"),
+        ("horns_deg", [-180.0, 41.0], "all of outline_mm lies, seen from middle_mm; it reaches 39"),
         ("middle_mm", [0.0, 0.0, 0.0], "middle_mm"),
         ("coronary_stiffness_N_per_mm", None, "missing"),
     ],
