@@ -100,7 +100,7 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     words = ", ".join(f"{count} {word.lower()}" for word, count in found.items())
     failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
     doubtful = any(word != Outcome.GOOD.value for word in found)
-    population, each = population_table(summary), _knees_table(summary, knees)
+    population = population_table(summary)
     drawings = {}
     if summary.fitted and summary.units:
         drawings["parameters"] = Drawing(forest_figure, summary)
@@ -109,15 +109,12 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
                                           summary.correlation,
                                           more="Over the knees; of logarithms for stiffness.")
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
-    sections = [Section("Knees", tables=[each], opened=True)]
-    if summary.outliers:
-        columns = [Column("knee", words=True), Column("parameter", words=True), Column("value"),
-                   Column("deviations", show="+.1f"), Column("unit")]  # fmt: skip
-        rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
-        outliers = Table(columns, rows, note=prose("outliers"))
-        sections.append(Section("Outliers", tables=[outliers], printed=True))
-    if "correlation" in drawings:
-        sections.append(Section("Correlation over the knees", drawings=["correlation"]))
+    outliers = Table(
+        [Column("knee", words=True), Column("parameter", words=True), Column("value"),
+         Column("deviations", show="+.1f"), Column("unit")],
+        [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers],
+        note=prose("outliers"),
+    )  # fmt: skip
     return Answer(
         title=summary.title,
         asked=f"What are the parameters of {len(summary.answers)} knees, and how much do they "
@@ -133,7 +130,10 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
             *(f"No answer: {one}" for one in failed),
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
-        sections=sections,
+        sections=[Section("Knees", tables=[_knees_table(summary, knees)], opened=True),
+                  Section("Outliers", tables=[outliers] * bool(outliers.rows), printed=True),
+                  Section("Correlation over the knees",
+                          drawings=[name for name in drawings if name == "correlation"])],
     )  # fmt: skip
 
 
@@ -170,14 +170,10 @@ def population_table(summary: CohortSummary) -> Table:
     rows = []
     for name, found in summary.populations.items():
         mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
-        spread, *ends = ((100.0 if found.log else 1.0) * x
-                         for x in (found.spread, *found.spread_limits))  # fmt: skip
-        sign = " %" if found.log else ""
-        rows.append(
-            [name, found.knees, mean, f"{number(low)} to {number(high)}",
-             f"{number(spread, 3)}{sign}",
-             f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
-        )  # fmt: skip
+        factor, sign = (100.0, " %") if found.log else (1.0, "")
+        spread, *ends = (number(factor * x, 3) for x in (found.spread, *found.spread_limits))
+        rows.append([name, found.knees, mean, f"{number(low)} to {number(high)}", f"{spread}{sign}",
+                     f"{' to '.join(ends)}{sign}", summary.units[name] or NONE])  # fmt: skip
     return Table(
         [Column("parameter", words=True), Column("knees"), Column("mean"),
          Column("mean_limits", "95 % limits"), Column("spread"),
@@ -205,8 +201,7 @@ def _every_number(summary: CohortSummary) -> Table:
         rows.append([knee, outcome, *cells, *missing, *known])
 
     for one in summary.answers:
-        known = [one.about.get(name) for name in about]
-        head = one.name, one.outcome or "failed", known
+        head = one.name, one.outcome or "failed", [one.about.get(name) for name in about]
         if one.failed:
             add(*head, "failed", one.failed)
             continue

@@ -181,11 +181,11 @@ def legend_above(axes: Axes, columns: int = 4, size: float = 7.5) -> None:
 
 def part_legend(
     axes: Axes, drawn: Mapping[str, Any], corner: tuple[float, float], **layout: Any
-) -> None:
-    """Names and what they stand for, the upper left corner in the axes' coordinates."""
+) -> Any:
+    """Names and what they stand for, a corner, the upper left one, in the axes' coordinates."""
+    layout = {"fontsize": 7.5, "borderaxespad": 0, "loc": "upper left", **layout}
     if drawn:
-        layout = {"fontsize": 7.5, "borderaxespad": 0, **layout}
-        axes.legend([*drawn.values()], [*drawn], loc="upper left", bbox_to_anchor=corner, **layout)
+        return axes.legend([*drawn.values()], [*drawn], bbox_to_anchor=corner, **layout)
 
 
 def draw_matrix(
@@ -218,17 +218,15 @@ def colour_bar(figure: Figure, place: Axes, scale: Any, label: str):
     return bar
 
 
-def labelled(figure: Figure) -> dict[str, Any]:
-    """What has a label in the panels of a figure, once for each."""
-    drawn: dict[str, Any] = {}
-    for axes in figure.axes:
-        drawn |= zip(*axes.get_legend_handles_labels()[::-1], strict=True)
-    return drawn
+def labelled(*every: Axes) -> dict[str, Any]:
+    """What has a label in panels, once for each."""
+    pairs = (zip(*axes.get_legend_handles_labels()[::-1], strict=True) for axes in every)
+    return dict(itertools.chain(*pairs))
 
 
 def figure_legend(figure: Figure, drawn: Mapping[str, Any] | None = None, **layout: Any) -> None:
     """One legend for all panels: what is `drawn` by its name, by default what has a label."""
-    drawn = labelled(figure) if drawn is None else drawn
+    drawn = labelled(*figure.axes) if drawn is None else drawn
     layout = {"loc": "lower center", "ncols": len(drawn), **layout}
     figure.legend([*drawn.values()], [*drawn], **layout)
 

@@ -10,14 +10,8 @@ from matplotlib.lines import Line2D
 from kneejax.geometry import COORDINATES
 from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
 from kneejax.report import panels as draw
-from kneejax.report.look.colours import (
-    BLACK,
-    BLUE,
-    GREY,
-    VERMILLION,
-    parameter_styles,
-    uniform_colours,
-)
+from kneejax.report.look import colours
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION
 from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
 from kneejax.report.look.tables import trimmed
 from kneejax.statics import Status, converged
@@ -64,7 +58,7 @@ def sweep_figure(
     """
     sweep, flexion = sweeps[name], sweeps.flexion_deg
     figure, panels, words = draw.coordinate_panels(flexion)
-    scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), uniform_colours())
+    scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), colours.uniform_colours())
     handles: dict[str, Any] = {}
     # Legend entry -> poses, the worst that applies to each.
     nowhere = ~converged(sweep.status)
@@ -141,7 +135,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     """
     figure, panels, words = draw.coordinate_panels(local.flexion_deg)
     shown = _largest_shares(local.largest()[0], _MOST_PARAMETERS)
-    styles = parameter_styles([local.names[i] for i in shown])
+    styles = colours.parameter_styles([local.names[i] for i in shown])
     drawn, marks = {}, {}
     for coordinate, axes in panels.items():
         axes.set_title(f"{COORDINATES[coordinate].axis_label} {_PER[local.scale]}")
@@ -182,13 +176,13 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     if len(flexion) > 1:
         edges = np.r_[2 * flexion[0] - middle[0], middle, 2 * flexion[-1] - middle[-1]]
     names = [readable(local.names[i]) for i in shown]
-    colours: dict[str, Any] = {}
+    scales: dict[str, Any] = {}
     for coordinate, axes in panels.items():
         unit = COORDINATES[coordinate].unit
         alike = [FREE_COLUMN[c] for c in SHOWN if COORDINATES[c].unit == unit]
         limit = float(np.nan_to_num(np.abs(local.scaled[:, alike])).max()) or 1.0
         slopes = local.scaled[:, FREE_COLUMN[coordinate], shown].T
-        colours[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
+        scales[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
                                         vmin=-limit, vmax=limit)  # fmt: skip
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):
             axes.fill_between(edges[i : i + 2], 0, rows, facecolor="none", edgecolor=GREY,
@@ -200,7 +194,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     inch = 1 / (height * words.get_position().height)
     for place, unit, kind in ((0.4, "mm", "translations, mm"), (0.95, "deg", "rotations, deg")):
         at = words.inset_axes((0.05, 1 - place * inch, 0.9, 0.13 * inch))
-        draw.colour_bar(figure, at, colours[unit], f"{kind} {_PER[local.scale]}")
+        draw.colour_bar(figure, at, scales[unit], f"{kind} {_PER[local.scale]}")
     if len(local.names) > rows:
         note = f"{len(local.names) - rows} parameters that move\nthe knee less are not shown"
         words.text(0.05, 1 - 1.8 * inch, note, fontsize=7.5, transform=words.transAxes)
@@ -253,7 +247,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     shown = _largest_shares(indices.measures[measure], _MOST_PARAMETERS)
     figure, panels = draw.grid(5, 1, 7.9, bottom=1.4, apart=(0, 0.4), sharex=True, sharey=sobol)
     width = 0.92 / len(shown)
-    styles = parameter_styles([indices.names[i] for i in shown])
+    styles = colours.parameter_styles([indices.names[i] for i in shown])
     for axes, name in zip(panels[:, 0], SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
         for k, (i, (colour, quantity)) in enumerate(zip(shown, styles, strict=True)):
@@ -277,7 +271,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
 
 def _interval(axes: Axes, x, y, width: float, **half: np.ndarray):
     style = {"elinewidth": width, "capsize": 2 * width, "capthick": width}
-    return axes.errorbar(x, y, **half, fmt="none", ecolor=BLACK, **style)
+    return axes.errorbar(x, y, **half, fmt="none", ecolor=colours.BLACK, **style)
 
 
 def _say_what_is_left_out(figure: Figure, found: MotionIndices) -> None:

@@ -12,7 +12,7 @@ from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, spread
 from kneejax.report.scene.scene import Fibre, Plateau, Scene
-from kneejax.report.scene.surfaces import grid_triangles, tube
+from kneejax.report.scene.surfaces import tube
 
 #: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
 SLACK = "#A9ADB2"
@@ -63,12 +63,8 @@ def strain_colour(strain: float, limit: float) -> str:
         >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
         ('#b40426', '#A9ADB2')
     """
-    return SLACK if not strain > 0 else _shades()[round(255 * min(strain / limit, 1.0))]
-
-
-@functools.cache
-def _shades() -> list[str]:
-    return [to_hex(one) for one in strain_colours()(np.arange(256))]
+    share = min(strain / limit, 1.0)
+    return to_hex(strain_colours()(round(255 * share))) if strain > 0 else SLACK
 
 
 @functools.cache
@@ -141,8 +137,7 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
     """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
     if view not in VIEWS:
         raise ValueError(f"a view {view!r}; expected one of {', '.join(VIEWS)}")
-    anterior, superior, lateral = VIEWS[view]
-    towards = np.array([anterior, superior, lateral * every[0].lateral])
+    towards = np.array(VIEWS[view]) * [1.0, 1.0, every[0].lateral]
     towards /= np.linalg.norm(towards)
     right = np.cross([0.0, 1.0, 0.0], towards)
     right /= np.linalg.norm(right)
@@ -206,14 +201,11 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
     plotter.set_background("white")
     plain = {"smooth_shading": True, "specular": 0.15, "specular_power": 20,
              "show_scalar_bar": False}  # fmt: skip
-    for bone in scene.bones:
-        mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-        plotter.add_mesh(mesh, color=BONE, opacity=BONE_OPACITY[bone.bone], **plain)
-    sheets = [(sheet, CONDYLE, 0.5) for sheet in scene.condyles]
-    sheets += [(sheet, OBSTACLE, 0.13) for sheet in scene.obstacles]
-    for sheet, colour, opacity in sheets:
-        faces = grid_triangles(*sheet.points_mm.shape[:2])
-        mesh = pv.PolyData.from_regular_faces(sheet.points_mm.reshape(-1, 3), faces)
+    sheets = [(x.points_mm, x.faces, BONE, BONE_OPACITY[x.bone]) for x in scene.bones]
+    sheets += [(x.points_mm, x.faces, CONDYLE, 0.5) for x in scene.condyles]
+    sheets += [(x.points_mm, x.faces, OBSTACLE, 0.13) for x in scene.obstacles]
+    for points, faces, colour, opacity in sheets:
+        mesh = pv.PolyData.from_regular_faces(np.reshape(points, (-1, 3)).astype(float), faces)
         plotter.add_mesh(mesh, color=colour, opacity=opacity, **plain)
     for plateau in scene.plateaus:
         mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
