@@ -256,7 +256,7 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
     text += [*where, *compared]
     if several:
         first, *others = (one.procedure for one in calibration.fits)
-        words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
+        words = "0, nothing to doubt" if became is verdicts.Outcome.GOOD else "1, in doubt"
         text.append(f"Procedure {first}, the first of the study, is the answer and alone decides "
                     f"the exit status ({words}); {' and '.join(others)} "
                     f"{'are' if len(others) > 1 else 'is'} there to compare.")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from kneejax.inference import Calibration, Estimate, IntervalKind
 from kneejax.report.look.colours import BLUE, FITS, GREY, LIGHT, VERMILLION, both_signs
 from kneejax.report.look.style import Figure, readable, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table, number, trimmed, with_error
+from kneejax.report.look.tables import NONE, Column, Table, grouped, number, trimmed, with_error
 from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 
 #: What a kind of interval says on the line of an estimate.
@@ -40,9 +40,8 @@ def limits(low: float, high: float, digits: int = 4) -> str:
 
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    untold = IntervalKind.NOT_DETERMINED, IntervalKind.NOT_COMPUTED
-    words = [kind.value for kind in untold if estimate.interval is kind]
-    return ": ".join([*words, *filter(None, [reasons(estimate)])])
+    kind, untold = estimate.interval, (IntervalKind.NOT_DETERMINED, IntervalKind.NOT_COMPUTED)
+    return ": ".join(filter(None, [kind.value if kind in untold else "", reasons(estimate)]))
 
 
 def reasons(estimate: Estimate) -> str:
@@ -71,12 +70,12 @@ def estimates_table(calibration: Calibration, note: str = "") -> Table:
         sure = e.interval is not None and math.isfinite(e.standard_error)
         value, error = with_error(e.value, e.standard_error if sure else math.nan)
         known = "" if e.interval is None else limits(e.low, e.high) or NONE
-        words = [_KINDS[e.interval]] if e.interval in _KINDS else []
-        words += ["at bound"] * e.at_bound
+        words = [_KINDS.get(e.interval, ""), "at bound" * e.at_bound]
         name = e.name if e in fit.estimates else f"offset {e.name}"
-        row = [name, value, f"\u00b1 {error}" if sure else "", e.unit, known, ", ".join(words)]
-        row += [trimmed(calibration.truth.get(e.name, math.nan))]
-        rows.append([*row, trimmed(e.start), trimmed(e.lower), trimmed(e.upper)])
+        rows.append([name, value, f"\u00b1 {error}" if sure else "", e.unit, known,
+                     ", ".join(filter(None, words)),
+                     trimmed(calibration.truth.get(e.name, math.nan)),
+                     *map(trimmed, (e.start, e.lower, e.upper))])  # fmt: skip
     seen = [i for i, head in enumerate(heads) if any(row[i] for row in rows)]
     seen = [i for i in seen if calibration.truth or heads[i] != "truth"]
     words = ("parameter", "unit", "95 % limits", "")
@@ -114,9 +113,8 @@ def parameters_figure(calibration: Calibration) -> Figure:
     Returns:
         One panel per quantity (stiffness, reference strain, ...), one row per parameter.
     """
-    groups: dict[tuple[str, str], list[Estimate]] = {}
-    for e in calibration.fit.estimates:
-        groups.setdefault((e.name.partition(".")[2] or e.name, e.unit), []).append(e)
+    groups = grouped(((e.name.partition(".")[2] or e.name, e.unit), e)
+                     for e in calibration.fit.estimates)  # fmt: skip
     columns = min(2, len(groups)) or 1
     rows = -(-len(groups) // columns) or 1
     sizes = [len(group) for group in groups.values()] or [1]

@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.cohorts import CohortSummary
 from kneejax.geometry import COORDINATES
 from kneejax.report.calibration_parameters import correlation_matrix_figure
-from kneejax.report.calibration_verdict import Outcome
+from kneejax.report.calibration_verdict import Outcome, worst_errors
 from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Figure, readable, styled
@@ -147,12 +147,8 @@ def _knees_table(summary: CohortSummary, knees: str) -> Table:
     def linked(name: str) -> str:
         return link.format(quote(knees), quote(name), name) if name in answered else name
 
-    rows = []
-    for one in summary.answers:
-        worst = [max((x for name, x in one.rmse.items()
-                      if COORDINATES[name].unit == unit and math.isfinite(x)), default=math.nan)
-                 for unit in ("mm", "deg")]  # fmt: skip
-        rows.append([one.name, one.outcome or _FAILED, *worst, one.objective, one.seconds])
+    rows = [[one.name, one.outcome or _FAILED, *worst_errors(one.rmse).values(), one.objective,
+             one.seconds] for one in summary.answers]  # fmt: skip
     return Table(
         [Column("knee", show=linked, words=True), Column("outcome", words=True),
          Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),

@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.geometry import COLUMNS, CUBIC_SPLINE
 from kneejax.mechanics import Contact, Knee, Ligaments, Support
 from kneejax.report.look.page import prose
-from kneejax.report.look.tables import aligned, trimmed, wrapped
+from kneejax.report.look.tables import aligned, grouped, trimmed, wrapped
 
 #: More fibres than this are gathered by their groups.
 MOST_ROWS = 15
@@ -97,16 +97,16 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     gathered = len(names) > MOST_ROWS and not every_fibre
     bundles = _bundles(knee) if gathered else {name: [i] for i, name in enumerate(names)}
     gathered = gathered and len(bundles) < len(names)
-    table = [["ligament", "stiffness_N", "slack_length_mm", "reference_strain", "way"]]
-    table[0].insert(1 if gathered else 2, "fibres" if gathered else "reference_length_mm")
-    for name, rows in bundles.items():
-        row = [name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
-               _range(strain[rows], 2 if gathered else 4), _ways([parts[names[i]] for i in rows])]
-        if gathered:
-            row.insert(1, str(len(rows)))
-        else:
-            row.insert(2, _range(length[rows], 3))
-        table.append(row)
+    columns = ["ligament", "fibres", "stiffness_N", "reference_length_mm", "slack_length_mm",
+               "reference_strain", "way"]  # fmt: skip
+    table = [columns] + [
+        [name, str(len(rows)), f"{stiffness[rows].sum():.0f}", _range(length[rows], 3),
+         _range(slack[rows], 2 if gathered else 3), _range(strain[rows], 2 if gathered else 4),
+         _ways([parts[names[i]] for i in rows])]
+        for name, rows in bundles.items()
+    ]  # fmt: skip
+    hidden = columns.index("reference_length_mm" if gathered else "fibres")
+    table = [row[:hidden] + row[hidden + 1 :] for row in table]
     head = f"Ligaments: {len(names)} fibres"
     head += f" in {len(bundles)} bundles; their stiffnesses are sums" if gathered else ""
     lines = [head, *(f"  {line}" for line in aligned(table, (0, len(table[0]) - 1)))]
@@ -130,28 +130,22 @@ def _lengths(knee: Knee, every_fibre: bool) -> np.ndarray:
 def _bundles(knee: Knee) -> dict[str, list[int]]:
     """First group that has a fibre -> rows of its fibres; a fibre without group is its own."""
     first = {fibre: name for name, fibres in reversed(knee.groups) for fibre in fibres}
-    answer: dict[str, list[int]] = {}
-    for row, name in enumerate(knee.ligaments.names):
-        answer.setdefault(first.get(name, name), []).append(row)
-    return answer
+    return grouped((first.get(name, name), row) for row, name in enumerate(knee.ligaments.names))
 
 
 def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
     """Groups that are no row of the table, as bundles together where they are that."""
     names = knee.ligaments.names
     bundles = {name: {names[row] for row in many} for name, many in _bundles(knee).items()}
-    said = []
+    stiffness, said = np.asarray(knee.ligaments.stiffness), []
     for name, fibres in knee.groups:
         if name in rows:
             continue
         inside = [bundle for bundle, members in bundles.items() if members <= set(fibres)]
         together = set().union(*(bundles[bundle] for bundle in inside))
-        whole = name not in inside and together == set(fibres)
-        rows_of = [names.index(fibre) for fibre in fibres]
-        total = np.asarray(knee.ligaments.stiffness)[rows_of].sum()
-        said.append(
-            f"{name} = {' + '.join(inside if whole else fibres)}, {total:.0f}{_FIXED_SPACE}N"
-        )
+        parts = inside if name not in inside and together == set(fibres) else fibres
+        total = stiffness[[names.index(fibre) for fibre in fibres]].sum()
+        said.append(f"{name} = {' + '.join(parts)}, {total:.0f}{_FIXED_SPACE}N")
     lines = wrapped("; ".join(said), "  groups: ") if said else []
     lines = [line.replace(_FIXED_SPACE, " ") for line in lines]
     return lines + (wrapped(prose("groups"), "  ") if knee.groups else [])

@@ -11,7 +11,7 @@ from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
 from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
-from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
+from kneejax.report.look.tables import Column, Table, grouped, number, plain, short, unit_after
 from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 from kneejax.report.pose_tables import words_of
 from kneejax.statics import Status
@@ -68,10 +68,7 @@ def candidates_figure(design: Design) -> Figure:
         if Status(status) in _HATCHES:
             hatch, word = _HATCHES[Status(status)]
             handles[word] = hatched(axes, place[::-1], 1, 1, hatch)
-    steps: dict[int, list[int]] = {}
-    for step, row in enumerate(design.chosen, 1):
-        steps.setdefault(row, []).append(step)
-    for row, own in steps.items():
+    for row, own in grouped((row, step) for step, row in enumerate(design.chosen, 1)).items():
         i, j = places[row]
         axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
         axes.text(j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,

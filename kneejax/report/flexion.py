@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_flips
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL
+from kneejax.geometry import CLINICAL, CONVENTION_WORDS, COORDINATES, FEMORAL
 from kneejax.inference import Calibration
 from kneejax.mechanics import Knee, load_words
 from kneejax.report import doubts as faults

@@ -232,7 +232,8 @@ def map_answer(
     empty = [one for one in maps if not one.drawn.any()]
     found = [(" and ".join(one.names), _doubt(one, begun)) for one in maps]
     doubts = [f"{pair}: {doubt}" for pair, doubt in found if doubt]
-    counts = zip(Condition, np.sum([row[-len(Condition) :] for row in rows], axis=0), strict=True)
+    counts = zip(*(row[-len(Condition) :] for row in rows), strict=True)
+    counts = zip(Condition, map(sum, counts), strict=True)
     notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}" for one, n in counts if one and n]
     if maps[0].left_out:
         doubts.append(

@@ -8,7 +8,7 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
 from kneejax.geometry import COORDINATES
-from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
+from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
 from kneejax.report import panels as draw
 from kneejax.report.look import colours
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION
@@ -18,7 +18,7 @@ from kneejax.statics import Status, converged
 
 #: Free coordinate -> column of a table without flexion.
 FREE_COLUMN = {name: i - 1 for i, name in enumerate(COORDINATES)}
-OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
+_OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
 #: Poses that are not drawn as if they were fine: legend entry, dashes of the line, marker.
 _DOUBTFUL = {"outside fitted surfaces": ((0, (3, 1.2)), ""),
              "a fibre torn or its way wrong": ((0, (5, 1.2)), "^"),
@@ -37,6 +37,14 @@ _MOST_PARAMETERS, _MOST_ROWS = 12, 40
 _MEASURES = {"sobol": {"total_order": "total order", "first_order": "first order"},
              "morris": {"mu_star": "mean size of the effect", "sigma": "its standard deviation"}}
 _AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's range"}
+
+
+def faults_of(sweep: Sweep) -> tuple[np.ndarray, ...]:
+    """Poses outside fitted surfaces, with a fibre torn or its way wrong, not those of a knee,
+    unstable, and without a balance."""
+    strange = sweep.unphysiological | (sweep.status == Status.DISLOCATED)
+    return (sweep.status == Status.OUTSIDE_REGION, np.isin(sweep.status, _OF_FIBRES), strange,
+            sweep.status == Status.UNSTABLE, ~converged(sweep.status))  # fmt: skip
 
 
 @styled
@@ -61,12 +69,9 @@ def sweep_figure(
     scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), colours.uniform_colours())
     handles: dict[str, Any] = {}
     # Legend entry -> poses, the worst that applies to each.
-    nowhere = ~converged(sweep.status)
-    unstable = sweep.status == Status.UNSTABLE
-    strange = (sweep.unphysiological | (sweep.status == Status.DISLOCATED)) & ~unstable & ~nowhere
-    outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange
-    of_fibres = np.isin(sweep.status, OF_FIBRES) & ~strange
-    kinds = (outside, of_fibres, strange, unstable, nowhere)
+    outside, of_fibres, strange, unstable, nowhere = faults_of(sweep)
+    strange &= ~unstable & ~nowhere
+    kinds = (outside & ~strange, of_fibres & ~strange, strange, unstable, nowhere)
     faults = dict(zip((*_DOUBTFUL, _NOWHERE), kinds, strict=True))
     lost, fine = nowhere.any(axis=0), ~np.any(kinds, axis=0)
     given = "measured, moved onto the knee itself" if moved else "measured"

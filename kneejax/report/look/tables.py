@@ -10,11 +10,13 @@ import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from kneejax.quantities import quantity_of, unit_of_column
+
+_Key, _Value = TypeVar("_Key"), TypeVar("_Value")
 
 NONE = "-"
 LINE_WIDTH = 98
@@ -110,6 +112,14 @@ def listed(words: Sequence[str], most: int = 12) -> str:
     if len(words) <= most:
         return ", ".join(words)
     return f"{', '.join(words[:most])} and {len(words) - most} more"
+
+
+def grouped(pairs: Iterable[tuple[_Key, _Value]]) -> dict[_Key, list[_Value]]:
+    """Values by their keys, both in the order in which they come."""
+    found: dict[_Key, list[_Value]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
 
 
 def runs(rows: np.ndarray, apart: int = 1) -> list[tuple[int, int]]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import Knee
+from kneejax.report.look.tables import grouped
 from kneejax.report.scene import surfaces
 from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures
 
@@ -134,10 +135,7 @@ class Scene:
     @property
     def groups(self) -> dict[str, list[Fibre]]:
         """Group -> its fibres, in the knee's order."""
-        answer: dict[str, list[Fibre]] = {}
-        for fibre in self.fibres:
-            answer.setdefault(fibre.group, []).append(fibre)
-        return answer
+        return grouped((fibre.group, fibre) for fibre in self.fibres)
 
     @property
     def points_mm(self) -> np.ndarray:
