@@ -184,7 +184,8 @@ def _ranked_table(local: LocalSensitivity) -> Table:
     for name in SHOWN:
         c, head = figures.FREE_COLUMN[name], f"{HEADS[name]}, {COORDINATES[name].unit}"
         columns[Column(name, head)] = [
-            f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}{' *'[most[c] == i]}"
+            f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
+            + ("*" if most[c] == i else " ")
             for i in order
         ]
     return Table.of(
