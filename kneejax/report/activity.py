@@ -40,18 +40,14 @@ def activity_answer(
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
     words, doubts, second, time = {}, [*record.doubts], False, record.time_s
     for name, one in found.items():
-        known, here = np.isfinite(one.other).all(axis=1), np.asarray(one.motion.to_table())
+        here, rows = np.asarray(one.motion.to_table()), np.isfinite(one.other).all(axis=1)
         # What is wrong at each instant, or known of another balance there.
-        also = [
-            "; ".join(filter(None, [lost, faults.second_balance(other, own) if two else ""]))
-            for lost, other, own, two in zip(faults.search_words(one.motion), one.other, here,
-                                             known, strict=True)
-        ]
+        also = faults.with_second(faults.search_words(one.motion), one.other, here)
         words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
         places = faults.named_places([f"{x:.4g}" for x in time], "s")
         said = [*faults.status_doubts(status[name], words[name], *places)]
-        if known.any():
-            rows, second = np.flatnonzero(known), True
+        if rows.any():
+            rows, second = np.flatnonzero(rows), True
             spans = [f"{time[a]:g}" + f" to {time[b]:g}" * (a != b) for a, b in runs(rows)]
             said.append(prose("activity.second", spans=listed(spans, 8), count=len(rows),
                               all=len(time)))  # fmt: skip

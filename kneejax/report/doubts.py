@@ -141,6 +141,13 @@ def second_balance(other: np.ndarray, own: np.ndarray) -> str:
     return f"second stable balance at {', '.join(parts)}"
 
 
+def with_second(words: Sequence[str], others: np.ndarray, own: np.ndarray) -> list[str]:
+    """Words of poses, and where a second balance is known at one, `(poses, 6)`, of that too."""
+    return ["; ".join(filter(None, [text, second_balance(other, here)
+                                    if np.isfinite(other).all() else ""]))
+            for text, other, here in zip(words, others, own, strict=True)]  # fmt: skip
+
+
 def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:

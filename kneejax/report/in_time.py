@@ -141,13 +141,13 @@ def transient_answer(
             f"Left of the record, root of the mean square: {left}.",
         )  # fmt: skip
         main.insert(0, "damping")
-        sentence = "; ".join(
-            f"{name} is {value:.3g} "
-            + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
-            for name, value, low, high in known
-        ) + "."  # fmt: skip
-        doubts += [f"{name}: the limits include zero; the record does not determine it"
-                   for name, _, low, _ in known if low < 0.0]  # fmt: skip
+        said = []
+        for name, value, low, high in known:
+            limits = f"95 % {low:.3g} to {high:.3g}" if np.isfinite(low) else "at its bound"
+            said.append(f"{name} is {value:.3g} ({limits})")
+            if low < 0.0:
+                doubts.append(f"{name}: the limits include zero; the record does not determine it")
+        sentence = f"{'; '.join(said)}."
         together = np.nan_to_num(fit.uncertainty.correlation)
         doubts += [
             f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
@@ -255,9 +255,9 @@ def _moved(found: Transient) -> Table:
 def _sentence(moved: Table, found: Transient) -> str:
     if not moved.rows:
         return "The knee does not move."
-    far = max(moved.rows, key=lambda row: abs(row[2] - row[1]))
-    words = f"{far[0].rpartition(',')[0]} changes most: from {far[1]:.1f} to {far[2]:.1f}"
-    words += f"{far[0].rpartition(',')[2]} at {far[3]:.2g} s"
+    label, start, peak, at, *_ = max(moved.rows, key=lambda row: abs(row[2] - row[1]))
+    what, _, unit = label.rpartition(",")
+    words = f"{what} changes most: from {start:.1f} to {peak:.1f}{unit} at {at:.2g} s"
     if found.rest is not None:
         words += f"; at the end the knee is {found.from_rest_mm:.2g} mm from its balance"
     return f"{words}."

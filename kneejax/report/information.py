@@ -62,7 +62,7 @@ def stiff_words(found: Information) -> list[str]:
     names, values, said = found.names, found.values, []
     for index in np.flatnonzero(found.eigenvalues[:_STIFF] > 1.0):
         vector = found.eigenvectors[:, index]
-        rows = _named(vector)
+        rows, named = _named(vector)
         mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
         terms, weights = [], []
         for row in rows:
@@ -78,8 +78,6 @@ def stiff_words(found: Information) -> list[str]:
             factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
             sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
         # The standard deviation of the named part of the direction, or of all of it.
-        named = np.zeros(len(vector))
-        named[rows] = vector[rows]
         overlap, known = (found.eigenvectors.T @ named) ** 2, found.eigenvalues > 0
         deviation, others = float(found.eigenvalues[index] ** -0.5), ", with small parts of others"
         alone = np.inf
@@ -106,15 +104,13 @@ def sloppy_words(found: Information) -> list[str]:
         if found.eigenvalues[index] >= 1.0:
             continue
         vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
-        rows = _named(vector)
+        rows, named = _named(vector)
         changes = [
             f"{plain(found.names[row])} by {short(vector[row] * found.scale[row], '+')}"
             f"{unit_after(found.names[row])}"
             for row in rows
         ]
         trace = float(np.sqrt(found.eigenvalues[index]) * np.linalg.norm(vector))
-        named = np.zeros(len(vector))
-        named[rows] = vector[rows]
         alone = np.linalg.norm(np.sqrt(found.eigenvalues) * (found.eigenvectors.T @ named))
         others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
         together = " together" if len(rows) > 1 and not others else ""
@@ -222,16 +218,16 @@ def _rivals(found: Information, row: int) -> str:
     part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
     who = joined([plain(found.names[int(others[i])]) for i in order])
-    verb = "compensate" if len(order) > 1 else "compensates"
     percent = 100.0 * (1.0 - left)
     much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
-    return f"{who} {verb} it {much}"
+    return f"{who} compensate{'s' * (len(order) == 1)} it {much}"
 
 
-def _named(vector: np.ndarray) -> list[int]:
-    """The components worth naming, largest first."""
+def _named(vector: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """The components worth naming, largest first, and the vector without all others."""
     order = np.argsort(-np.abs(vector), kind="stable")[:_MOST]
-    return [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]
+    rows = [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]
+    return rows, np.where(np.isin(np.arange(len(vector)), rows), vector, 0.0)
 
 
 @styled
