@@ -111,9 +111,9 @@ def calibration_answer(calibration: Calibration) -> Answer:
     if fit.tests:
         read = sum(int(np.isfinite(x).sum()) for own in fit.tests for x, _ in own.compared.values())
         data.append(f"{read} readings of {len(fit.tests)} test{'s' * (len(fit.tests) > 1)}")
-    noise = verdicts.noise_words(calibration)
-    summed = sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])
-    main = estimates.estimates_table(calibration, " ".join(filter(None, [noise, summed])))
+    names = [e.name for e in fit.estimates]
+    notes = verdicts.noise_words(calibration), sums_in_words(fit.motion.knee, names)
+    main = estimates.estimates_table(calibration, " ".join(filter(None, notes)))
     fell = change(calibration.start_objective, fit.objective)
     sections = [
         Section("Parameters in detail", [prose("limits"), *[prose("offsets")] * bool(fit.offsets)],
@@ -137,7 +137,6 @@ def calibration_answer(calibration: Calibration) -> Answer:
     if fit.tests:
         tables["tests"] = load_tests.reading_table(calibration)
         drawings["tests"] = Drawing(load_tests.tests_figure, calibration)
-    names = [e.name for e in fit.estimates]
     drawings |= {"parameters": Drawing(estimates.parameters_figure, calibration),
                  "correlation": Drawing(estimates.correlation_matrix_figure, names,
                                         fit.correlation),
@@ -235,10 +234,9 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             lost = np.isinf(objectives)
             worse = objectives[starts.elsewhere & ~lost]
             if len(worse):
-                low, high = number(worse.min()), number(worse.max())
-                among = low if low == high else f"{low} to {high}"
+                among = " to ".join(dict.fromkeys(number(f(worse)) for f in (min, max)))
                 words.append(f"{len(worse)} at worse fits (objective {among}, the answer's is "
-                             f"{number(fit.objective)})")
+                             f"{number(fit.objective)})")  # fmt: skip
             words += [f"{int(lost.sum())} found no balance"] * bool(lost.any())
             where.append(f"Several starts ended: {'; '.join(words)}.")
         counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
@@ -250,9 +248,8 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             stages = dict(zip(last, np.diff([0, *last.values()]).tolist(), strict=True))
         for stage, evaluations in stages.items() if len(stages) > 1 else ():
             steps = [step for step in fit.history if step.stage == stage]
-            objective = number(steps[-1].objective) if steps else NONE
-            taken = str(len(steps)) if steps else NONE
-            rows.append([f"stage {stage}", "", objective, taken, str(evaluations), "", ""])
+            ended = [number(steps[-1].objective), str(len(steps))] if steps else [NONE] * 2
+            rows.append([f"stage {stage}", "", *ended, str(evaluations), "", ""])
     text += [*where, *compared]
     if several:
         first, *others = (one.procedure for one in calibration.fits)

@@ -1,5 +1,6 @@
 """A knee in words and tables for a terminal, in plain ASCII."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -51,8 +52,7 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     if "patella" in document:
         lines += ["", *_patella(document["patella"])]
     lines += [""] * bool(knee.lines or knee.loads)
-    for line in knee.lines:
-        lines.append(f"Line {line.name}: {float(line.tension):g} N")
+    lines += [f"Line {line.name}: {float(line.tension):g} N" for line in knee.lines]
     for load in knee.loads:
         if isinstance(load, Support):
             lines.append(f"Support of {load.coordinate}: {float(load.size):g} N or N mm")
@@ -153,58 +153,54 @@ def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
 
 def _ways(parts: Sequence[Mapping[str, Any]]) -> str:
     """Over which points and around which obstacles fibres run."""
-    every = []
+    every: Counter[str] = Counter()
     for part in parts:
         via = len(part.get("via_points", ()))
         words = [f"via {via} point{'s' * (via > 1)}"] * bool(via)
-        every.append(", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])]))
-    counts = {way: every.count(way) for way in dict.fromkeys(every) if way}
-    return "; ".join(way if count == len(every) else f"{way} ({count} of {len(every)})"
-                     for way, count in counts.items())  # fmt: skip
+        every[", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])])] += 1
+    return "; ".join(way if count == len(parts) else f"{way} ({count} of {len(parts)})"
+                     for way, count in every.items() if way)  # fmt: skip
 
 
 def _range(values: np.ndarray, decimals: int) -> str:
     if not np.isfinite(values).all():
         return "-"
     ends = (round(float(x), decimals) + 0.0 for x in (values.min(), values.max()))
-    low, high = (f"{end:.{decimals}f}" for end in ends)
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys(f"{end:.{decimals}f}" for end in ends))
 
 
 def _wraps(document: Mapping[str, Any]) -> list[str]:
-    lines = []
+    lines = ["", "Wrap objects"]
     users = [part.get("wrap") for part in document["ligaments"].values()]
     for name, wrap in document.get("wraps", {}).items():
         sizes = [f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
                  for field, word in _SIZES.items() if field in wrap]  # fmt: skip
-        kind = f"{wrap['kind']} on the {wrap['bone']}"
-        lines.append(f"  {name}: {kind}, {', '.join(sizes)}, for {users.count(name)} fibres")
-    return ["", "Wrap objects", *lines] if lines else []
+        lines.append(f"  {name}: {wrap['kind']} on the {wrap['bone']}, {', '.join(sizes)}, for "
+                     f"{users.count(name)} fibres")  # fmt: skip
+    return lines if lines[2:] else []
 
 
 def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[str]:
     form = contact.form.replace("_", " ")
     if "points" in document:
         form += f" over {' x '.join(str(n) for n in document['points'])} points"
-    thickness = f"{float(contact.layer_thickness):g} mm"
-    if contact.layer_variation is not None:
-        thickness += " and a field"
-    lines = [f"Contact {name}: {form}, {contact.law} law",
-             f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
-             f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}"]
-    for side in ("femoral_surface", "tibial_surface"):
-        lines.append(f"  {side.replace('_', ' ')}: {_surface(document[side])}")
-    return lines
+    field = " and a field" * (contact.layer_variation is not None)
+    return [f"Contact {name}: {form}, {contact.law} law",
+            f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
+            f"confined modulus {float(contact.modulus):.3f} MPa, layer "
+            f"{float(contact.layer_thickness):g} mm{field}",
+            *(f"  {side.replace('_', ' ')}: {_surface(document[side])}"
+              for side in ("femoral_surface", "tibial_surface"))]  # fmt: skip
 
 
 def _surface(surface: Mapping[str, Any]) -> str:
-    said = surface["kind"]
+    said = [surface["kind"]]
     if "coefficients_mm" in surface:
         m, n = np.shape(surface["coefficients_mm"])
-        said += f", polynomial of degree {m - 1} x {n - 1}"
-        if surface.get("basis") == CUBIC_SPLINE:
-            said = f"{surface['kind']}, cubic spline of {m} x {n} values"
+        spline = surface.get("basis") == CUBIC_SPLINE
+        said.append(f"cubic spline of {m} x {n} values" if spline else
+                    f"polynomial of degree {m - 1} x {n - 1}")  # fmt: skip
     if "fit_rms_mm" in surface:
-        said += f", fit {surface['fit_rms_mm']:.3f} mm rms, "
-        said += f"{surface['fit_max_mm']:.2f} mm at most"
-    return said
+        said.append(f"fit {surface['fit_rms_mm']:.3f} mm rms")
+        said.append(f"{surface['fit_max_mm']:.2f} mm at most")
+    return ", ".join(said)
