@@ -248,8 +248,8 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             stages = dict(zip(last, np.diff([0, *last.values()]).tolist(), strict=True))
         for stage, evaluations in stages.items() if len(stages) > 1 else ():
             steps = [step for step in fit.history if step.stage == stage]
-            ended = [number(steps[-1].objective), str(len(steps))] if steps else [NONE] * 2
-            rows.append([f"stage {stage}", "", *ended, str(evaluations), "", ""])
+            known = [number(steps[-1].objective), str(len(steps))] if steps else [NONE] * 2
+            rows.append([f"stage {stage}", "", *known, str(evaluations), "", ""])
     text += [*where, *compared]
     if several:
         first, *others = (one.procedure for one in calibration.fits)

@@ -17,7 +17,7 @@ from kneejax.report.look.tables import NONE, Column, Table, grouped, number, tri
 from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 
 #: What a kind of interval says on the line of an estimate.
-_KINDS = {IntervalKind.NOT_DETERMINED: "not determined",
+_KINDS = {IntervalKind.NOT_DETERMINED: "not determined", None: "",
           IntervalKind.NOT_COMPUTED: "limits not computed", IntervalKind.PRIOR: "prior alone"}
 #: Columns of parameters.csv.
 PARAMETER_COLUMNS = ("name", "value", "unit", "start", "lower", "upper", "standard_error",

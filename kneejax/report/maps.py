@@ -128,7 +128,8 @@ def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
         if not where.any():
             continue
         # With the neighbours: between grid points nothing is drawn otherwise.
-        inside = np.ma.masked_where(~ndimage.binary_dilation(where), np.ones(where.shape))
+        beyond = np.logical_not(ndimage.binary_dilation(where))
+        inside = np.ma.masked_where(beyond, np.ones(where.shape))
         look, key = {"colors": "white", "alpha": 0.6}, {"facecolor": "#B5D5D2", "edgecolor": "none"}
         if hatch:
             look = {"colors": "none", "hatches": [hatch]}

@@ -153,11 +153,11 @@ class Answer:
         Returns:
             An HTML document.
         """
-        settings = json_safe(dict(settings or {}))
+        asked_again = json_safe(dict(settings or {}))
         return _environment().get_template("answer.html.j2").render(
             answer=self, pictures=pictures,
             table=lambda one: self.tables[one] if isinstance(one, str) else one,
-            settings=[(name, as_setting(value)) for name, value in settings.items()],
+            settings=[(name, as_setting(value)) for name, value in asked_again.items()],
             versions=list((versions or {}).items()),
             seconds=[(name, number(value, 3)) for name, value in (seconds or {}).items()],
         )  # fmt: skip

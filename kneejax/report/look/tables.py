@@ -16,7 +16,8 @@ import numpy as np
 
 from kneejax.quantities import quantity_of, unit_of_column
 
-_Key, _Value = TypeVar("_Key"), TypeVar("_Value")
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
 
 NONE = "-"
 LINE_WIDTH = 98

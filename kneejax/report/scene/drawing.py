@@ -85,7 +85,7 @@ class Drawing:
             bands = rendering.pressure_bands(x, self.pressure, BANDS)
             for i, (colour, faces) in enumerate(bands):
                 own = _GROUND if colour == rendering.GROUND else colour
-                self._surface(scene, x, f"pressure {x.name}/{i}", own, faces=faces)
+                self._surface(scene, x, f"pressure {x.name}/{i}", own, some=faces)
         many = len(scene.fibres) > rendering.FEW_FIBRES
         for i, (name, fibres) in enumerate(scene.groups.items()):
             self._ligament(name, fibres, gone, many, _SHARES[i % len(_SHARES)])
@@ -134,11 +134,11 @@ class Drawing:
 
     def _surface(
         self, scene: Scene, part: Any, name: str, colour: str, opacity: float | None = None, *,
-        faces: np.ndarray | None = None,
+        some: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        """A mesh on its bone, which moves it: its own points are sent once; all its faces, or
-        some."""
-        faces = part.faces if faces is None else faces
+        """A mesh on its bone, with all or some faces; the bone moves it: its own points are sent
+        once."""
+        faces = part.faces if some is None else some
         if not len(faces):
             return
         turn, shift = scene.places[part.bone]

@@ -18,8 +18,7 @@ from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
 from kneejax.report.scene.scene import Scene
 
-#: Views of `scene_figure`, and of `motion_figure` and the film.
-STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
+_VIEWS = ("anterior", "medial", "anteromedial, from above")
 _MOST_LABELS = 24
 #: Colours of a film that each scale takes.
 _STEPS = 44
@@ -35,7 +34,7 @@ _KEY = 1.1
 
 
 @styled
-def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
+def scene_figure(scene: Scene, views: Sequence[str] = _VIEWS) -> Figure:
     """A knee at a pose from several sides, with its ligaments named.
 
     Args:
@@ -75,7 +74,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
 
 
 @styled
-def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: int = 5) -> Figure:
+def scenes_figure(every: Sequence[Scene], views: Sequence[str] = _VIEWS, most: int = 5) -> Figure:
     """A motion as small pictures: a row for each view, a column for each pose.
 
     The tibia stands still; the femur moves.
@@ -157,11 +156,10 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
         canvas.draw()
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     palette = _one_palette(pictures)
-    frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    frames += frames[-2:0:-1]
+    first, *more = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
     stream = io.BytesIO()
-    frames[0].save(stream, format="GIF", save_all=True, append_images=frames[1:], duration=90,
-                   loop=0)  # fmt: skip
+    first.save(stream, format="GIF", save_all=True, append_images=[*more, *more[-2::-1]],
+               duration=90, loop=0)  # fmt: skip
     return stream.getvalue()
 
 
@@ -175,11 +173,8 @@ def _one_palette(pictures: list[Any]) -> Any:
     scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
     steps = [scale(np.linspace(0.0, 1.0, _STEPS))[:, :3] for scale in scales]
     fixed = np.round(255.0 * np.concatenate([np.ones((1, 3)), *steps])).astype(int).ravel()
-    some = [pictures[row] for row in spread(len(pictures), 4)]
-    width, height = some[0].size
-    strip = Image.new("RGB", (width * len(some), height))
-    for place, picture in enumerate(some):
-        strip.paste(picture, (place * width, 0))
+    some = [np.asarray(pictures[row]) for row in spread(len(pictures), 4)]
+    strip = Image.fromarray(np.concatenate(some, axis=1))
     own = strip.quantize(256 - len(fixed) // 3, kmeans=2, dither=Image.Dither.NONE).getpalette()
     palette = Image.new("P", (1, 1))
     palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
@@ -247,7 +242,8 @@ def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0)
         end = start + size * flat
         axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, annotation_clip=False)
         ha = "center" if abs(flat[0]) < 0.5 else ("left" if flat[0] > 0 else "right")
-        axes.text(*(end + 0.35 * size * flat / long), word[:3], ha=ha, va="center", fontsize=6.0)
+        x, y = end + 0.35 * size * flat / long
+        axes.text(x, y, word[:3], ha=ha, va="center", fontsize=6.0)
 
 
 def _ruler(axes: Axes, view: rendering.Camera) -> None:

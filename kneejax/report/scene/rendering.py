@@ -1,9 +1,8 @@
 """Scenes rendered."""
 
-import contextlib
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -164,7 +163,8 @@ def render(
     """Draw a scene without words; raises `MissingPackage` without PyVista, and `CannotRender`."""
     pv = imported("pyvista", "PyVista", "view")  # it takes half a second and is optional
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
-    with _quiet():
+    # Without the remarks that VTK makes on its way from X to EGL to OSMesa.
+    with pv.vtk_verbosity("off"):
         try:
             plotter = pv.Plotter(off_screen=True, window_size=(2 * width, 2 * height),
                                  lighting=None)  # fmt: skip
@@ -183,18 +183,6 @@ def render(
 
 
 _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt install libegl1)"
-
-
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
-    vtkLogger = imported("vtkmodules.vtkCommonCore", "VTK", "view").vtkLogger
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(before)
 
 
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
@@ -218,20 +206,17 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
 
 def _fibres(pv, scene: Scene, limit: float):
     """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
-    radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
-    parts = []
+    radius, shapes = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6, []
+    ball = {"radius": 1.4 * radius, "theta_resolution": 12, "phi_resolution": 12}
     for fibre in scene.fibres:
         points, faces = tube(fibre.points_mm, 2.0 * (0.4 if fibre.slack else 1.0) * radius, 12)
-        shapes = [(pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit))]
-        if not fibre.slack:
-            balls = (fibre.points_mm[0], fibre.points_mm[-1])
-            fine = {"theta_resolution": 12, "phi_resolution": 12}
-            shapes += [(pv.Sphere(radius=1.4 * radius, center=end, **fine), _END) for end in balls]
-        for shape, colour in shapes:
-            shape.clear_data()
-            shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
-            parts.append(shape)
-    return pv.merge(parts, merge_points=False)
+        shapes.append((pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit)))
+        shapes += [(pv.Sphere(center=end, **ball), _END)
+                   for end in fibre.points_mm[[0, -1]] if not fibre.slack]  # fmt: skip
+    for shape, colour in shapes:
+        shape.clear_data()
+        shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
+    return pv.merge([shape for shape, _ in shapes], merge_points=False)
 
 
 def _aim(pv, plotter, view: Camera) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 
 from kneejax import geometry
 from kneejax.geometry import FEMUR, TIBIA, Obstacle, Pose, State, Surface, Vector, WrapCylinder
-from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis
-from kneejax.mechanics.ligaments import Fibres, Ligaments
+from kneejax.mechanics import QUADRICEPS, Knee, Muscles, add_lane_axis
+from kneejax.mechanics.ligaments import Ligaments
 
 _ROUND = 48
 #: Poses that are computed together; points on a piece of a fibre that goes around an obstacle.
@@ -223,7 +223,7 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
     return [lines[row] for row in muscles.quadriceps]
 
 
-def _lines(fibres: Fibres, state: State, groups: Sequence[str]) -> list[Line]:
+def _lines(fibres: Ligaments | Muscles, state: State, groups: Sequence[str]) -> list[Line]:
     """Courses in their first bones' axes; muscles have no strain, and a tension of their own."""
     (kinds, *_), found = zip(*(_drawn(fibres, some) for some in lots(state)), strict=True)
     *drawn, length, tension = (
@@ -240,7 +240,7 @@ def _lines(fibres: Fibres, state: State, groups: Sequence[str]) -> list[Line]:
 
 
 @eqx.filter_jit
-def _drawn(fibres: Fibres, state: State):
+def _drawn(fibres: Ligaments | Muscles, state: State):
     """Rows of each kind of course; its fibres together, `(k, 3, fibres, poses)`, then all lengths
     and tensions.
 
