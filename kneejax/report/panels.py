@@ -23,8 +23,8 @@ from kneejax.statics import Status
 DENSE = 40
 #: What an axis of flexion says; one of steps has no such ticks.
 FLEXION = "Flexion, deg"
-#: Ligaments whose force never reaches this part of the largest are left out of a drawing.
-_SMALL = 0.03
+#: Ligaments in a drawing; those whose force never reaches this part of the largest are left out.
+_MOST, _SMALL = 8, 0.03
 #: Outcomes that are marked at the bottom edge: legend entry and marker.
 _MARKS = (
     ("not balanced", tuple(s for s in Status if not s.converged), "x"),
@@ -141,20 +141,19 @@ def mark_status(
 
 def draw_ligaments(
     axes: Axes, x: np.ndarray, knee: Knee, tension: ArrayLike, *,
-    among: Sequence[str] | None = None, most: int = 8, rows: Sequence[Any] = (slice(None),),
-    columns: int = 4,
+    among: Sequence[str] | None = None, rows: Sequence[Any] = (slice(None),),
 ) -> None:  # fmt: skip
     """Draw the ligaments that carry most, the fibres of a group together."""
     forces = bundle_forces(knee, tension, among)
     size = {name: float(np.nanmax(np.abs(f), initial=0.0)) for name, f in forces.items()}
     largest, styles = max(size.values(), default=0.0), part_styles(forces)
     shown = sorted((x for x in forces if size[x] > _SMALL * largest), key=lambda x: -size[x])
-    for name in shown[:most]:
+    for name in shown[:_MOST]:
         for k, of_line in enumerate(rows):
             label = verbatim(name) if k == 0 else None
             axes.plot(x[of_line], forces[name][of_line], label=label, **styles[name])
     axes.set_ylabel("Ligament force, N")
-    legend_above(axes, columns)
+    legend_above(axes)
 
 
 def draw_named(

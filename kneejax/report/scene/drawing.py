@@ -181,8 +181,7 @@ class Drawing:
             points = scene.points_mm
             start = points.min(axis=0)
             start[2] = scene.lateral * ((scene.lateral * points[:, 2]).min() - 22.0)
-            words = ("anterior", "superior", "lateral")
-            self._ends = {word: start + 16.0 * scene.directions[word] for word in words}
+            self._ends = {word: start + 16.0 * way for word, way in scene.directions.items()}
             self._arrows_at = np.array([[start, end] for end in self._ends.values()], np.float32)
         self._keep("/axes/arrows", self._arrow, points=self._arrows_at, colors=rgb("#777777"))
         for word, end in self._ends.items():

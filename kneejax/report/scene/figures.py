@@ -235,8 +235,8 @@ def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0)
     size = _TRIAD * min(w, h)
     start = np.array([-w + inset * size, -h + 0.9 * size])
     arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
-    for word in ("anterior", "superior", "lateral"):
-        flat = np.array([scene.directions[word] @ view.right, scene.directions[word] @ view.up])
+    for word, way in scene.directions.items():
+        flat = np.array([way @ view.right, way @ view.up])
         if (long := np.linalg.norm(flat)) < 0.3:
             continue
         end = start + size * flat

@@ -5,14 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.geometry import FEMUR, TIBIA, Pose, State
 from kneejax.mechanics import Knee
 from kneejax.report.look.tables import grouped
 from kneejax.report.scene import surfaces
 from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures
 
-#: Bones whose meshes may be shown.
-BONES = (FEMUR, TIBIA, PATELLA)
 #: A muscle is shown as far as this beyond what else is, mm: its origin may be at the hip.
 _MUSCLE_MM = 15.0
 #: Likewise a ligament that is longer than any of the knee itself, mm: a band from the pelvis.
@@ -26,7 +24,7 @@ class BoneMesh:
     """A bone for the picture, as scanned: a left bone stays a left bone.
 
     Attributes:
-        bone: one of `BONES`, whose frame it is in.
+        bone: `femur`, `tibia` or `patella`, whose frame it is in.
         points_mm: corners, `(n, 3)`.
         faces: rows of three corners, `(m, 3)`.
     """
@@ -54,8 +52,8 @@ class Sheet:
 class Plateau:
     """A tibial surface, or the patella's, with the pressure on it, `(m, n)`.
 
-    `center_mm` is the centre of pressure, `(3,)`. `faces` are the triangles of its points (row by
-    row) that are cartilage; points just outside its border have been moved there.
+    `faces` are the triangles of its points (row by row) that are cartilage; points just outside its
+    border have been moved there.
     """
 
     name: str
@@ -63,7 +61,6 @@ class Plateau:
     points_mm: np.ndarray
     faces: np.ndarray
     pressure_MPa: np.ndarray
-    center_mm: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,10 +142,9 @@ class Scene:
 
     @property
     def directions(self) -> dict[str, np.ndarray]:
-        """Anatomical word -> unit vector."""
+        """`anterior`, `superior`, `lateral` -> unit vector."""
         axes = np.diag([1.0, 1.0, self.lateral])
-        words = "anterior", "superior", "lateral", "posterior", "inferior", "medial"
-        return dict(zip(words, (*axes, *-axes), strict=True))
+        return dict(zip(("anterior", "superior", "lateral"), axes, strict=True))
 
 
 def scenes(
@@ -206,11 +202,9 @@ def scenes(
         def pressed(field: PlateauPressure, shown) -> Plateau:
             points, faces, own = shown
             pressure = field.pressure_MPa[i].ravel()[own].reshape(field.covered.shape)
-            places = points, field.center_mm[i]
             if field.bone != TIBIA:  # its points are mirrored already
-                places = (seen(x * mirror, field.bone) for x in places)
-            points, center = places
-            return Plateau(field.name, field.bone, points, faces, pressure, center)
+                points = seen(points * mirror, field.bone)
+            return Plateau(field.name, field.bone, points, faces, pressure)
 
         def line(course: surfaces.Line) -> Fibre:
             points_mm = seen(course.points_mm[:, :, i], course.bone)
