@@ -37,37 +37,30 @@ def plan_answer(result: PlanResult) -> Answer:
     tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
     chosen = [c.name for x in surgery.plan.bundles for c in choice_columns(surgery, x)]
     does = [c.name for c in whole.columns if c.shown and c.name not in chosen]
-    tried = [name for name, *_ in variants(result)]
-    corners = [name for name in tried if name.startswith("octagon")]
-    reconstructed = [name for name in tried if name not in corners]
+    reconstructed = ["planned", *["optimum"] * (found is not None)]
     where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
-                  "From the middles of the footprints.")  # fmt: skip
-    every = [*BEFORE, *reconstructed]
-    knees = part_of(whole, every, does, "What the knee does",
-                  prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
-    exact = exactness_table(result)
+                    "From the middles of the footprints.")  # fmt: skip
+    knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
+                    prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
+    corners = [f"octagon {k + 1}" for k in range(len(corner.choices))]
     eight = part_of(whole, corners, does, "Eight places on the tibia")
-    drawings = {
-        f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
-                                   more=prose(f"plan.{one.bone}"))
-        for one in result.maps
-    }
-    places = list(drawings)
-    if result.has_front:
-        drawings["front"] = Drawing(plan_figures.front_figure, result)
-    drawings["strains"] = Drawing(plan_figures.strain_figure, result)
-    drawings["tension"] = Drawing(plan_figures.tension_figure, result)
-    first = places[0] if places else "strains"
+    maps = {f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
+                                       more=prose(f"plan.{one.bone}")) for one in result.maps}
+    front = {"front": Drawing(plan_figures.front_figure, result)} if result.has_front else {}
+    drawings = {**maps, **front, "strains": Drawing(plan_figures.strain_figure, result),
+                "tension": Drawing(plan_figures.tension_figure, result)}  # fmt: skip
+    first, *others = *maps, "strains"
     sought = ["No optimum was asked for."]
     if found is not None:
-        limits = {"graft": surgery.limits.graft_N, "band": surgery.limits.band_mm,
-                  "least": surgery.limits.tension_N[0], "most": surgery.limits.tension_N[1]}
+        sizes = surgery.limits.graft_N, surgery.limits.band_mm, *surgery.limits.tension_N
+        limits = zip(("graft", "band", "least", "most"), sizes, strict=True)
         ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
         sought = [
-            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits.items()}),
+            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits}),
             f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
             f"distances found from the starts that were followed: {ends}.",
         ]
+    tradeoff: list[Table] = []
     if result.front is not None:
         tables["front"], tradeoff = front_tables(result)
     places_words = prose("plan.octagon", apothem=f"{plan.octagon_mm:g}")
@@ -75,23 +68,24 @@ def plan_answer(result: PlanResult) -> Answer:
         order = [int(k) + 1 for k in np.argsort(corner.total) if np.isfinite(corner.total[k])]
         places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
     sections = [
-        Section("How exact must a tunnel be?", tables=[exact], opened=True, printed=True),
+        Section("How exact must a tunnel be?", tables=[exactness_table(result)], opened=True,
+                printed=True),
         Section("How the optimum was found", sought, printed=True),
-        Section("The other tunnel", drawings=places[1:]),
-        *[Section("What must be given up for what", [prose("plan.criteria")], tradeoff, ["front"],
-                  printed=True)] * result.has_front,
+        Section("The other tunnel", drawings=[name for name in others if name in maps]),
+        *[Section("What must be given up for what", [prose("plan.criteria")], tradeoff, [name],
+                  printed=True) for name in front],
         Section("How well it is known", tables=interval_tables(result), printed=True),
         Section("The tension", drawings=["tension"]),
         Section("Eight places on the tibia", [places_words], [octagon, eight],
-                ["strains"] if first != "strains" else []),
+                ["strains"] * (first != "strains")),
         Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
-    facts = [("Knee", plan.own.name), ("Graft", graft)]
-    intact = surgery.laxity(surgery.before)[0]
-    for k, angle in enumerate(surgery.protocol.lachman_deg):
-        both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
-        facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
-    facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
+    laxities = zip(surgery.protocol.lachman_deg, result.best.laxity_mm[0],
+                   surgery.laxity(surgery.before)[0], strict=True)  # fmt: skip
+    facts = [("Knee", plan.own.name), ("Graft", graft),
+             *((f"Laxity at {angle:g} deg, mm (intact)", f"{number(own, 2)} ({number(intact, 2)})")
+               for angle, own, intact in laxities),
+             ("Largest graft force, N", number(result.best.peak_N[0], 3))]  # fmt: skip
     bundles = len(surgery.plan.bundles)
     asked = prose("plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
                   flexion=f"{surgery.fixation_deg:g}",
@@ -165,10 +159,9 @@ def plan_doubts(result: PlanResult) -> list[str]:
         )
     if result.front is not None and not result.has_front:
         said.append("No choice was found that keeps all limits: there is no front.")
-    lost = [str(k + 1) for k, total in enumerate(result.octagon.total) if not np.isfinite(total)]
-    if lost:
-        said.append(f"No motion was found with the graft at corner {', '.join(lost)} of the "
-                    "octagon.")  # fmt: skip
+    if len(lost := 1 + np.flatnonzero(~np.isfinite(result.octagon.total))):
+        said.append(f"No motion was found with the graft at corner {', '.join(map(str, lost))} of "
+                    "the octagon.")  # fmt: skip
     return said
 
 

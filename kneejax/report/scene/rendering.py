@@ -111,7 +111,6 @@ class Camera:
     """A parallel view.
 
     Attributes:
-        name: of the view.
         towards: unit vector from the knee to the camera.
         right: unit vector that is to the right in the picture.
         up: likewise upwards.
@@ -119,7 +118,6 @@ class Camera:
         half_mm: half width and half height of the picture.
     """
 
-    name: str
     towards: np.ndarray
     right: np.ndarray
     up: np.ndarray
@@ -154,7 +152,7 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
             high[0] = max(high[0], min(wide[1], flat[:, 0].max() + _BONE_MM))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     center = middle[0] * right + middle[1] * up + np.mean(points @ towards) * towards
-    return Camera(view, towards, right, up, center, (float(half[0]), float(half[1])))
+    return Camera(towards, right, up, center, (float(half[0]), float(half[1])))
 
 
 def render(
