@@ -52,8 +52,8 @@ class Sheet:
 class Plateau:
     """A tibial surface, or the patella's, with the pressure on it, `(m, n)`.
 
-    `faces` are the triangles of its points (row by row) that are cartilage; points just outside its
-    border have been moved there.
+    `center_mm` is the centre of pressure, `(3,)`. `faces` are the triangles of its points (row by
+    row) that are cartilage; points just outside its border have been moved there.
     """
 
     name: str
@@ -61,6 +61,7 @@ class Plateau:
     points_mm: np.ndarray
     faces: np.ndarray
     pressure_MPa: np.ndarray
+    center_mm: np.ndarray
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,9 +203,11 @@ def scenes(
         def pressed(field: PlateauPressure, shown) -> Plateau:
             points, faces, own = shown
             pressure = field.pressure_MPa[i].ravel()[own].reshape(field.covered.shape)
+            places = points, field.center_mm[i]
             if field.bone != TIBIA:  # its points are mirrored already
-                points = seen(points * mirror, field.bone)
-            return Plateau(field.name, field.bone, points, faces, pressure)
+                places = (seen(x * mirror, field.bone) for x in places)
+            points, center = places
+            return Plateau(field.name, field.bone, points, faces, pressure, center)
 
         def line(course: surfaces.Line) -> Fibre:
             points_mm = seen(course.points_mm[:, :, i], course.bone)
