@@ -27,8 +27,8 @@ _SEAL = b"kneejax sha256 "
 _drafts: dict[Path, tuple[Path, Callable[[Path, bool], None]]] = {}
 
 
-def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = False) -> None:
-    """Write a file so that a reader sees the old one or the new one, never a part.
+def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = False) -> Path:
+    """Write a file so that a reader sees the old one or the new one, never a part; the path.
 
     Below a folder that is being gathered it goes to the folder's draft, unless it is to go to its
     place `at_once`. Missing folders are made; an OSError's `filename` is the path.
@@ -36,12 +36,13 @@ def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = Fa
     place = Path(path) if at_once else _place(path, writing=True)
     if at_once or not _in_draft(place):
         _write(path, data)
-        return
+        return Path(path)
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_bytes(data)  # synced when the draft is complete
     except OSError as error:
         raise _named(error, path) from None
+    return Path(path)
 
 
 def written_place(path: str | os.PathLike[str]) -> Path:

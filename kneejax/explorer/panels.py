@@ -12,13 +12,7 @@ from kneejax.explorer.answers import FLEXIONS, MOVED, TESTS, Answer, Curves
 from kneejax.explorer.solving import Solver
 from kneejax.geometry import FREE_COORDINATES, coordinate
 from kneejax.mechanics import NAMED_LOADS
-from kneejax.report.look.colours import (
-    BLUE,
-    GREY,
-    LIGHT,
-    VERMILLION,
-    part_styles,
-)
+from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION, part_styles
 from kneejax.report.look.tables import NONE, plain
 from kneejax.report.scene.drawing import scales
 from kneejax.report.scene.scene import Fibre

@@ -3,7 +3,6 @@
 Figures are in the layout of papers on gait; grafts in several places are as in paper 2, Figure 7.
 """
 
-import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 
@@ -17,7 +16,7 @@ from kneejax.report import pose_tables
 from kneejax.report.look.colours import BLACK, BLUE, GREY, LIGHT, VERMILLION, part_styles, shades
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table, listed
+from kneejax.report.look.tables import NONE, Column, Table, listed, runs
 from kneejax.report.panels import draw_named, figure_legend, labelled, mark_edge, panel_grid
 from kneejax.statics import Status
 
@@ -41,21 +40,15 @@ def activity_answer(
     status = {name: with_flips(x.motion.status, x.mechanics) for name, x in found.items()}
     words, doubts, second, time = {}, [*record.doubts], False, record.time_s
     for name, one in found.items():
-        known, here = np.isfinite(one.other).all(axis=1), np.asarray(one.motion.to_table())
+        here, rows = np.asarray(one.motion.to_table()), np.isfinite(one.other).all(axis=1)
         # What is wrong at each instant, or known of another balance there.
-        also = [
-            "; ".join(filter(None, [lost, faults.second_balance(other, own) if two else ""]))
-            for lost, other, own, two in zip(faults.search_words(one.motion), one.other, here,
-                                             known, strict=True)
-        ]
+        also = faults.with_second(faults.search_words(one.motion), one.other, here)
         words[name] = faults.pose_words(one.motion.knee, one.mechanics, also)
         places = faults.named_places([f"{x:.4g}" for x in time], "s")
         said = [*faults.status_doubts(status[name], words[name], *places)]
-        if known.any():
-            # Runs of instants, one after the other.
-            rows, second = np.flatnonzero(known), True
-            runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-            spans = [f"{time[r[0]]:g}" + f" to {time[r[-1]]:g}" * (len(r) > 1) for r in runs]
+        if rows.any():
+            rows, second = np.flatnonzero(rows), True
+            spans = [f"{time[a]:g}" + f" to {time[b]:g}" * (a != b) for a, b in runs(rows)]
             said.append(prose("activity.second", spans=listed(spans, 8), count=len(rows),
                               all=len(time)))  # fmt: skip
         moment = np.asarray(one.residual_Nm)
@@ -71,21 +64,13 @@ def activity_answer(
     if several:
         tables["places"] = compared
         drawings["places"] = Drawing(places_figure, found, cycle, title)
-    times, peaks = np.round(record.time_s, 3), []
-    for name, one in drawn.items():
-        forces = pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s")
-        peaks.append(dataclasses.replace(forces, title=f"Largest forces, {name}"))
-    sections = [Section("Range of each coordinate", tables=[ranges] if not alone else [],
-                        printed=not several),
-                Section("Largest forces", tables=peaks, printed=not several),
-                Section("All coordinates and forces", drawings=["activity"] if several else [])]
-    sections = [part for part in sections if part.tables or part.drawings]
+    times = np.round(record.time_s, 3)
+    peaks = [pose_tables.peak_table(one.motion.knee, one.mechanics, times, "at time, s",
+                                    f"Largest forces, {name}") for name, one in drawn.items()]
     if rounds:
         tables["rounds"] = round_table(rounds)
-        sections.append(Section("Rounds with OpenSim", tables=["rounds"], printed=True))
     instants = f"{len(time)} instants from {time[0]:g} to {time[-1]:g} s"
-    spoken = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
-    spoken = [f"{instants}.", *spoken, *record.notes]
+    mass = [f"Leg below the knee: {record.mass_kg:.2f} kg."] * bool(record.mass_kg)
     lost = any((x != Status.BALANCED).any() for x in status.values())
     return Answer(title=title,
                   asked=f"What the recorded loads and muscles do to the knee at {instants}.",
@@ -93,8 +78,13 @@ def activity_answer(
                   pose_tables.verdict_of(np.concatenate([*status.values()])),
                   sentence=_sentence(found), tables=tables, main=[ranges if alone else compared],
                   drawings=drawings, picture="places" if several else "activity", doubts=doubts,
-                  sections=[*sections, Section("The record", spoken, printed=True)],
-                  exit_status=int(bool(record.doubts) or lost or second))
+                  exit_status=int(bool(record.doubts) or lost or second), sections=[
+        Section("Range of each coordinate", tables=[ranges] * (not alone), printed=not several),
+        Section("Largest forces", tables=peaks, printed=not several),
+        Section("All coordinates and forces", drawings=["activity"] * several),
+        Section("Rounds with OpenSim", tables=["rounds"] * bool(rounds), printed=True),
+        Section("The record", [f"{instants}.", *mass, *record.notes], printed=True),
+    ])  # fmt: skip
 
 
 def _ranges(found: Mapping[str, Activity]) -> Table:
@@ -146,8 +136,8 @@ def place_table(found: Mapping[str, Activity]) -> Table:
         away = (np.asarray(one.motion.to_table()) - intact)[:, [_FORWARD, _TURN]]
         away = away[np.isfinite(away).all(axis=1)]
         rms = np.sqrt(np.mean(away**2, axis=0)) if len(away) else [np.nan, np.nan]
-        peaks = [float(np.nanmax(x)) if np.isfinite(x).any() else np.nan
-                 for x in (*pulls[name], pose_tables.contact_forces(one.mechanics))]  # fmt: skip
+        peaks = [pose_tables.largest(x)[0]
+                 for x in (*pulls[name], pose_tables.contact_forces(one.mechanics).ravel())]
         torn = np.asarray(one.motion.status) == Status.OVERSTRETCHED
         rows.append([name, int(one.holds.sum()), int(torn.sum()), *peaks, *rms])
     columns = [
@@ -329,7 +319,7 @@ def places_figure(found: Mapping[str, Activity], cycle: Cycle, title: str) -> Fi
     # are as wide as the figure.
     lost = {verbatim(name): "" if one.holds.all() else f" ({one.holds.sum()} of {len(one.holds)})"
             for name, one in found.items()}  # fmt: skip
-    drawn = labelled(figure)
+    drawn = labelled(*figure.axes)
     figure_legend(figure, {name + more: drawn[name] for name, more in lost.items()},
                   ncols=4 if any(lost.values()) else 6, fontsize=7.5, handlelength=1.6,
                   columnspacing=1.2)  # fmt: skip

@@ -101,7 +101,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
     """
     fit, became = calibration.fit, verdicts.outcome(calibration)
     several, measured = len(calibration.fits) > 1, len(calibration.measured)
-    heads = [f"procedure {one.procedure}" for one in calibration.fits] if several else ["fitted"]
+    errors, objectives, side_by_side = _of_procedures(calibration)
     doubts, compared = verdicts.split_warnings(calibration)
     quantities = dict.fromkeys(
         e.name.partition(".")[2].partition(".")[0].replace("_", " ") or e.name
@@ -111,25 +111,23 @@ def calibration_answer(calibration: Calibration) -> Answer:
     if fit.tests:
         read = sum(int(np.isfinite(x).sum()) for own in fit.tests for x, _ in own.compared.values())
         data.append(f"{read} readings of {len(fit.tests)} test{'s' * (len(fit.tests) > 1)}")
-    noise = verdicts.noise_words(calibration)
-    summed = sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])
-    main = estimates.estimates_table(calibration, " ".join(filter(None, [noise, summed])))
+    names = [e.name for e in fit.estimates]
+    notes = verdicts.noise_words(calibration), sums_in_words(fit.motion.knee, names)
+    main = estimates.estimates_table(calibration, " ".join(filter(None, notes)))
     fell = change(calibration.start_objective, fit.objective)
     sections = [
         Section("Parameters in detail", [prose("limits"), *[prose("offsets")] * bool(fit.offsets)],
-                ["parameters", *[_side_by_side(calibration, heads)] * several], ["parameters"]),
-        Section("Motion", [prose("motion_errors")], [_errors_by_coordinate(calibration, heads)],
-                printed=True),
-        Section("Tests under load", [prose("test_errors")], [load_tests.errors_table(calibration)],
-                ["tests"] * bool(measured), printed=True),
+                ["parameters", *[side_by_side] * several], ["parameters"]),
+        *[Section("Motion", [prose("motion_errors")], [errors], printed=True)] * bool(measured),
+        *[Section("Tests under load", [prose("test_errors")],
+                  [load_tests.errors_table(calibration)], ["tests"] * bool(measured),
+                  printed=True)] * bool(fit.tests),
         _search(calibration, compared, became),
-        Section("Sums of squares", [prose("objectives")], [_objectives(calibration, heads)]),
+        *[Section("Sums of squares", [prose("objectives")], [objectives])] * bool(measured),
         Section("Correlation", drawings=["correlation"]),
-        Section("Forces", drawings=["ligament_forces"]),
+        Section("Forces", drawings=["ligament_forces"] * bool(measured)),
         Section("Notes", verdicts.calibration_notes(calibration)),
     ]  # fmt: skip
-    absent = [] if measured else ["Motion", "Sums of squares", "Forces"]
-    absent += [] if fit.tests else ["Tests under load"]
     tables = {"parameters": estimates.parameters_table(calibration)}
     # The figure that shows the fit is the first.
     drawings: dict[str, Drawing] = {}
@@ -139,7 +137,6 @@ def calibration_answer(calibration: Calibration) -> Answer:
     if fit.tests:
         tables["tests"] = load_tests.reading_table(calibration)
         drawings["tests"] = Drawing(load_tests.tests_figure, calibration)
-    names = [e.name for e in fit.estimates]
     drawings |= {"parameters": Drawing(estimates.parameters_figure, calibration),
                  "correlation": Drawing(estimates.correlation_matrix_figure, names,
                                         fit.correlation),
@@ -157,9 +154,7 @@ def calibration_answer(calibration: Calibration) -> Answer:
                ("Objective fitted", f"{number(fit.objective)} ({fell})".removesuffix(" ()")),
                ("Simulated motions", str(fit.evaluations.get("residual", NONE))),
                ("Time, s", number(calibration.seconds.get("total", math.nan), 3))],
-        sections=[one for one in sections
-                  if one.title not in absent and (one.text or one.tables or one.drawings)],
-        document=result_document(calibration),
+        sections=sections, document=result_document(calibration),
     )
 
 
@@ -191,42 +186,35 @@ def write_report(
                       seconds=calibration.seconds)  # fmt: skip
 
 
-def _errors_by_coordinate(calibration: Calibration, heads: Sequence[str]) -> Table:
-    """Root mean square differences between simulated and measured motion, by coordinate."""
-    rows = []
+def _of_procedures(calibration: Calibration) -> tuple[Table, Table, Table]:
+    """A column a procedure: root mean square errors of the coordinates, sums of their squares with
+    the weighted sum that is minimised, and the value of each parameter."""
+    fits = calibration.fits
+    heads = [f"procedure {one.procedure}" for one in fits] if len(fits) > 1 else ["fitted"]
+    parts = [calibration.start_partial_objectives, *(fit.partial_objectives for fit in fits)]
+    errors, sums = [], []
     for name in SHOWN:
-        before = calibration.start_rmse.get(name, math.nan)
-        after = [fit.rmse.get(name, math.nan) for fit in calibration.fits]
-        rows.append([COORDINATES[name].axis_label, before, *after, change(before, after[0])])
-    columns = [Column("root mean square error", words=True)]
-    columns += [Column(head, head, "3") for head in ("start", *heads)]
-    return Table([*columns, Column("change", words=True)], rows)
-
-
-def _objectives(calibration: Calibration, heads: Sequence[str]) -> Table:
-    """Unweighted sums of squared differences, and the weighted sum that is minimised."""
-    parts = [calibration.start_partial_objectives]
-    parts += [fit.partial_objectives for fit in calibration.fits]
-    rows: list[list[Any]] = [
-        [COORDINATES[name].label, f"{COORDINATES[name].unit}\u00b2"]
-        + [part.get(name, math.nan) for part in parts]
-        for name in SHOWN
-    ]
-    totals = [calibration.start_objective, *(fit.objective for fit in calibration.fits)]
-    rows.append(["Objective (weighted sum)", "", *totals])
-    columns = [Column("sum of squares", words=True), Column("unit", words=True)]
-    return Table([*columns, *(Column(head, head) for head in ("start", *heads))], rows)
-
-
-def _side_by_side(calibration: Calibration, heads: Sequence[str]) -> Table:
-    """What each procedure found for each parameter."""
-    found = [{e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates}
-             for fit in calibration.fits]  # fmt: skip
-    columns = [Column("parameter", words=True), Column("unit", words=True)]
-    columns += [Column(head, head) for head in heads]
-    rows = [[e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
-            for e in calibration.fit.estimates]  # fmt: skip
-    return Table(columns, rows, "The procedures side by side", "* ended on a bound")
+        own = COORDINATES[name]
+        sizes = [one.get(name, math.nan)
+                 for one in (calibration.start_rmse, *(fit.rmse for fit in fits))]  # fmt: skip
+        errors.append([own.axis_label, *sizes, change(*sizes[:2])])
+        squares = (part.get(name, math.nan) for part in parts)
+        sums.append([own.label, f"{own.unit}\u00b2", *squares])
+    totals = [calibration.start_objective, *(fit.objective for fit in fits)]
+    sums.append(["Objective (weighted sum)", "", *totals])
+    found = [{e.name: number(e.value) + "*" * e.at_bound for e in fit.estimates} for fit in fits]
+    values = [[e.name, e.unit or NONE, *(one.get(e.name, NONE) for one in found)]
+              for e in calibration.fit.estimates]  # fmt: skip
+    unit, *of_fits = Column("unit", words=True), *(Column(head, head) for head in heads)
+    rmse = [Column(head, head, "3") for head in ("start", *heads)]
+    return (
+        Table([Column("root mean square error", words=True), *rmse, Column("change", words=True)],
+              errors),
+        Table([Column("sum of squares", words=True), unit, Column("start", "start"), *of_fits],
+              sums),
+        Table([Column("parameter", words=True), unit, *of_fits], values,
+              "The procedures side by side", "* ended on a bound"),
+    )  # fmt: skip
 
 
 def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.Outcome) -> Section:
@@ -246,10 +234,9 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             lost = np.isinf(objectives)
             worse = objectives[starts.elsewhere & ~lost]
             if len(worse):
-                low, high = number(worse.min()), number(worse.max())
-                among = low if low == high else f"{low} to {high}"
+                among = " to ".join(dict.fromkeys(number(f(worse)) for f in (min, max)))
                 words.append(f"{len(worse)} at worse fits (objective {among}, the answer's is "
-                             f"{number(fit.objective)})")
+                             f"{number(fit.objective)})")  # fmt: skip
             words += [f"{int(lost.sum())} found no balance"] * bool(lost.any())
             where.append(f"Several starts ended: {'; '.join(words)}.")
         counts = [str(fit.evaluations.get(key, NONE)) for key in TOTALS]
@@ -261,13 +248,12 @@ def _search(calibration: Calibration, compared: Sequence[str], became: verdicts.
             stages = dict(zip(last, np.diff([0, *last.values()]).tolist(), strict=True))
         for stage, evaluations in stages.items() if len(stages) > 1 else ():
             steps = [step for step in fit.history if step.stage == stage]
-            objective = number(steps[-1].objective) if steps else NONE
-            taken = str(len(steps)) if steps else NONE
-            rows.append([f"stage {stage}", "", objective, taken, str(evaluations), "", ""])
+            known = [number(steps[-1].objective), str(len(steps))] if steps else [NONE] * 2
+            rows.append([f"stage {stage}", "", *known, str(evaluations), "", ""])
     text += [*where, *compared]
     if several:
         first, *others = (one.procedure for one in calibration.fits)
-        words = "1, in doubt" if became.exit_status else "0, nothing to doubt"
+        words = "0, nothing to doubt" if became is verdicts.Outcome.GOOD else "1, in doubt"
         text.append(f"Procedure {first}, the first of the study, is the answer and alone decides "
                     f"the exit status ({words}); {' and '.join(others)} "
                     f"{'are' if len(others) > 1 else 'is'} there to compare.")

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 from kneejax.inference import Calibration, Estimate, IntervalKind
 from kneejax.report.look.colours import BLUE, FITS, GREY, LIGHT, VERMILLION, both_signs
 from kneejax.report.look.style import Figure, readable, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table, number, trimmed, with_error
+from kneejax.report.look.tables import NONE, Column, Table, grouped, number, trimmed, with_error
 from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 
 #: What a kind of interval says on the line of an estimate.
-_KINDS = {IntervalKind.NOT_DETERMINED: "not determined",
+_KINDS = {IntervalKind.NOT_DETERMINED: "not determined", None: "",
           IntervalKind.NOT_COMPUTED: "limits not computed", IntervalKind.PRIOR: "prior alone"}
 #: Columns of parameters.csv.
 PARAMETER_COLUMNS = ("name", "value", "unit", "start", "lower", "upper", "standard_error",
@@ -40,9 +40,8 @@ def limits(low: float, high: float, digits: int = 4) -> str:
 
 def remark(estimate: Estimate) -> str:
     """What a reader must know about an estimate; empty if nothing."""
-    untold = IntervalKind.NOT_DETERMINED, IntervalKind.NOT_COMPUTED
-    words = [kind.value for kind in untold if estimate.interval is kind]
-    return ": ".join([*words, *filter(None, [reasons(estimate)])])
+    kind, untold = estimate.interval, (IntervalKind.NOT_DETERMINED, IntervalKind.NOT_COMPUTED)
+    return ": ".join(filter(None, [kind.value if kind in untold else "", reasons(estimate)]))
 
 
 def reasons(estimate: Estimate) -> str:
@@ -71,12 +70,12 @@ def estimates_table(calibration: Calibration, note: str = "") -> Table:
         sure = e.interval is not None and math.isfinite(e.standard_error)
         value, error = with_error(e.value, e.standard_error if sure else math.nan)
         known = "" if e.interval is None else limits(e.low, e.high) or NONE
-        words = [_KINDS[e.interval]] if e.interval in _KINDS else []
-        words += ["at bound"] * e.at_bound
+        words = [_KINDS.get(e.interval, ""), "at bound" * e.at_bound]
         name = e.name if e in fit.estimates else f"offset {e.name}"
-        row = [name, value, f"\u00b1 {error}" if sure else "", e.unit, known, ", ".join(words)]
-        row += [trimmed(calibration.truth.get(e.name, math.nan))]
-        rows.append([*row, trimmed(e.start), trimmed(e.lower), trimmed(e.upper)])
+        rows.append([name, value, f"\u00b1 {error}" if sure else "", e.unit, known,
+                     ", ".join(filter(None, words)),
+                     trimmed(calibration.truth.get(e.name, math.nan)),
+                     *map(trimmed, (e.start, e.lower, e.upper))])  # fmt: skip
     seen = [i for i, head in enumerate(heads) if any(row[i] for row in rows)]
     seen = [i for i in seen if calibration.truth or heads[i] != "truth"]
     words = ("parameter", "unit", "95 % limits", "")
@@ -114,13 +113,11 @@ def parameters_figure(calibration: Calibration) -> Figure:
     Returns:
         One panel per quantity (stiffness, reference strain, ...), one row per parameter.
     """
-    groups: dict[tuple[str, str], list[Estimate]] = {}
-    for e in calibration.fit.estimates:
-        groups.setdefault((e.name.partition(".")[2] or e.name, e.unit), []).append(e)
-    columns = min(2, len(groups)) or 1
-    rows = -(-len(groups) // columns) or 1
-    sizes = [len(group) for group in groups.values()] or [1]
-    depths = [0.42 * max(sizes[i * columns : (i + 1) * columns]) for i in range(rows)]
+    groups = grouped(((e.name.partition(".")[2] or e.name, e.unit), e)
+                     for e in calibration.fit.estimates)  # fmt: skip
+    columns, sizes = min(2, len(groups)) or 1, [len(group) for group in groups.values()] or [1]
+    depths = [0.42 * max(sizes[i : i + columns]) for i in range(0, len(sizes), columns)]
+    rows = len(depths)
     longest = max((len(e.name.partition(".")[0]) for e in calibration.fit.estimates), default=4)
     left = min(max(0.5, 0.064 * longest + 0.12), 2.1)
     figure, panels = grid(rows, columns, sum(depths) + (rows - 1) * 0.55 + 0.75, left=left,
@@ -177,16 +174,13 @@ def parameters_figure(calibration: Calibration) -> Figure:
 @styled
 def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike) -> Figure:
     """Draw a matrix of correlations; parameters without any are hatched."""
-    matrix = np.array(correlation, float)
-    names = [readable(name) for name in parameters]
-    n = len(names)
-    side = min(max(0.44 * n, 1.6), 5.0)
-    longest = max((len(name) for name in names), default=8)
-    margin, below = 0.062 * longest + 0.12, 0.05 * longest + 0.15
+    matrix, names = np.array(correlation, float), [readable(name) for name in parameters]
+    n, longest = len(names), max(map(len, names), default=8)
+    side, margin = min(max(0.44 * n, 1.6), 5.0), 0.062 * longest + 0.12
+    below = 0.05 * longest + 0.15
     figure, ((axes,),) = grid(1, 1, side + 0.3 + below, width=margin + side + 1.5, left=margin,
                               right=1.5, bottom=below)  # fmt: skip
     axes.set_facecolor(LIGHT)
-    unknown = np.isnan(matrix).all(axis=1)
     colours = both_signs()
     # Black is the more legible on all but dark blue.
     draw_matrix(axes, np.where(np.eye(n, dtype=bool), np.nan, matrix), colours, (-1, 1),
@@ -194,7 +188,7 @@ def correlation_matrix_figure(parameters: Sequence[str], correlation: ArrayLike)
                 size=7.5 if n <= 20 else 5.5)  # fmt: skip
     for label in axes.get_xticklabels():
         label.set(rotation=45, ha="right", rotation_mode="anchor")
-    for i in np.flatnonzero(unknown):
+    for i in np.flatnonzero(np.isnan(matrix).all(axis=1)):
         for corner, size in (((0, i), (n, 1)), ((i, 0), (1, n))):
             hatched(axes, corner, *size, "////")
     axes.set_title("Correlation of the estimates")
@@ -214,10 +208,9 @@ def convergence_figure(calibration: Calibration) -> Figure:
     objectives = [begun, *(step.objective for fit in calibration.fits for step in fit.history)]
     positive = [value for value in objectives if math.isfinite(value) and value > 0] or [1.0]
     top, bottom = max(positive), min(positive)
-    shapes, reached = "os^Dv", 1
-    axes.plot(1, max(begun, bottom), "o", color=BLUE, markersize=4.5)
-    handles = [Line2D([], [], color=BLUE, marker="o", ls="none", ms=4.5, label="start")]
-    every: list[str] = []
+    shapes, reached, most = "os^Dv", 1, 0
+    (start,) = axes.plot(1, max(begun, bottom), "o", color=BLUE, markersize=4.5, label="start")
+    handles = [start]
     for i, fit in enumerate(calibration.fits):
         color = FITS[i % len(FITS)]
         x = [1, *(max(step.evaluations, 1) for step in fit.history)]
@@ -225,7 +218,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
         reached = max(reached, x[-1])
         axes.plot(x, y, "-", color=color, linewidth=1.1, drawstyle="steps-post")
         stages = list(dict.fromkeys(step.stage for step in fit.history))
-        every = max(every, stages, key=len)
+        most = max(most, len(stages))
         for k, step in enumerate(fit.history, 1):
             j = stages.index(step.stage)
             axes.plot(x[k], y[k], shapes[j % 5], color=color, markersize=4,
@@ -233,7 +226,7 @@ def convergence_figure(calibration: Calibration) -> Figure:
         word = verbatim(f"procedure {fit.procedure}") if len(calibration.fits) > 1 else "fit"
         word += "" if fit.success else " (not converged)"
         handles.append(Line2D([], [], color=color, label=word))
-    for j in range(len(every) if len(every) > 1 else 0):
+    for j in range(most if most > 1 else 0):
         handles.append(Line2D([], [], color=GREY, marker=shapes[j % 5], ls="none", ms=4,
                               mfc="white" if j else GREY, label=f"stage {j + 1}"))  # fmt: skip
     axes.set(yscale="log", ylim=(bottom / 1.6, top * 1.6), xlabel="Simulated motions",

@@ -11,7 +11,7 @@ from kneejax.mechanics import NAMED_LOADS
 from kneejax.report.look.colours import BLACK, GREY, shades
 from kneejax.report.look.style import Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table, change
-from kneejax.report.panels import grid
+from kneejax.report.panels import grid, labelled, part_legend
 from kneejax.statics import Status
 
 #: mm and degrees: how far a motion that repeats itself may be from where it was a period before.
@@ -51,19 +51,15 @@ def errors_table(calibration: Calibration) -> Table:
                Column("change", words=True)]  # fmt: skip
     rows = []
     for one in laxity_errors(calibration):
-        flexion, name = one["flexion_deg"], one["coordinate"]
-        size = [one["readings"], one["start"], one["fitted"], change(one["start"], one["fitted"])]
+        test, flexion, name, readings, *errors = one.values()
         if flexion is None:
             label, unit = label_of(name), unit_of(name)
-            label = f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit)
-            rows.append([one["test"], label, "all", *size])
-        elif one["readings"] > 1:
-            rows.append(["", "", f"{flexion:g}", *size])
+            place = [test, f"{label[:1].upper()}{label[1:]}" + f", {unit}" * bool(unit), "all"]
+        else:
+            place = ["", "", f"{flexion:g}"]
+        if flexion is None or readings > 1:
+            rows.append([*place, readings, *errors, change(*errors)])
     return Table(columns, rows)
-
-
-#: Columns of tests.csv after what acted.
-_COMPARED_COLUMNS = ("coordinate", "unit", "counted_from", "measured", "start", "fitted", "status")
 
 
 def reading_table(calibration: Calibration) -> Table:
@@ -72,7 +68,8 @@ def reading_table(calibration: Calibration) -> Table:
     lines = tuple(dict.fromkeys(line for test in tests for line in test.tensions))
     pulls = (f"{line}.tension_N" for line in lines)
     timed = any(test.frames is not None for test in tests)
-    header = ("test", *("time_s",) * timed, "flexion_deg", *NAMED_LOADS, *pulls, *_COMPARED_COLUMNS)
+    header = ("test", *("time_s",) * timed, "flexion_deg", *NAMED_LOADS, *pulls, "coordinate",
+              "unit", "counted_from", "measured", "start", "fitted", "status")  # fmt: skip
     rows = []
     for own, before in zip(calibration.fit.tests, calibration.start_tests, strict=True):
         test = own.test
@@ -90,7 +87,7 @@ def reading_table(calibration: Calibration) -> Table:
             for name, (measured, fitted) in own.compared.items()
             if np.isfinite(measured[row])
         ]  # fmt: skip
-    return Table([Column(name) for name in header], rows)
+    return Table.plain(header, rows)
 
 
 def unit_of(name: str) -> str:
@@ -181,16 +178,12 @@ def tests_figure(calibration: Calibration) -> Figure:
             kind = NAMED_LOADS[test.driven_by]
             axes.set(xlabel=moved, ylabel=f"{kind.positive.capitalize()}, {kind.unit}")
             axes.axvline(0.0, color=GREY, linewidth=0.5)
-            axes.add_artist(
-                axes.legend(title="Flexion, deg", title_fontsize=8, loc="upper left",
-                            bbox_to_anchor=(1.02, 1.02), borderaxespad=0, fontsize=7.5,
-                            handlelength=1.6)
-            )  # fmt: skip
+            axes.add_artist(part_legend(axes, labelled(axes), (1.02, 1.02), title="Flexion, deg",
+                                        title_fontsize=8, handlelength=1.6))  # fmt: skip
         styles = {"measured": {"marker": "o", "markersize": 3, "linestyle": "none"}, "fitted": {},
                   "start": {"linestyle": ":", "linewidth": 0.9}}  # fmt: skip
-        kinds = [axes.plot([], [], color=GREY, **style)[0] for style in styles.values()]
-        axes.legend(kinds, [*styles], loc="lower left", bbox_to_anchor=(1.02, -0.02),
-                    borderaxespad=0, fontsize=7.5, handlelength=1.6)  # fmt: skip
+        kinds = {name: axes.plot([], [], color=GREY, **style)[0] for name, style in styles.items()}
+        part_legend(axes, kinds, (1.02, -0.02), loc="lower left", handlelength=1.6)
         cut = f", {' and '.join(test.cut)} cut" if test.cut else ""
         axes.set_title(verbatim(f"{test.name}: {label_of(name)}{cut}"))
         if test.counted_from != "absolute":
@@ -201,13 +194,11 @@ def tests_figure(calibration: Calibration) -> Figure:
 def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
     """A curve from its readings, and from the pose that counts as zero."""
     measured, fitted = (each[rows] for each in one.compared[name])
-    if name.endswith("_N"):
-        drawn = np.isfinite(measured)
-        return fitted[drawn], load[rows][drawn]
-    zero = (one.test.partner[rows] == rows) & (one.test.counted_from == "least_load")
+    pose, datum = not name.endswith("_N"), one.test.counted_from
+    zero = (one.test.partner[rows] == rows) & (datum == "least_load") & pose
     drawn = zero | np.isfinite(measured)
     x, y = np.where(zero, 0.0, fitted)[drawn], load[rows][drawn]
-    if one.test.counted_from == "unloaded":
+    if pose and datum == "unloaded":
         place = int(np.searchsorted(y, 0.0))
         x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
     return x, y

@@ -1,8 +1,10 @@
 """Whether a calibration worked, what to doubt, and what limits the fit: sentences for everyone."""
 
 import enum
+import itertools
 import math
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,7 +15,7 @@ from kneejax.report.calibration_parameters import reasons
 from kneejax.report.calibration_tests import label_of, laxity_doubts, unit_of
 from kneejax.report.doubts import accepted_statuses, pose_doubts, row_status
 from kneejax.report.look.page import Verdict, prose
-from kneejax.report.look.tables import change, listed, number
+from kneejax.report.look.tables import change, grouped, listed, number
 from kneejax.statics import Status, converged
 
 
@@ -24,11 +26,6 @@ class Outcome(enum.Enum):
     DOUBTFUL = "Converged, with warnings"
     POOR = "Poor fit"
     FAILED = "Not converged"
-
-    @property
-    def exit_status(self) -> int:
-        """Of `kneejax calibrate`: 0 if there is nothing to doubt."""
-        return 0 if self is Outcome.GOOD else 1
 
     @property
     def verdict(self) -> Verdict:
@@ -56,11 +53,11 @@ def message(fit: Fit, when_converged: str = "converged") -> str:
     words = {Ending.CONVERGED: when_converged,
              Ending.FLAT: "converged to within the noise: further steps gained less than the noise",
              Ending.STOPPED: fit.reason or "stopped before it converged"}[fit.ending]  # fmt: skip
-    lost = int((~converged(row_status(fit.motion))).sum())
-    words += f"; {lost} of {len(fit.motion.status)} poses have no balance" if lost else ""
-    gone = sum(int((~converged(one.status)).sum()) for one in fit.tests)
-    loads = sum(len(one.status) for one in fit.tests)
-    return words + (f"; {gone} of {loads} loads of tests have no balance" if gone else "")
+    tests = [status for one in fit.tests for status in one.status]
+    for status, what in ((row_status(fit.motion), "poses"), (tests, "loads of tests")):
+        lost = int((~converged(np.asarray(status, int))).sum())
+        words += f"; {lost} of {len(status)} {what} have no balance" if lost else ""
+    return words
 
 
 def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list[str]:
@@ -71,14 +68,10 @@ def _doubts(fit: Fit, flexion: np.ndarray, accepted: tuple[Status, ...]) -> list
         sentences.append(f"{listed(bound, 40)} ended on a bound: the best value may lie outside; "
                          f"widen the bounds or fix the parameter{'s' * (len(bound) > 1)}.")
     every, starts = (*fit.estimates, *fit.offsets), fit.starts
-    failed: dict[str, list[str]] = {}
-    lost: dict[str, list[str]] = {}
-    for e in every:
-        if e.interval is IntervalKind.NOT_COMPUTED:
-            failed.setdefault(e.reason, []).append(e.name)
-        # What ended on a bound has been said.
-        if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound:
-            lost.setdefault(reasons(e), []).append(e.name)
+    failed = grouped((e.reason, e.name) for e in every if e.interval is IntervalKind.NOT_COMPUTED)
+    # What ended on a bound has been said.
+    lost = grouped((reasons(e), e.name) for e in every
+                   if e.interval is IntervalKind.NOT_DETERMINED and not e.at_bound)  # fmt: skip
     sentences += [prose("fit.failed", names=listed(names, 40), reason=reason)
                   for reason, names in failed.items()]  # fmt: skip
     sentences += [
@@ -114,10 +107,8 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
     """Everything to doubt about the answer, and about procedures that are there to compare."""
     accepted = accepted_statuses(calibration.settings.get("failures") or ())
     flexion = np.asarray(calibration.measured, float)[:, 0]
-    found: dict[str, list[str]] = {}
-    for fit in calibration.fits:
-        for sentence in _doubts(fit, flexion, accepted):
-            found.setdefault(sentence, []).append(fit.procedure)
+    found = grouped((sentence, fit.procedure) for fit in calibration.fits
+                    for sentence in _doubts(fit, flexion, accepted))  # fmt: skip
     answer: list[str] = []
     others: list[str] = []
     for one in calibration.misfits:
@@ -134,10 +125,9 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
         error = f"{number(one.rmse, 3)} {unit}".strip()
         answer.append(f"Poor fit. {test}: RMSE {error}, {why}")
     for sentence, procedures in found.items():
-        plural = "s" if len(procedures) > 1 else ""
-        who = f"Procedure{plural} {', '.join(procedures)}: " if len(calibration.fits) > 1 else ""
+        who = f"Procedure{'s' * (len(procedures) > 1)} {', '.join(procedures)}: "
         ours = calibration.fit.procedure in procedures
-        (answer if ours else others).append(who + sentence)
+        (answer if ours else others).append(who * (len(calibration.fits) > 1) + sentence)
     start = pose_doubts(calibration.start, flexion, accepted)
     return [*answer, *(f"Start: {sentence}" for sentence in start)], others
 
@@ -159,15 +149,7 @@ def verdict(calibration: Calibration) -> str:
             f"{more} warning{'s' * (others > 1)}, about procedure{'s' * (len(compared) > 1)} "
             f"{' and '.join(compared)} (comparison only)."
         )
-    worst = {
-        unit: max(
-            (x for name, x in fit.rmse.items()
-             if name in COORDINATES and COORDINATES[name].unit == unit and math.isfinite(x)),
-            default=None,
-        )
-        for unit in ("mm", "deg")
-    }  # fmt: skip
-    known = [f"{number(x, 3)} {unit}" for unit, x in worst.items() if x is not None]
+    known = [f"{number(x, 3)} {unit}" for unit, x in worst_errors(fit.rmse).items() if x == x]
     if known and len(calibration.measured):
         good = became in (Outcome.GOOD, Outcome.DOUBTFUL)
         parts.append(
@@ -190,15 +172,23 @@ def verdict(calibration: Calibration) -> str:
                        (IntervalKind.NOT_COMPUTED, "without limits, which could not be computed")):
         verb = "is" if counts[kind] == 1 else "are"
         sentence += f"; {counts[kind]} {verb} {said}" if counts[kind] else ""
-    sentence += "."
-    truth = calibration.truth
-    shared = [e for e in fit.estimates
-              if e.name in truth and e.interval is not None and e.interval.has_limits]  # fmt: skip
+    parts.append(f"{sentence}.")
+    shared = [(e, calibration.truth[e.name]) for e in fit.estimates
+              if e.name in calibration.truth and e.interval and e.interval.has_limits]  # fmt: skip
     if shared:
-        inside = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in shared)
-        sentence += (" The data are synthetic, so the true values are known: "
-                     f"{inside} of {len(shared)} lie within the 95 % limits.")
-    return " ".join([*parts, sentence])
+        inside = sum(not (truth < e.low or truth > e.high) for e, truth in shared)
+        parts.append("The data are synthetic, so the true values are known: "
+                     f"{inside} of {len(shared)} lie within the 95 % limits.")  # fmt: skip
+    return " ".join(parts)
+
+
+def worst_errors(rmse: Mapping[str, float]) -> dict[str, float]:
+    """Unit -> the largest error of a coordinate that has it, NaN where none is known."""
+    return {
+        unit: max((x for name, x in rmse.items() if name in COORDINATES
+                   and COORDINATES[name].unit == unit and math.isfinite(x)), default=math.nan)
+        for unit in ("mm", "deg")
+    }  # fmt: skip
 
 
 def noise_words(calibration: Calibration) -> str:
@@ -222,18 +212,12 @@ def calibration_notes(calibration: Calibration) -> list[str]:
         calibration: what to judge.
     """
     fit = calibration.fit
-    everything = (*fit.estimates, *fit.offsets)
-
-    def named(kind: IntervalKind) -> str:
-        return ", ".join(e.name for e in everything if e.interval is kind)
-
-    notes = []
-    if names := named(IntervalKind.NOT_DETERMINED):
-        notes.append(prose("notes.undetermined", names=names))
-    if names := named(IntervalKind.PRIOR):
-        notes.append(prose("notes.prior", names=names))
-    if names := ", ".join(e.name for e in everything if e.at_bound):
-        notes.append(prose("notes.bound", names=names))
+    every = (*fit.estimates, *fit.offsets)
+    kinds = {"undetermined": [e.interval is IntervalKind.NOT_DETERMINED for e in every],
+             "prior": [e.interval is IntervalKind.PRIOR for e in every],
+             "bound": [e.at_bound for e in every]}  # fmt: skip
+    notes = [prose(f"notes.{kind}", names=", ".join(e.name for e in itertools.compress(every, own)))
+             for kind, own in kinds.items() if any(own)]  # fmt: skip
     notes += filter(None, [sums_in_words(fit.motion.knee, [e.name for e in fit.estimates])])
     if fit.objective > 0:
         shares = zip(FREE_COORDINATES, calibration.weights, strict=True)

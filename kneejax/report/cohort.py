@@ -11,7 +11,7 @@ import numpy as np
 from kneejax.cohorts import CohortSummary
 from kneejax.geometry import COORDINATES
 from kneejax.report.calibration_parameters import correlation_matrix_figure
-from kneejax.report.calibration_verdict import Outcome
+from kneejax.report.calibration_verdict import Outcome, worst_errors
 from kneejax.report.look.colours import BLUE, GREY, LIGHT, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import Figure, readable, styled
@@ -100,7 +100,7 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
     words = ", ".join(f"{count} {word.lower()}" for word, count in found.items())
     failed = [f"{one.name}: {one.failed}" for one in summary.answers if one.failed]
     doubtful = any(word != Outcome.GOOD.value for word in found)
-    population, each = population_table(summary), _knees_table(summary, knees)
+    population = population_table(summary)
     drawings = {}
     if summary.fitted and summary.units:
         drawings["parameters"] = Drawing(forest_figure, summary)
@@ -109,15 +109,12 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
                                           summary.correlation,
                                           more="Over the knees; of logarithms for stiffness.")
     seconds = [one.seconds for one in summary.answers if math.isfinite(one.seconds)]
-    sections = [Section("Knees", tables=[each], opened=True)]
-    if summary.outliers:
-        columns = [Column("knee", words=True), Column("parameter", words=True), Column("value"),
-                   Column("deviations", show="+.1f"), Column("unit")]  # fmt: skip
-        rows = [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers]
-        outliers = Table(columns, rows, note=prose("outliers"))
-        sections.append(Section("Outliers", tables=[outliers], printed=True))
-    if "correlation" in drawings:
-        sections.append(Section("Correlation over the knees", drawings=["correlation"]))
+    outliers = Table(
+        [Column("knee", words=True), Column("parameter", words=True), Column("value"),
+         Column("deviations", show="+.1f"), Column("unit")],
+        [[*one, summary.units[one.parameter] or NONE] for one in summary.outliers],
+        note=prose("outliers"),
+    )  # fmt: skip
     return Answer(
         title=summary.title,
         asked=f"What are the parameters of {len(summary.answers)} knees, and how much do they "
@@ -133,7 +130,10 @@ def cohort_answer(summary: CohortSummary, knees: str) -> Answer:
             *(f"No answer: {one}" for one in failed),
         ],
         facts=[("Time of a knee, s", number(float(np.median(seconds)), 3))] if seconds else [],
-        sections=sections,
+        sections=[Section("Knees", tables=[_knees_table(summary, knees)], opened=True),
+                  Section("Outliers", tables=[outliers] * bool(outliers.rows), printed=True),
+                  Section("Correlation over the knees",
+                          drawings=[name for name in drawings if name == "correlation"])],
     )  # fmt: skip
 
 
@@ -147,12 +147,8 @@ def _knees_table(summary: CohortSummary, knees: str) -> Table:
     def linked(name: str) -> str:
         return link.format(quote(knees), quote(name), name) if name in answered else name
 
-    rows = []
-    for one in summary.answers:
-        worst = [max((x for name, x in one.rmse.items()
-                      if COORDINATES[name].unit == unit and math.isfinite(x)), default=math.nan)
-                 for unit in ("mm", "deg")]  # fmt: skip
-        rows.append([one.name, one.outcome or _FAILED, *worst, one.objective, one.seconds])
+    rows = [[one.name, one.outcome or _FAILED, *worst_errors(one.rmse).values(), one.objective,
+             one.seconds] for one in summary.answers]  # fmt: skip
     return Table(
         [Column("knee", show=linked, words=True), Column("outcome", words=True),
          Column("rmse_mm", "RMSE, mm", "3"), Column("rmse_deg", "RMSE, deg", "3"),
@@ -170,14 +166,10 @@ def population_table(summary: CohortSummary) -> Table:
     rows = []
     for name, found in summary.populations.items():
         mean, low, high = map(found.in_own_unit, (found.mean, *found.mean_limits))
-        spread, *ends = ((100.0 if found.log else 1.0) * x
-                         for x in (found.spread, *found.spread_limits))  # fmt: skip
-        sign = " %" if found.log else ""
-        rows.append(
-            [name, found.knees, mean, f"{number(low)} to {number(high)}",
-             f"{number(spread, 3)}{sign}",
-             f"{' to '.join(number(x, 3) for x in ends)}{sign}", summary.units[name] or NONE]
-        )  # fmt: skip
+        factor, sign = (100.0, " %") if found.log else (1.0, "")
+        spread, *ends = (number(factor * x, 3) for x in (found.spread, *found.spread_limits))
+        rows.append([name, found.knees, mean, f"{number(low)} to {number(high)}", f"{spread}{sign}",
+                     f"{' to '.join(ends)}{sign}", summary.units[name] or NONE])  # fmt: skip
     return Table(
         [Column("parameter", words=True), Column("knees"), Column("mean"),
          Column("mean_limits", "95 % limits"), Column("spread"),
@@ -205,8 +197,7 @@ def _every_number(summary: CohortSummary) -> Table:
         rows.append([knee, outcome, *cells, *missing, *known])
 
     for one in summary.answers:
-        known = [one.about.get(name) for name in about]
-        head = one.name, one.outcome or "failed", known
+        head = one.name, one.outcome or "failed", [one.about.get(name) for name in about]
         if one.failed:
             add(*head, "failed", one.failed)
             continue

@@ -1,5 +1,6 @@
 """A knee in words and tables for a terminal, in plain ASCII."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 from kneejax.geometry import COLUMNS, CUBIC_SPLINE
 from kneejax.mechanics import Contact, Knee, Ligaments, Support
 from kneejax.report.look.page import prose
-from kneejax.report.look.tables import aligned, trimmed, wrapped
+from kneejax.report.look.tables import aligned, grouped, trimmed, wrapped
 
 #: More fibres than this are gathered by their groups.
 MOST_ROWS = 15
@@ -51,8 +52,7 @@ def knee_text(knee: Knee, document: Mapping[str, Any], every_fibre: bool = False
     if "patella" in document:
         lines += ["", *_patella(document["patella"])]
     lines += [""] * bool(knee.lines or knee.loads)
-    for line in knee.lines:
-        lines.append(f"Line {line.name}: {float(line.tension):g} N")
+    lines += [f"Line {line.name}: {float(line.tension):g} N" for line in knee.lines]
     for load in knee.loads:
         if isinstance(load, Support):
             lines.append(f"Support of {load.coordinate}: {float(load.size):g} N or N mm")
@@ -97,16 +97,16 @@ def _ligaments(knee: Knee, parts: Mapping[str, Any], every_fibre: bool) -> list[
     gathered = len(names) > MOST_ROWS and not every_fibre
     bundles = _bundles(knee) if gathered else {name: [i] for i, name in enumerate(names)}
     gathered = gathered and len(bundles) < len(names)
-    table = [["ligament", "stiffness_N", "slack_length_mm", "reference_strain", "way"]]
-    table[0].insert(1 if gathered else 2, "fibres" if gathered else "reference_length_mm")
-    for name, rows in bundles.items():
-        row = [name, f"{stiffness[rows].sum():.0f}", _range(slack[rows], 2 if gathered else 3),
-               _range(strain[rows], 2 if gathered else 4), _ways([parts[names[i]] for i in rows])]
-        if gathered:
-            row.insert(1, str(len(rows)))
-        else:
-            row.insert(2, _range(length[rows], 3))
-        table.append(row)
+    columns = ["ligament", "fibres", "stiffness_N", "reference_length_mm", "slack_length_mm",
+               "reference_strain", "way"]  # fmt: skip
+    table = [columns] + [
+        [name, str(len(rows)), f"{stiffness[rows].sum():.0f}", _range(length[rows], 3),
+         _range(slack[rows], 2 if gathered else 3), _range(strain[rows], 2 if gathered else 4),
+         _ways([parts[names[i]] for i in rows])]
+        for name, rows in bundles.items()
+    ]  # fmt: skip
+    hidden = columns.index("reference_length_mm" if gathered else "fibres")
+    table = [row[:hidden] + row[hidden + 1 :] for row in table]
     head = f"Ligaments: {len(names)} fibres"
     head += f" in {len(bundles)} bundles; their stiffnesses are sums" if gathered else ""
     lines = [head, *(f"  {line}" for line in aligned(table, (0, len(table[0]) - 1)))]
@@ -130,28 +130,22 @@ def _lengths(knee: Knee, every_fibre: bool) -> np.ndarray:
 def _bundles(knee: Knee) -> dict[str, list[int]]:
     """First group that has a fibre -> rows of its fibres; a fibre without group is its own."""
     first = {fibre: name for name, fibres in reversed(knee.groups) for fibre in fibres}
-    answer: dict[str, list[int]] = {}
-    for row, name in enumerate(knee.ligaments.names):
-        answer.setdefault(first.get(name, name), []).append(row)
-    return answer
+    return grouped((first.get(name, name), row) for row, name in enumerate(knee.ligaments.names))
 
 
 def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
     """Groups that are no row of the table, as bundles together where they are that."""
     names = knee.ligaments.names
     bundles = {name: {names[row] for row in many} for name, many in _bundles(knee).items()}
-    said = []
+    stiffness, said = np.asarray(knee.ligaments.stiffness), []
     for name, fibres in knee.groups:
         if name in rows:
             continue
         inside = [bundle for bundle, members in bundles.items() if members <= set(fibres)]
         together = set().union(*(bundles[bundle] for bundle in inside))
-        whole = name not in inside and together == set(fibres)
-        rows_of = [names.index(fibre) for fibre in fibres]
-        total = np.asarray(knee.ligaments.stiffness)[rows_of].sum()
-        said.append(
-            f"{name} = {' + '.join(inside if whole else fibres)}, {total:.0f}{_FIXED_SPACE}N"
-        )
+        parts = inside if name not in inside and together == set(fibres) else fibres
+        total = stiffness[[names.index(fibre) for fibre in fibres]].sum()
+        said.append(f"{name} = {' + '.join(parts)}, {total:.0f}{_FIXED_SPACE}N")
     lines = wrapped("; ".join(said), "  groups: ") if said else []
     lines = [line.replace(_FIXED_SPACE, " ") for line in lines]
     return lines + (wrapped(prose("groups"), "  ") if knee.groups else [])
@@ -159,58 +153,54 @@ def _groups(knee: Knee, rows: Mapping[str, list[int]]) -> list[str]:
 
 def _ways(parts: Sequence[Mapping[str, Any]]) -> str:
     """Over which points and around which obstacles fibres run."""
-    every = []
+    every: Counter[str] = Counter()
     for part in parts:
         via = len(part.get("via_points", ()))
         words = [f"via {via} point{'s' * (via > 1)}"] * bool(via)
-        every.append(", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])]))
-    counts = {way: every.count(way) for way in dict.fromkeys(every) if way}
-    return "; ".join(way if count == len(every) else f"{way} ({count} of {len(every)})"
-                     for way, count in counts.items())  # fmt: skip
+        every[", ".join([*words, *([f"around {part['wrap']}"] if "wrap" in part else [])])] += 1
+    return "; ".join(way if count == len(parts) else f"{way} ({count} of {len(parts)})"
+                     for way, count in every.items() if way)  # fmt: skip
 
 
 def _range(values: np.ndarray, decimals: int) -> str:
     if not np.isfinite(values).all():
         return "-"
     ends = (round(float(x), decimals) + 0.0 for x in (values.min(), values.max()))
-    low, high = (f"{end:.{decimals}f}" for end in ends)
-    return low if low == high else f"{low} to {high}"
+    return " to ".join(dict.fromkeys(f"{end:.{decimals}f}" for end in ends))
 
 
 def _wraps(document: Mapping[str, Any]) -> list[str]:
-    lines = []
+    lines = ["", "Wrap objects"]
     users = [part.get("wrap") for part in document["ligaments"].values()]
     for name, wrap in document.get("wraps", {}).items():
         sizes = [f"{word} {' x '.join(trimmed(x) for x in np.atleast_1d(wrap[field]))} mm"
                  for field, word in _SIZES.items() if field in wrap]  # fmt: skip
-        kind = f"{wrap['kind']} on the {wrap['bone']}"
-        lines.append(f"  {name}: {kind}, {', '.join(sizes)}, for {users.count(name)} fibres")
-    return ["", "Wrap objects", *lines] if lines else []
+        lines.append(f"  {name}: {wrap['kind']} on the {wrap['bone']}, {', '.join(sizes)}, for "
+                     f"{users.count(name)} fibres")  # fmt: skip
+    return lines if lines[2:] else []
 
 
 def _contact(name: str, contact: Contact, document: Mapping[str, Any]) -> list[str]:
     form = contact.form.replace("_", " ")
     if "points" in document:
         form += f" over {' x '.join(str(n) for n in document['points'])} points"
-    thickness = f"{float(contact.layer_thickness):g} mm"
-    if contact.layer_variation is not None:
-        thickness += " and a field"
-    lines = [f"Contact {name}: {form}, {contact.law} law",
-             f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
-             f"confined modulus {float(contact.modulus):.3f} MPa, layer {thickness}"]
-    for side in ("femoral_surface", "tibial_surface"):
-        lines.append(f"  {side.replace('_', ' ')}: {_surface(document[side])}")
-    return lines
+    field = " and a field" * (contact.layer_variation is not None)
+    return [f"Contact {name}: {form}, {contact.law} law",
+            f"  E {float(contact.youngs_modulus):g} MPa, nu {float(contact.poisson_ratio):g}, "
+            f"confined modulus {float(contact.modulus):.3f} MPa, layer "
+            f"{float(contact.layer_thickness):g} mm{field}",
+            *(f"  {side.replace('_', ' ')}: {_surface(document[side])}"
+              for side in ("femoral_surface", "tibial_surface"))]  # fmt: skip
 
 
 def _surface(surface: Mapping[str, Any]) -> str:
-    said = surface["kind"]
+    said = [surface["kind"]]
     if "coefficients_mm" in surface:
         m, n = np.shape(surface["coefficients_mm"])
-        said += f", polynomial of degree {m - 1} x {n - 1}"
-        if surface.get("basis") == CUBIC_SPLINE:
-            said = f"{surface['kind']}, cubic spline of {m} x {n} values"
+        spline = surface.get("basis") == CUBIC_SPLINE
+        said.append(f"cubic spline of {m} x {n} values" if spline else
+                    f"polynomial of degree {m - 1} x {n - 1}")  # fmt: skip
     if "fit_rms_mm" in surface:
-        said += f", fit {surface['fit_rms_mm']:.3f} mm rms, "
-        said += f"{surface['fit_max_mm']:.2f} mm at most"
-    return said
+        said.append(f"fit {surface['fit_rms_mm']:.3f} mm rms")
+        said.append(f"{surface['fit_max_mm']:.2f} mm at most")
+    return ", ".join(said)

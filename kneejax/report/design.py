@@ -11,7 +11,7 @@ from kneejax.quantities import quantity_of
 from kneejax.report.look.colours import BLACK, BLUE, GREY, VERMILLION
 from kneejax.report.look.page import Section, paragraphs, prose
 from kneejax.report.look.style import WIDTH, Figure, readable, styled, verbatim
-from kneejax.report.look.tables import Column, Table, number, plain, short, unit_after
+from kneejax.report.look.tables import Column, Table, grouped, number, plain, short, unit_after
 from kneejax.report.panels import decades, draw_matrix, figure_legend, grid, hatched, name_rows
 from kneejax.report.pose_tables import words_of
 from kneejax.statics import Status
@@ -26,6 +26,9 @@ _HATCHES = {
     **dict.fromkeys([s for s in Status if not s.converged], ("\\\\\\\\", "no balance")),
 }
 _MOST_COLUMNS = 16
+#: Criterion -> what its gains are, with their unit; what they are multiplied by, and their digits.
+_GAINS = {"D": ("information gained, bits", 1.0, "{:.1f}"),
+          "A": ("fall of the mean squared standard error, %", 100.0, "{:.0f}")}  # fmt: skip
 
 
 @styled
@@ -56,7 +59,7 @@ def candidates_figure(design: Design) -> Figure:
     most = float(np.nanmax(gains)) if np.isfinite(gains).any() else 1.0
     every = max(1, -(-len(angles) // 20))
     heads = [f"{angle:g}" if j % every == 0 else "" for j, angle in enumerate(angles)]
-    factor, form = (1.0, "{:.1f}") if design.criterion == "D" else (100.0, "{:.0f}")
+    _, factor, form = _GAINS[design.criterion]
     filled = draw_matrix(axes, gains, shades, (0.0, most), lambda gain: form.format(factor * gain),
                          lambda gain: gain > 0.55 * most, [verbatim(row) for row in rows], heads,
                          numbers=len(angles) <= _MOST_COLUMNS)  # fmt: skip
@@ -65,17 +68,14 @@ def candidates_figure(design: Design) -> Figure:
         if Status(status) in _HATCHES:
             hatch, word = _HATCHES[Status(status)]
             handles[word] = hatched(axes, place[::-1], 1, 1, hatch)
-    steps: dict[int, list[int]] = {}
-    for step, row in enumerate(design.chosen, 1):
-        steps.setdefault(row, []).append(step)
-    for row, own in steps.items():
+    for row, own in grouped((row, step) for step, row in enumerate(design.chosen, 1)).items():
         i, j = places[row]
         axes.add_patch(Rectangle((j, i), 1, 1, fill=False, ec=VERMILLION, lw=1.8, clip_on=False))
         axes.text(j + 0.035, i + 0.06, ", ".join(map(str, own)), ha="left", va="top", fontsize=6.5,
                   color="white", fontweight="bold",
                   bbox={"boxstyle": "square,pad=0.18", "fc": VERMILLION, "ec": "none"})  # fmt: skip
     axes.set(xlabel="Flexion, deg",
-             title=f"What one more test would add: {gain_words(design.criterion)}")  # fmt: skip
+             title=f"What one more test would add: {_GAINS[design.criterion][0]}")  # fmt: skip
     handles["chosen, in this order"] = Rectangle((0, 0), 1, 1, fill=False, ec=VERMILLION, lw=1.8)
     figure_legend(figure, handles, loc="lower left", bbox_to_anchor=((left - 0.08) / wide, 0.0),
                   ncols=4, handlelength=1.5, handleheight=1.1, columnspacing=1.5)  # fmt: skip
@@ -128,13 +128,6 @@ def standard_errors_figure(design: Design) -> Figure:
 _SHOWN = 8
 # Departure from a straight line from which on a promise is rough.
 _FAR = 0.5
-
-
-def gain_words(criterion: str) -> str:
-    """What the gains of a design are, with their unit."""
-    if criterion == "D":
-        return "information gained, bits"
-    return "fall of the mean squared standard error, %"
 
 
 def candidates_table(design: Design) -> Table:
@@ -208,29 +201,25 @@ def design_section(design: Design) -> Section:
     heads = ["before" if step == 0 else f"after {step}" for step in shown]
     units = [quantity_of(name).unit for name in design.names]
     parameter, unit = Column("parameter", words=True), Column("unit", words=True)
-    errors = Table(
-        [parameter, unit, *(Column(head, show="2") for head in ("prior SD", *heads))],
-        [[name, units[i], design.scale[i], *(design.standard_errors[step, i] for step in shown)]
-         for i, name in enumerate(design.names)],
-        "Expected standard errors (the prior SD is the spread between knees)",
-    )
+    errors = Table.of({
+        parameter: design.names, unit: units, Column("prior SD", show="2"): design.scale,
+        tuple(Column(head, show="2") for head in heads): design.standard_errors[shown].T,
+    }, "Expected standard errors (the prior SD is the spread between knees)")  # fmt: skip
     order = np.argsort(-np.nan_to_num(design.gains, nan=-1.0), kind="stable")[:_SHOWN]
-    factor, digits = (1.0, 1) if design.criterion == "D" else (100.0, 0)
+    gain, factor, form = _GAINS[design.criterion]
     best = Table(
         [Column("test", words=True), Column("gain")],
-        [[str(design.candidates[row]), f"{factor * design.gains[row]:.{digits}f}"] for row in order
+        [[str(design.candidates[row]), form.format(factor * design.gains[row])] for row in order
          if np.isfinite(design.gains[row])],
-        f"The best next tests by themselves ({gain_words(design.criterion)})",
+        f"The best next tests by themselves ({gain})",
     )
     after = np.where(np.isnan(design.standard_errors_next), np.inf, design.standard_errors_next)
-    rows = [
-        [name, str(design.candidates[row]), design.standard_errors[0, i], after[row, i], units[i]]
-        for i, name in enumerate(design.names)
-        for row in [int(np.argmin(after[:, i]))]
-    ]
-    columns = [Column("best next test", words=True), Column("before", show="2")]
-    single = Table([parameter, *columns, Column("after", show="2"), unit], rows,
-                   "If only one parameter matters, the best next test for it")  # fmt: skip
+    nearest = [design.candidates[row] for row in after.argmin(axis=0)]
+    single = Table.of({
+        parameter: design.names, Column("best next test", words=True): [*map(str, nearest)],
+        Column("before", show="2"): design.standard_errors[0],
+        Column("after", show="2"): after.min(axis=0), unit: units,
+    }, "If only one parameter matters, the best next test for it")  # fmt: skip
     goal = prose("design.goal", goal=prose(f"design.{design.criterion}"), tests=(
         f"{many} of {len(design.candidates)} candidate tests" if many > 1 else "one test"
     ))  # fmt: skip

@@ -141,6 +141,13 @@ def second_balance(other: np.ndarray, own: np.ndarray) -> str:
     return f"second stable balance at {', '.join(parts)}"
 
 
+def with_second(words: Sequence[str], others: np.ndarray, own: np.ndarray) -> list[str]:
+    """Words of poses, and where a second balance is known at one, `(poses, 6)`, of that too."""
+    return ["; ".join(filter(None, [text, second_balance(other, here)
+                                    if np.isfinite(other).all() else ""]))
+            for text, other, here in zip(words, others, own, strict=True)]  # fmt: skip
+
+
 def _of_lost(motion: Motion, row: int, loads: Mapping[str, float]) -> str:
     reached = float(motion.reached[row])
     if motion.status[row] == Status.GIVES_WAY:
@@ -171,19 +178,10 @@ def _part(loads: Mapping[str, float], part: float) -> str:
 
 
 def _of_pose(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
+    """Of contacts, of the whole knee, and of fibres."""
     # A pose that is NaN has no parts to speak of.
     if not np.isfinite(found.displacement[row]).all():
         return
-    yield from _of_contacts(knee, found, row)
-    for value, column in zip(found.displacement[row], COLUMNS[1:], strict=True):
-        name, unit = column.rsplit("_", 1)
-        if abs(value) > LIMITS[name]:
-            words = name.replace("_", " ")
-            yield f"{words} {value:.1f} {unit} from the reference pose (at most {LIMITS[name]:g})"
-    yield from _of_fibres(knee, found, row, flips)
-
-
-def _of_contacts(knee: Knee, found: Mechanics, row: int):
     depth = found.max_depth[row]
     for k, name in enumerate(knee.contact_names):
         if found.through_bone[row, k]:
@@ -195,23 +193,22 @@ def _of_contacts(knee: Knee, found: Mechanics, row: int):
         if depth[k] < -WIDEST_GAP_MM:
             yield f"{name} compartment open by {-depth[k]:.1f} mm (at most {WIDEST_GAP_MM:g})"
         if not found.known[row, k] or found.beyond_mm[row, k] > 0.0:
-            yield f"{name} contact{_beyond(found, row, k)}"
+            far, share = float(found.beyond_mm[row, k]), float(found.beyond_share[row, k])
+            words = "off the fitted surfaces"
+            if np.isfinite([far, share]).all():
+                counts = "no doubt up to" if found.known[row, k] else "at most"
+                words = (f"{far:.2g} mm {words} ({counts} {OFF_SURFACE_MM:g}) with "
+                         f"{float(f'{100 * share:.2g}'):g} % of its force")
+            yield f"{name} contact {words}"
     if len(depth) and (depth < -_APART_MM).all() and (depth >= -WIDEST_GAP_MM).all():
         gaps = ", ".join(f"{name} {-d:.1f} mm"
                          for name, d in zip(knee.contact_names, depth, strict=True))  # fmt: skip
         yield f"compartments apart: {gaps}"
-
-
-def _beyond(found: Mechanics, row: int, k: int) -> str:
-    far, share = float(found.beyond_mm[row, k]), float(found.beyond_share[row, k])
-    if not np.isfinite([far, share]).all():
-        return " off the fitted surfaces"
-    counts = "no doubt up to" if found.known[row, k] else "at most"
-    return (f" {far:.2g} mm off the fitted surfaces ({counts} {OFF_SURFACE_MM:g}) with "
-            f"{float(f'{100 * share:.2g}'):g} % of its force")
-
-
-def _of_fibres(knee: Knee, found: Mechanics, row: int, flips: np.ndarray):
+    for value, column in zip(found.displacement[row], COLUMNS[1:], strict=True):
+        name, unit = column.rsplit("_", 1)
+        if abs(value) > LIMITS[name]:
+            words = name.replace("_", " ")
+            yield f"{words} {value:.1f} {unit} from the reference pose (at most {LIMITS[name]:g})"
     names, strain = knee.ligaments.names, found.strain[row]
     fails = np.asarray(knee.ligaments.failure_strain)
     for where, words in (

@@ -51,10 +51,7 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
     asked = (np.asarray(found.weight_Nm) == 0.0) | (np.abs(extension) < _LEFT_NM)
     tendon, contact = (np.where(asked, np.asarray(force) / pull, np.nan)
                        for force in (found.tendon_N, found.contact_N))  # fmt: skip
-    if over_pull:
-        by_flexion(panels[0], extension, "Extension moment, N m")
-    else:
-        by_flexion(panels[0], pull, _PULL)
+    by_flexion(panels[0], *((extension, "Extension moment, N m") if over_pull else (pull, _PULL)))
     ratios = {"patellar tendon": tendon, "patellofemoral contact": contact}
     by_kind(panels[1], ratios, "Force by quadriceps force")
     panels[1].set_ylim(bottom=0.0)
@@ -79,7 +76,14 @@ def extensor_figure(found: Extensor, status: np.ndarray, title: str) -> Figure:
 @styled
 def shear_figure(found: Extensor) -> Figure:
     """Draw what each part does to the tibia along its anterior axis: the parts sum to zero."""
-    forces = {name: force[:, 0] for name, force in _grouped(found).items()}
+    # Tendon, contact, muscles and weight, then ligaments, the fibres of a bundle together.
+    knee, parts = found.motion.knee, dict(found.forces_on_tibia)
+    grouped = {TENDON: parts.pop(TENDON)}
+    if pressed := [parts.pop(name) for name in knee.contact_names if name in parts]:
+        grouped["contact"] = sum(pressed)
+    members = pose_tables.bundles(knee, _tibiofemoral(found))
+    pulled = {name: sum(parts.pop(x) for x in own) for name, own in members.items()}
+    forces = {name: force[:, 0] for name, force in {**grouped, **parts, **pulled}.items()}
     size = {name: float(np.nanmax(np.abs(force))) for name, force in forces.items()}
     shown = sorted(size, key=lambda name: -size[name])[:_MOST_LINES]
     figure, ((axes,),) = draw.grid(1, 1, 3.6, left=0.7, right=1.82)
@@ -92,7 +96,7 @@ def shear_figure(found: Extensor) -> Figure:
     axes.axhline(0.0, color=GREY, linewidth=0.5)
     axes.set(title="Force on the tibia, forwards along its own axis", ylabel="N")
     draw.flexion_axis(axes, x)
-    draw.part_legend(axes, draw.labelled(figure), (1.02, 1.02))
+    draw.part_legend(axes, draw.labelled(axes), (1.02, 1.02))
     return figure
 
 
@@ -103,27 +107,12 @@ def _tibiofemoral(found: Extensor) -> list[str]:
     return [name for name, pair in pairs if pair == FEMUR_AND_TIBIA]
 
 
-def _grouped(found: Extensor) -> dict[str, np.ndarray]:
-    """Forces on the tibia: tendon, contact, muscles and weight, ligaments by their bundles."""
-    forces, knee = dict(found.forces_on_tibia), found.motion.knee
-    tendon = {TENDON: forces.pop(TENDON)}
-    pressed = [forces.pop(name) for name in knee.contact_names if name in forces]
-    contact = {"contact": sum(pressed)} if pressed else {}
-    members = pose_tables.bundles(knee, _tibiofemoral(found))
-    pulled = {name: sum(forces.pop(x) for x in own) for name, own in members.items()}
-    return {**tendon, **contact, **forces, **pulled}
-
-
 #: Columns of extensor.csv that people read, with heading and digits.
 _SHOWN = {"flexion_deg": ("flexion, deg", ".1f"), "quadriceps_N": ("quadriceps, N", ".1f"),
           "tendon_by_quadriceps": ("tendon, / quadriceps", ".2f"), "arm_mm": ("arm, mm", ".1f"),
           "patellofemoral_by_quadriceps": ("contact, / quadriceps", ".2f"), "status": (),
           "patella_flexion_deg": ("patella: flexion, deg", ".1f"),
           "patella_tilt_deg": ("tilt, deg", ".1f")}  # fmt: skip
-_BY_LENGTH = (
-    "slack: {:g} mm longer than at rest, at {:g} deg: the cable hangs loose, and the heads pull "
-    "as at rest"
-)
 
 
 def extensor_answer(
@@ -143,8 +132,11 @@ def extensor_answer(
             f"where it was expected: {places} deg."
         )
     if driven is not None:
-        slack = zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
-        notes += [_BY_LENGTH.format(*one) for one in slack]
+        notes += [
+            f"slack: {mm:g} mm longer than at rest, at {deg:g} deg: the cable hangs loose, and the "
+            "heads pull as at rest"
+            for mm, deg in zip(driven.longer_mm[driven.slack], flexion[driven.slack], strict=True)
+        ]
     keys = {"flexion_deg": flexion, "quadriceps_N": pull}
     parts = found.forces_on_tibia
     on_tibia = {**{name: np.tile(x, len(parts)) for name, x in keys.items()},
@@ -162,7 +154,7 @@ def extensor_answer(
     return Answer(title=title, asked=prose(experiment), verdict=pose_tables.verdict_of(status),
                   sentence=_sentence(experiment, found, status), tables=tables, main=["extensor"],
                   drawings=drawings, doubts=doubts,
-                  sections=[*sections, *[Section("Notes", notes, printed=True)] * bool(notes)])
+                  sections=[*sections, Section("Notes", notes, printed=True)])  # fmt: skip
 
 
 def extensor_table(

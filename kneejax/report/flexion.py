@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from kneejax.experiments import Branch, Mechanics, Motion, Way, ways_of, with_flips
-from kneejax.geometry import CLINICAL, COLUMNS, CONVENTION_WORDS, COORDINATES, FEMORAL
+from kneejax.geometry import CLINICAL, CONVENTION_WORDS, COORDINATES, FEMORAL
 from kneejax.inference import Calibration
 from kneejax.mechanics import Knee, load_words
 from kneejax.report import doubts as faults
@@ -80,11 +80,12 @@ def _force_lines(
     axes: Axes, x: np.ndarray, forces: Mapping[str, ArrayLike], contact: bool, dashes: str = "-"
 ) -> dict[str, Any]:
     """Forces over flexion, ligaments in the colours of their structures; lines by their names."""
-    colours = itertools.cycle({"color": one} for one in CONTACT_PARTS)
-    styles = dict(zip(forces, colours, strict=False)) if contact else part_styles(forces)
-    drawn = {}
+    drawn, styles = {}, part_styles(forces)
+    if contact:
+        pairs = zip(forces, itertools.cycle(CONTACT_PARTS), strict=False)
+        styles = {name: {"color": color, "linestyle": "-"} for name, color in pairs}
     for name, force in forces.items():
-        own = styles[name].get("linestyle", "-") if dashes == "-" else dashes
+        own = styles[name]["linestyle"] if dashes == "-" else dashes
         style = {**styles[name], **draw.curve_style(x, own)}
         label = verbatim(name) if dashes == "-" else None
         (drawn[verbatim(name)],) = axes.plot(x, np.asarray(force, float), label=label, **style)
@@ -175,7 +176,6 @@ def flexion_answer(
     if branches is not None:
         # All balances for the file; the others for people.
         poses = np.array([[flexion[b.load_case], *b.pose[1:]] for b in branches])
-        poses = poses.reshape(-1, len(COLUMNS))
         marks = {"by_test": [int(b.by_test) for b in branches],
                  "apart_mm": [b.apart_mm for b in branches],
                  "starts": [b.starts for b in branches]}  # fmt: skip
@@ -183,28 +183,28 @@ def flexion_answer(
         rows = [row for row, b in zip(whole.rows, branches, strict=True) if not b.by_test]
         columns = [one for one in whole.columns if one.name != "convention"]
         tables["branches"] = Table(columns, [row[: len(columns)] for row in whole.rows])
-        said = "No other stable balance was found at any of these angles."
-        said = "There are other stable equilibria:" if rows else said
+        said = ("There are other stable equilibria:" if rows else
+                "No other stable balance was found at any of these angles.")  # fmt: skip
         others = [Table(whole.columns, rows)] * bool(rows)
         sections.append(Section("Other balances", [said], others, printed=True))
-    places = faults.named_places([f"{x:g}" for x in flexion], "degrees")
+    named = [f"{x:g}" for x in flexion]
     forces = pose_tables.bundle_forces(knee, mechanics.tension)
     contact = pose_tables.contact_forces(mechanics)
-    angles = f"{', '.join(f'{x:g}' for x in flexion)} degrees of flexion"
+    angles = f"{', '.join(named)} degrees of flexion"
     if len(flexion) > 4:
         ends = f"from {np.min(flexion):g} to {np.max(flexion):g} degrees"
         angles = f"{len(flexion)} flexions {ends}"
+    doubts = faults.status_doubts(status, words, *faults.named_places(named, "degrees"))
     return Answer(
         title=f"Passive flexion of {name}",
         asked=f"How the tibia moves, {load_words(loads)}, at {angles}.",
         verdict=pose_tables.verdict_of(status),
         sentence=_sentence(status, table, forces, flexion), tables=tables, main=main,
-        drawings={
-            "simulation": Drawing(simulation_figure, flexion,
-                                  pose_tables.in_convention(table, convention)[0], status, forces,
-                                  dict(zip(knee.contact_names, contact.T, strict=True)), convention)
-        },
-        doubts=[*faults.status_doubts(status, words, *places)], sections=sections,
+        drawings={"simulation": Drawing(
+            simulation_figure, flexion, pose_tables.in_convention(table, convention)[0], status,
+            forces, dict(zip(knee.contact_names, contact.T, strict=True)), convention,
+        )},
+        doubts=[*doubts], sections=sections,
     )  # fmt: skip
 
 
@@ -224,9 +224,9 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
                    pose_tables.about("moment_{}_Nmm"): found.contact_moment,
                    "beyond_mm": found.beyond_mm, "beyond_share": found.beyond_share}  # fmt: skip
     forces = pose_tables.bundle_forces(knee, found.tension)
-    sizes = np.stack([*forces.values()], axis=1) if forces else np.full((len(table), 1), np.nan)
-    most, names = np.nan_to_num(sizes).argmax(axis=1), [*forces] or [""]
-    pressure = np.asarray(found.max_pressure)
+    forces = forces or {"": np.full(len(table), np.nan)}
+    sizes, names = np.stack([*forces.values()], axis=1), [*forces]
+    most, pressure = np.nan_to_num(sizes).argmax(axis=1), np.asarray(found.max_pressure)
     contacts = [Column(f"{name}_N", f"{name} contact, N", ".1f") for name in knee.contact_names]
     summary = Table.of({
         Column("pose"): rows, Column("flexion_deg", show=".1f"): flexion,
@@ -240,7 +240,7 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
     return Answer(
         title=f"{knee.name} at given poses",
         asked=f"Ligament and contact forces at {len(table)} given poses; nothing is moved.",
-        verdict=pose_tables.verdict_of(status), sentence=_sound(status) + ".",
+        verdict=pose_tables.verdict_of(status), sentence=_sound(status),
         tables={
             "ligaments": pose_tables.part_table({"pose": rows, "flexion_deg": flexion}, "ligament",
                                                 knee.ligaments.names, of_fibres),
@@ -250,41 +250,41 @@ def evaluation_answer(knee: Knee, table: np.ndarray, found: Mechanics) -> Answer
         main=[summary], doubts=doubts,
         sections=[Section("Ligaments", tables=["ligaments"]),
                   Section("Contact", tables=["contact"])],
-        text=[f"{_sound(status)}."],
+        text=[_sound(status)],
     )
 
 
 def displacement(under_load: Motion, without: Motion) -> np.ndarray:
     """How far a load moved the tibia."""
-    tables = []
-    for motion in (under_load, without):
-        table, _ = pose_tables.in_convention(motion.to_table(), CLINICAL)
-        table[~converged(np.asarray(motion.status))] = np.nan
-        tables.append(table)
-    return (tables[0] - tables[1])[:, 1:]
+    loaded, free = (
+        np.where(converged(np.asarray(motion.status))[:, None],
+                 pose_tables.in_convention(motion.to_table(), CLINICAL)[0], np.nan)
+        for motion in (under_load, without)
+    )  # fmt: skip
+    return (loaded - free)[:, 1:]
 
 
 def _sound(status: np.ndarray) -> str:
     good = int((np.asarray(status) == Status.BALANCED).sum())
     if good == len(status):
-        return f"All {good} poses pass every check" if good > 1 else "1 pose passes every check"
-    return f"{good} of {len(status)} poses pass every check"
+        return f"All {good} poses pass every check." if good > 1 else "1 pose passes every check."
+    return f"{good} of {len(status)} poses pass every check."
 
 
 def _sentence(status, table: np.ndarray, forces: Mapping[str, np.ndarray], flexion) -> str:
     """How far the tibia moves from the first to the last balance, and what carries most."""
     known = np.flatnonzero(np.isfinite(table).all(axis=1))
-    words = _sound(status) + "."
+    words = _sound(status)
     if len(known) > 1:
         first, last = known[[0, -1]]
-        change = table[last] - table[first]
+        turned, moved = (table[last] - table[first])[2:4]
         words += (
             f" From {flexion[first]:g} to {flexion[last]:g} degrees the tibia turns "
-            f"{abs(change[2]):.1f} degrees {'in' if change[2] >= 0 else 'out'}wards and moves "
-            f"{abs(change[3]):.1f} mm {'forwards' if change[3] >= 0 else 'backwards'}."
+            f"{abs(turned):.1f} degrees {'in' if turned >= 0 else 'out'}wards and moves "
+            f"{abs(moved):.1f} mm {'forwards' if moved >= 0 else 'backwards'}."
         )
     peaks = {name: np.nanmax(x) for name, x in forces.items() if np.isfinite(x).any()}
     if peaks:
-        most = max(peaks, key=lambda name: peaks[name])
+        most = max(peaks, key=peaks.__getitem__)
         words += f" Most is carried by {most}, {peaks[most]:.0f} N."
     return words

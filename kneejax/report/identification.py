@@ -1,5 +1,6 @@
 """What `kneejax identify` found as an answer: estimates, their limits, the tests to make."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -32,34 +33,31 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
     study, found, design, sampled = answer.study, answer.found, answer.design, answer.posterior
     names, information = found.selection.names, found.information
     reasons = _reasons(found)
-    doubts = fit_doubts(found) + ([] if sampled is None else posterior.posterior_doubts(sampled))
-    doubts += filter(None, reasons)
-    accepted = accepted_statuses(study.failures)
-    doubts += pose_doubts(found.motion, found.motion.table[:, 0], accepted)
+    flexion, accepted = found.motion.table[:, 0], accepted_statuses(study.failures)
+    doubts = [*fit_doubts(found), *(posterior.posterior_doubts(sampled) if sampled else ()),
+              *filter(None, reasons), *pose_doubts(found.motion, flexion, accepted)]  # fmt: skip
     became = Outcome.DOUBTFUL if doubts else Outcome.GOOD
     became = became if found.converged else Outcome.FAILED
-    lost = [name for name, why in zip(names, reasons, strict=True) if why]
+    lost = [*itertools.compress(names, reasons)]
     sentence = f"The data determine {len(names) - len(lost)} of {len(names)} parameters"
     sentence += f", not {listed(lost, 6)}." if lost else "."
     every = _parameters_table(found, sampled, reasons)
     known: dict[str, list[str]] = {}
     if found.profiles:
-        ends = {one.name: (np.nan if one.low_open else one.low,
-                           np.nan if one.high_open else one.high)
+        ends = {one.name: limits(np.nan if one.low_open else one.low,
+                                 np.nan if one.high_open else one.high)
                 for one in found.profiles}  # fmt: skip
-        known["95 % limits, by profile"] = [limits(*ends.get(name, (np.nan, np.nan))) or NONE
-                                            for name in names]  # fmt: skip
+        known["95 % limits, by profile"] = [ends.get(name) or NONE for name in names]
     if sampled is not None:
         drawn = sampled.quantiles((0.025, 0.975)).tolist()
         known["95 % limits, by posterior"] = [limits(*pair) for pair in drawn]
     kind = "estimated from the misfit" if found.noise_estimated else "as given"
     noise = f"{number(found.noise[2], 3)} mm and {number(found.noise[0], 3)} degrees ({kind})"
-    fitted = (
+    text = [
         f"Fit by maximum likelihood: chi squared {number(found.chi2, 4)} for {found.data} measured "
-        f"numbers, noise {noise}."
-    )
-    summed = sums_in_words(found.problem.knee, names)
-    text = [fitted, *_agreement(found, sampled), *[summed] * bool(summed)]
+        f"numbers, noise {noise}.", *_agreement(found, sampled),
+        *filter(None, [sums_in_words(found.problem.knee, names)]),
+    ]  # fmt: skip
     sections = [Section("Limits by profile", text, drawings=["profiles"], printed=True),
                 curvature.information_section(information), planned.design_section(design)]
     points = [[one.name, value, rise, *others] for one in found.profiles
@@ -88,10 +86,8 @@ def identification_answer(answer: Identified, options: Mapping[str, Any]) -> Ans
             "draws_without_balance": sampled.unbalanced,
         } | {name: getattr(sampled, name) for name in own}
     own = ("eigenvalues", "eigenvectors", "scale", "correlation")
-    determine = {name: getattr(information, name) for name in own}
-    determine["sentences"] = (
-        curvature.stiff_words(information) + curvature.sloppy_words(information)
-    )
+    sentences = curvature.stiff_words(information) + curvature.sloppy_words(information)
+    determine = {name: getattr(information, name) for name in own} | {"sentences": sentences}
     return Answer(
         title=study.title,
         asked=f"What do {found.data} measured numbers determine of {len(names)} parameters of knee "
@@ -162,7 +158,7 @@ def _parameters_table(
 
 def fit_doubts(found: Identification) -> list[str]:
     """What a reader of the fit must know."""
-    notes, names = [], found.selection.names
+    notes = []
     if not found.converged:
         notes.append("The fit did not converge: free fewer parameters or start nearer.")
     if found.lost:
@@ -174,23 +170,22 @@ def fit_doubts(found: Identification) -> list[str]:
         notes.append(prose("fit.data", data=found.data, count=len(found.values)))
     notes += [prose("fit.better", name=profile.name, better=f"{profile.better:.3g}")
               for profile in found.profiles if profile.better]  # fmt: skip
-    if held := [n for n, on in zip(names, found.at_bound, strict=True) if on]:
-        notes.append(prose("fit.bound", names=", ".join(held)))
+    if held := ", ".join(itertools.compress(found.selection.names, found.at_bound)):
+        notes.append(prose("fit.bound", names=held))
     return notes
 
 
 def _agreement(found: Identification, sampled: Posterior | None) -> list[str]:
     """Where standard error, profile and posterior differ."""
-    by_name, bent, moved = {profile.name: profile for profile in found.profiles}, [], []
+    by_name, names, moved = {one.name: one for one in found.profiles}, found.selection.names, []
     if not by_name:
         return []
-    for i, name in enumerate(found.selection.names):
-        profile = by_name[name]
-        if found.intervals[i].kind is not IntervalKind.STANDARD_ERROR:
-            bent.append(name)
-        if sampled is not None and profile.closed:
-            drawn = sampled.quantiles((0.025, 0.975))[i]
-            moved += [name] * (not same_ends((profile.low, profile.high), drawn))
+    bent = [name for name, one in zip(names, found.intervals, strict=True)
+            if one.kind is not IntervalKind.STANDARD_ERROR]  # fmt: skip
+    if sampled is not None:
+        drawn = zip(names, sampled.quantiles((0.025, 0.975)), strict=True)
+        moved = [name for name, ends in drawn if (one := by_name[name]).closed
+                 and not same_ends((one.low, one.high), ends)]  # fmt: skip
     notes = [prose("profile.bent", names=", ".join(bent)) if bent else prose("profile.alike")]
     if moved:
         notes.append(prose("posterior.moved", names=", ".join(moved)))

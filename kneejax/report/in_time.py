@@ -47,8 +47,7 @@ def transient_figure(found: Transient, title: str, recorded: Recorded | None = N
         loads = {x.positive + f", {x.unit}" * (len(units) > 1): y for x, y in acting.items()}
         draw_named(panels[2], time, loads, f"Load, {' and '.join(units)}")
     else:
-        panels[2].plot(time, table[:, 0], color=BLACK)
-        panels[2].set_ylabel("Flexion, deg")
+        draw_named(panels[2], time, {"_": table[:, 0]}, "Flexion, deg", colors=[BLACK])
     draw_ligaments(panels[3], time, knee, np.asarray(found.mechanics.tension) + found.damping_N)
     forces = pose_tables.contact_forces(found.mechanics).T
     contact = dict(zip(knee.contact_names, forces, strict=True))
@@ -93,15 +92,12 @@ def motor_raise_figure(found: RaisedLeg, title: str) -> Figure:
         draw_named(axes, flexion, curves, label, colors=_COLORS, columns=3)
     tension = np.asarray(one.mechanics.tension) + one.damping_N
     draw_ligaments(panels[4], flexion, motion.moving.knee, tension)
-    away = {}
-    for bone in ("tibia", "patella"):
-        for unit in ("deg", "mm"):
-            columns = [
-                k for k, name in enumerate(names)
-                if coordinate(name).unit == unit
-                and name.startswith("patella") == (bone == "patella")
-            ]  # fmt: skip
-            away[f"{bone}, {unit}"] = np.abs(found.from_held[:, columns]).max(axis=1)
+    away = {f"{bone}, {unit}": np.zeros(len(found.from_held))
+            for bone in ("tibia", "patella") for unit in ("deg", "mm")}  # fmt: skip
+    for name, values in zip(names, np.abs(found.from_held).T, strict=True):
+        bone = "patella" if name.startswith("patella") else "tibia"
+        key = f"{bone}, {coordinate(name).unit}"
+        away[key] = np.maximum(away[key], values)
     colors = (BLUE, GREEN, VERMILLION, PURPLE)
     draw_named(panels[5], at, away, "From the leg that is held", colors=colors, columns=2)
     panels[5].set_ylim(bottom=0.0)
@@ -145,13 +141,13 @@ def transient_answer(
             f"Left of the record, root of the mean square: {left}.",
         )  # fmt: skip
         main.insert(0, "damping")
-        sentence = "; ".join(
-            f"{name} is {value:.3g} "
-            + (f"(95 % {low:.3g} to {high:.3g})" if np.isfinite(low) else "(at its bound)")
-            for name, value, low, high in known
-        ) + "."  # fmt: skip
-        doubts += [f"{name}: the limits include zero; the record does not determine it"
-                   for name, _, low, _ in known if low < 0.0]  # fmt: skip
+        said = []
+        for name, value, low, high in known:
+            limits = f"95 % {low:.3g} to {high:.3g}" if np.isfinite(low) else "at its bound"
+            said.append(f"{name} is {value:.3g} ({limits})")
+            if low < 0.0:
+                doubts.append(f"{name}: the limits include zero; the record does not determine it")
+        sentence = f"{'; '.join(said)}."
         together = np.nan_to_num(fit.uncertainty.correlation)
         doubts += [
             f"{fit.names[j]} and {first} are collinear (correlation {together[i, j]:.2f}): "
@@ -209,8 +205,8 @@ def raised_leg_answer(name: str, found: RaisedLeg, convention: str = FEMORAL) ->
 
 
 def _peaks(found: Transient) -> Section:
-    knee, times = found.trajectory.moving.knee, found.time_s
-    peaks = pose_tables.peak_table(knee, found.mechanics, times, "at time, s")
+    knee = found.trajectory.moving.knee
+    peaks = pose_tables.peak_table(knee, found.mechanics, found.time_s, "at time, s")
     return Section("Largest forces", tables=[peaks])
 
 
@@ -223,7 +219,7 @@ def _motion_tables(found: Transient, convention: str) -> dict[str, Table]:
     damping = np.zeros((len(poses), len(knee.ligaments.names) + len(knee.contact_names)))
     damping[:, : len(knee.ligaments.names)] = found.damping_N
     energies = {f"{kind}_Nmm": np.asarray(getattr(found.account, kind))[motion.rows]
-                for kind in ("work", "kinetic", "potential", "dissipated", "missing")}  # fmt: skip
+                for kind in _ENERGIES}  # fmt: skip
     return {
         "motion": Table.of({"time_s": time_s, COLUMNS: poses, motion.columns[6:]: table[:, 6:],
                             rates: motion.rates_to_table(), **found.sizes, **found.quadriceps,
@@ -259,9 +255,9 @@ def _moved(found: Transient) -> Table:
 def _sentence(moved: Table, found: Transient) -> str:
     if not moved.rows:
         return "The knee does not move."
-    far = max(moved.rows, key=lambda row: abs(row[2] - row[1]))
-    words = f"{far[0].rpartition(',')[0]} changes most: from {far[1]:.1f} to {far[2]:.1f}"
-    words += f"{far[0].rpartition(',')[2]} at {far[3]:.2g} s"
+    label, start, peak, at, *_ = max(moved.rows, key=lambda row: abs(row[2] - row[1]))
+    what, _, unit = label.rpartition(",")
+    words = f"{what} changes most: from {start:.1f} to {peak:.1f}{unit} at {at:.2g} s"
     if found.rest is not None:
         words += f"; at the end the knee is {found.from_rest_mm:.2g} mm from its balance"
     return f"{words}."
@@ -275,7 +271,7 @@ def _how_exact(found: Transient) -> Iterator[str]:
         f"times; error of the steps {motion.error_mm:.1g} mm"
     )
     ends = []
-    for kind in ("work", "kinetic", "potential", "dissipated"):
+    for kind in [*_ENERGIES][:-1]:
         values = np.asarray(getattr(account, kind))
         known = values[np.isfinite(values)]
         ends.append(f"{kind} {known[-1]:.4g}" if len(known) else f"{kind} -")

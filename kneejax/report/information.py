@@ -6,20 +6,11 @@ import numpy as np
 
 from kneejax.inference import Information
 from kneejax.quantities import quantity_of
+from kneejax.report.look import tables
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION, both_signs
 from kneejax.report.look.page import Section, prose
 from kneejax.report.look.style import Figure, readable, styled
-from kneejax.report.look.tables import (
-    NONE,
-    Column,
-    Table,
-    number,
-    plain,
-    short,
-    trimmed,
-    unit_after,
-    with_error,
-)
+from kneejax.report.look.tables import Column, Table, plain, short, unit_after
 from kneejax.report.panels import decades, draw_matrix, grid
 
 # Components of a direction below this part of the largest are not named, nor is a fourth.
@@ -42,19 +33,17 @@ def slack_words(flexion_deg: np.ndarray, slack: np.ndarray) -> str:
         'below 20 and above 40 degrees'
     """
     angles = np.unique(flexion_deg)
-    loose = [bool(np.asarray(slack)[np.asarray(flexion_deg) == angle].all()) for angle in angles]
+    loose = [np.asarray(slack)[np.asarray(flexion_deg) == angle].all() for angle in angles]
     if all(loose):
         return "at every pose"
-    words, last = [], len(angles) - 1
-    starts = [i for i in range(len(angles)) if loose[i] and not (i and loose[i - 1])]
-    for first in starts:
-        end = next((i for i in range(first, last + 1) if not loose[i]), last + 1) - 1
+    words = []
+    for first, last in tables.runs(np.flatnonzero(loose)):
         if first == 0:
-            words.append(f"below {angles[end + 1]:g}")
-        elif end == last:
+            words.append(f"below {angles[last + 1]:g}")
+        elif last == len(angles) - 1:
             words.append(f"above {angles[first - 1]:g}")
         else:
-            words.append(f"between {angles[first - 1]:g} and {angles[end + 1]:g}")
+            words.append(f"between {angles[first - 1]:g} and {angles[last + 1]:g}")
     return f"{joined(words)} degrees" if words else ""
 
 
@@ -73,7 +62,7 @@ def stiff_words(found: Information) -> list[str]:
     names, values, said = found.names, found.values, []
     for index in np.flatnonzero(found.eigenvalues[:_STIFF] > 1.0):
         vector = found.eigenvectors[:, index]
-        rows = _named(vector)
+        rows, named = _named(vector)
         mixed = len({names[row].split(".", 1)[-1] for row in rows}) > 1
         terms, weights = [], []
         for row in rows:
@@ -89,8 +78,6 @@ def stiff_words(found: Information) -> list[str]:
             factor = "" if abs(abs(weight) - 1.0) < 0.05 else f"{short(abs(weight))} "
             sentence += f" {'-' if weight < 0 else '+'} {factor}{term}"
         # The standard deviation of the named part of the direction, or of all of it.
-        named = np.zeros(len(vector))
-        named[rows] = vector[rows]
         overlap, known = (found.eigenvectors.T @ named) ** 2, found.eigenvalues > 0
         deviation, others = float(found.eigenvalues[index] ** -0.5), ", with small parts of others"
         alone = np.inf
@@ -117,15 +104,13 @@ def sloppy_words(found: Information) -> list[str]:
         if found.eigenvalues[index] >= 1.0:
             continue
         vector = found.eigenvectors[:, index] / np.abs(found.eigenvectors[:, index]).max()
-        rows = _named(vector)
+        rows, named = _named(vector)
         changes = [
             f"{plain(found.names[row])} by {short(vector[row] * found.scale[row], '+')}"
             f"{unit_after(found.names[row])}"
             for row in rows
         ]
         trace = float(np.sqrt(found.eigenvalues[index]) * np.linalg.norm(vector))
-        named = np.zeros(len(vector))
-        named[rows] = vector[rows]
         alone = np.linalg.norm(np.sqrt(found.eigenvalues) * (found.eigenvectors.T @ named))
         others = ", with small changes of others," if alone > 1.5 * trace + 0.01 else ""
         together = " together" if len(rows) > 1 and not others else ""
@@ -135,12 +120,9 @@ def sloppy_words(found: Information) -> list[str]:
 
 def reason_words(found: Information) -> list[str]:
     """For each parameter that is not determined a sentence why; empty for the others."""
-    said = []
-    for row, (name, determined) in enumerate(zip(found.names, found.determined, strict=True)):
-        if determined:
-            said.append("")
-            continue
-        causes, where = [], ""
+    said = [""] * len(found.names)
+    for row in np.flatnonzero(~np.asarray(found.determined, bool)):
+        name, causes, where = found.names[row], [], ""
         slack = found.slack.get(name.split(".", 1)[0])
         if slack is not None and found.flexion_deg is not None:
             where = slack_words(found.flexion_deg, slack)
@@ -154,7 +136,7 @@ def reason_words(found: Information) -> list[str]:
             elif seen > 1e-3 or not where:
                 change = f"{short(found.scale[row])}{unit_after(name)}"
                 causes.append(f"a change of {change} {noise_words(seen)}")
-        said.append(f"{plain(name)} is not determined by these data: {'; '.join(causes)}.")
+        said[row] = f"{plain(name)} is not determined by these data: {'; '.join(causes)}."
     return said
 
 
@@ -166,17 +148,17 @@ def information_table(
     columns of other `limits`."""
     known = found.determined if determined is None else determined
     marks = zip(known, found.at_bound, strict=True)
+    values = zip(found.values, found.standard_error, strict=True)
     return Table.of({
         Column("name", "parameter", words=True): found.names,
-        Column("value"): [with_error(*pair)[0]
-                          for pair in zip(found.values, found.standard_error, strict=True)],
+        Column("value"): [tables.with_error(*pair)[0] for pair in values],
         Column("standard_error", "std. error",
-               lambda error: "unlimited" if np.isinf(error) else number(error, 2)):
+               lambda error: "unlimited" if np.isinf(error) else tables.number(error, 2)):
             found.standard_error,
         Column("unit", words=True): [quantity_of(name).unit for name in found.names],
         **{Column(head, words=True): cells for head, cells in (limits or {}).items()},
-        Column("scale", "prior SD", lambda scale: trimmed(scale, 3)): found.scale,
-        Column("times_better", "times better", lambda x: number(x, 2) if x else NONE):
+        Column("scale", "prior SD", lambda scale: tables.trimmed(scale, 3)): found.scale,
+        Column("times_better", "times better", lambda x: tables.number(x, 2) if x else tables.NONE):
             found.scale / found.standard_error,
         Column("remark", " ", words=True): [
             ", ".join(["not determined"] * (not told) + ["at bound"] * bool(at_bound))
@@ -189,10 +171,10 @@ def information_section(found: Information) -> Section:
     """What the data determine and what not, with the spectrum and the correlations."""
     text = [prose("curvature"), *stiff_words(found), *sloppy_words(found)]
     if np.isfinite(found.condition_number):
-        ratio = number(float(np.sqrt(found.condition_number)), 2)
+        ratio = tables.number(float(np.sqrt(found.condition_number)), 2)
         text.append(
             f"The best-determined combination of parameters is known {ratio} times better than "
-            f"the worst (condition number {number(found.condition_number, 2)})."
+            f"the worst (condition number {tables.number(found.condition_number, 2)})."
         )
     return Section("What the data determine by curvature", [*text, *information_notes(found)],
                    drawings=["spectrum", "correlation"], printed=True)  # fmt: skip
@@ -207,8 +189,7 @@ def information_notes(found: Information) -> list[str]:
             f"{free - found.data} combinations stay unknown whatever was measured. Fix parameters "
             "or measure more."
         )
-    bound = [name for name, on in zip(found.names, found.at_bound, strict=True) if on]
-    if bound:
+    if bound := [name for name, on in zip(found.names, found.at_bound, strict=True) if on]:
         notes.append(f"On a bound and held there: {', '.join(bound)}.")
     if found.lost:
         poses = "1 pose counts" if found.lost == 1 else f"{found.lost} poses count"
@@ -237,16 +218,16 @@ def _rivals(found: Information, row: int) -> str:
     part = np.abs(least) * np.linalg.norm(rest, axis=0)
     order = [i for i in np.argsort(-part)[:_MOST] if part[i] >= 0.5 * part.max()]
     who = joined([plain(found.names[int(others[i])]) for i in order])
-    verb = "compensate" if len(order) > 1 else "compensates"
     percent = 100.0 * (1.0 - left)
     much = "exactly" if left < _EXACT else f"to {percent:{'.0f' if percent < 99 else '.4g'}} %"
-    return f"{who} {verb} it {much}"
+    return f"{who} compensate{'s' * (len(order) == 1)} it {much}"
 
 
-def _named(vector: np.ndarray) -> list[int]:
-    """The components worth naming, largest first."""
+def _named(vector: np.ndarray) -> tuple[list[int], np.ndarray]:
+    """The components worth naming, largest first, and the vector without all others."""
     order = np.argsort(-np.abs(vector), kind="stable")[:_MOST]
-    return [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]
+    rows = [int(row) for row in order if abs(vector[row]) >= _NAMED * np.abs(vector).max()]
+    return rows, np.where(np.isin(np.arange(len(vector)), rows), vector, 0.0)
 
 
 @styled
@@ -257,12 +238,10 @@ def spectrum_figure(found: Information) -> Figure:
     vectors, better = found.eigenvectors[free], np.sqrt(found.eigenvalues)
     n = len(names)
     if not n:
-        figure, panels = grid(1, 1, 0.8, width=5.0, left=0.1, top=0.1, bottom=0.1)
-        panels[0, 0].set_axis_off()
+        figure, _ = grid(1, 1, 0.8, width=5.0, left=0.1, top=0.1, bottom=0.1, shown=0)
         figure.text(0.5, 0.5, "Every parameter is on a bound: nothing is free.", ha="center")
         return figure
-    cell = min(0.44, 6.0 / max(n, 1))
-    left, right = 0.062 * max(map(len, names), default=8) + 0.15, 1.0
+    cell, left, right = min(0.44, 6.0 / n), 0.062 * max(map(len, names)) + 0.15, 1.0
     wide, tall = max(left + cell * n, left + 3.4) + right, cell * n
     figure, ((top,), (table,)) = grid(2, 1, tall + 2.34, width=wide, left=left,
                                       right=wide - left - tall, top=0.32, bottom=0.55,
@@ -281,7 +260,7 @@ def spectrum_figure(found: Information) -> Figure:
     top.axhline(1.0, color=GREY, linewidth=0.8)
     top.annotate("no better than\nthe prior", (n, 1.0), (4, 0), textcoords="offset points",
                  va="center", fontsize=7, color=GREY)  # fmt: skip
-    most = max(better.max(initial=1.0), 2.0)
+    most = max(better.max(), 2.0)
     # Room for the number above the longest bar.
     top.set(yscale="log", ylim=(floor, most * (most / floor) ** 0.16), xlim=(0, n), xticks=[],
             title="Prior SD over standard error, for each combination of parameters")  # fmt: skip

@@ -12,7 +12,7 @@ from kneejax.joints import FEWEST_SUBJECTS, MEASURED, MEASURES, Comparison
 from kneejax.report.look.colours import BLACK, GREY, PARTS, VERMILLION
 from kneejax.report.look.page import Answer, Drawing, Section, prose
 from kneejax.report.look.style import WIDTH, Axes, Figure, styled, verbatim
-from kneejax.report.look.tables import NONE, Column, Table
+from kneejax.report.look.tables import NONE, Column, Table, runs
 from kneejax.report.panels import grid
 
 _NAMES = {"ML": "Medial-lateral", "AP": "Anterior-posterior", "CD": "Distraction",
@@ -83,7 +83,6 @@ def _draw_subjects(axes: Axes, flexion_deg, curves, shown, found: Comparison, ro
         axes.plot(shown[i, kept], found.measured[i, kept, row], **dots)
 
 
-_COLUMNS = tuple(one.column for one in MEASURES)
 #: More flexions than these are not listed on a screen.
 _MOST_ROWS = 12
 _MOST_LISTED = 6
@@ -112,24 +111,24 @@ def comparison_answer(
         The answer; its tables are summary, differences, predictions and, where there are any,
         tests (paper 5, Tables 1 to 5 and supplement).
     """
-    count = len(found.measured)
-    head = (f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
-            f"{int(found.compared.sum())} of them compared; "
-            + ", ".join(f"{one.name}: {one.meaning}" for one in MEASURES))
-    drawings = {}
+    count, drawings = len(found.measured), {}
     if curves is not None:
         drawings["joints"] = Drawing(joint_comparison_figure, found, curve_flexion_deg, curves,
                                      subject_flexion_deg)  # fmt: skip
-    notes, gaps = [*comparison_notes(found)], [*comparison_doubts(found)]
-    doubts = [*doubts, *gaps]
-    motions, differences = [*_motions(found)], [*_differences(found)]
-    errors = _errors(found)
+    notes, doubts = [*comparison_notes(found)], [*doubts, *comparison_doubts(found)]
+    errors = []
+    for one in found.predictions:
+        both = [f"{_text(a)} ({_text(b)})" for a, b in zip(one.r2, one.adjusted_r2, strict=True)]
+        errors += [[f"{one.model}: RMSE", *map(_text, one.rmse)], [f"{one.model}: R2", *both]]
     return Answer(
-        title=f"{', '.join(found.models)}: against measured motion", asked=head + ".",
-        sentence=_closest(found), tables=comparison_tables(found), main=[errors], drawings=drawings,
-        doubts=doubts,
-        sections=[Section("Measured minus modelled", tables=differences, printed=True),
-                  Section("Each motion", tables=motions, printed=True),
+        title=f"{', '.join(found.models)}: against measured motion",
+        asked=f"{count} subject{'s' * (count != 1)}, {len(found.flexion_deg)} flexions, "
+        f"{int(found.compared.sum())} of them compared; "
+        f"{', '.join(f'{one.name}: {one.meaning}' for one in MEASURES)}.",
+        sentence=_closest(found), tables=comparison_tables(found), drawings=drawings,
+        main=[_people("R2 (adjusted), and root mean square error (RMSE)", errors)], doubts=doubts,
+        sections=[Section("Measured minus modelled", tables=[*_differences(found)], printed=True),
+                  Section("Each motion", tables=[*_motions(found)], printed=True),
                   Section("How the numbers were made", notes, printed=True)],
         document=_document(found, settings or {}, notes, doubts),
     )
@@ -141,29 +140,29 @@ def comparison_tables(found: Comparison) -> dict[str, Table]:
     Args:
         found: the comparison.
     """
-    summary = [[one.motion, condition, *_beside(one.mean[i], one.sd[i])] for one in found.summaries
-               for i, condition in enumerate(one.conditions)]  # fmt: skip
-    differences = [[one.first, one.second, condition, *_beside(one.mean[i], one.standard_error[i])]
-                   for one in found.differences for i, condition in enumerate(one.conditions)]
+    # Of each measure the mean, and beside it its spread.
+    summary = [[one.motion, condition, *np.ravel([one.mean[i], one.sd[i]], "F")]
+               for one in found.summaries for i, condition in enumerate(one.conditions)]
+    differences = [
+        [one.first, one.second, condition, *np.ravel([one.mean[i], one.standard_error[i]], "F")]
+        for one in found.differences for i, condition in enumerate(one.conditions)
+    ]  # fmt: skip
     predictions = [
         [one.model, measure.name, measure.unit, one.points, *numbers]
         for one in found.predictions
         for measure, *numbers in zip(MEASURES, one.r2, one.adjusted_r2, one.rmse, strict=True)
     ]
-    spread = {x: [f"{c}_{y}" for c in _COLUMNS for y in ("mean", x)] for x in ("sd", "se")}
+    spread = {x: [f"{one.column}_{y}" for one in MEASURES for y in ("mean", x)]
+              for x in ("sd", "se")}  # fmt: skip
+    of_models = ("model", "measure", "unit", "points", "r2", "adjusted_r2", "rmse")
     made = {
-        "summary": (("motion", "condition", *spread["sd"]), summary),
-        "differences": (("first", "second", "condition", *spread["se"]), differences),
-        "predictions": (("model", "measure", "unit", "points", "r2", "adjusted_r2", "rmse"),
-                        predictions),
-    }  # fmt: skip
+        "summary": Table.plain(("motion", "condition", *spread["sd"]), summary),
+        "differences": Table.plain(("first", "second", "condition", *spread["se"]), differences),
+        "predictions": Table.plain(of_models, predictions),
+    }
     if found.tests:
-        made["tests"] = (_TEST_COLUMNS, [*_test_rows(found)])
-    return {name: Table([*map(Column, names)], rows) for name, (names, rows) in made.items()}
-
-
-def _beside(first: np.ndarray, second: np.ndarray) -> list[float]:
-    return [x for pair in zip(first, second, strict=True) for x in pair]
+        made["tests"] = Table.plain(_TEST_COLUMNS, [*_test_rows(found)])
+    return made
 
 
 def _test_rows(found: Comparison) -> Iterator[list[Any]]:
@@ -184,7 +183,12 @@ def comparison_notes(found: Comparison) -> Iterator[str]:
     """Sentences on which poses the numbers are of, and what they mean."""
     subjects, alpha = len(found.measured), found.alpha
     if not found.compared.all():
-        yield prose("joints.left_out", angles=_left_out(found.flexion_deg, found.compared))
+        order = np.argsort(found.flexion_deg, kind="stable")
+        flexion, rows = found.flexion_deg[order], np.flatnonzero(~found.compared[order])
+        # Of many, neighbours as a range.
+        ends = (flexion[[*ends]] for ends in runs(rows, int(len(rows) > _MOST_LISTED)))
+        said = (f"{a:g}" if a == b else f"{a:.1f} to {b:.1f}" for a, b in ends)
+        yield prose("joints.left_out", angles=", ".join(said))
     yield prose("joints.r2")
     if found.tests:
         interval = f"{100.0 * (1.0 - alpha):g}"
@@ -203,17 +207,6 @@ def comparison_doubts(found: Comparison) -> Iterator[str]:
         yield prose("joints.undefined", lost=found.undefined, count=len(found.tests))
 
 
-def _left_out(flexion: np.ndarray, compared: np.ndarray) -> str:
-    """Flexions that are not compared; of many, neighbours as a range."""
-    order = np.argsort(flexion, kind="stable")
-    rows = np.flatnonzero(~compared[order])
-    if len(rows) <= _MOST_LISTED:
-        return ", ".join(f"{x:g}" for x in flexion[order][rows])
-    runs = np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1)
-    ends = [flexion[order][[run[0], run[-1]]] for run in runs]
-    return ", ".join(f"{a:g}" if a == b else f"{a:.1f} to {b:.1f}" for a, b in ends)
-
-
 def _closest(found: Comparison) -> str:
     """The model with the least error in most measures, and its errors."""
     errors = np.array([one.rmse for one in found.predictions])
@@ -224,8 +217,8 @@ def _closest(found: Comparison) -> str:
     one = found.predictions[int(wins.argmax())]
     sizes = zip(MEASURES, one.rmse, strict=True)
     rmse = ", ".join(f"{m.name} {_text(x)} {m.unit}" for m, x in sizes)
-    closest = f"{one.model} has the least RMSE in {wins.max()} of {len(MEASURES)} measures: "
-    return (closest if len(errors) > 1 else f"RMSE of {one.model}: ") + rmse + "."
+    closest = f"{one.model} has the least RMSE in {wins.max()} of {len(MEASURES)} measures"
+    return f"{closest if len(errors) > 1 else f'RMSE of {one.model}'}: {rmse}."
 
 
 def _people(title: str, rows: Sequence[Sequence[str]]) -> Table:
@@ -264,15 +257,6 @@ def _differences(found: Comparison) -> Iterator[Table]:
                 cells[k] += "*" if p <= found.alpha else " "
             rows.append([one.conditions[i], *cells])
         yield _people(f"{one.first} - {one.second}{spread}", rows)
-
-
-def _errors(found: Comparison) -> Table:
-    """R2 and root mean square errors, a row each for every model."""
-    rows = []
-    for one in found.predictions:
-        both = [f"{_text(a)} ({_text(b)})" for a, b in zip(one.r2, one.adjusted_r2, strict=True)]
-        rows += [[f"{one.model}: RMSE", *(_text(x) for x in one.rmse)], [f"{one.model}: R2", *both]]
-    return _people("R2 (adjusted), and root mean square error (RMSE)", rows)
 
 
 def _with_spread(mean: np.ndarray, spread: np.ndarray, words: str) -> list[str]:

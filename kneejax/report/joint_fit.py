@@ -16,7 +16,7 @@ from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import WIDTH, Figure, styled, verbatim
 from kneejax.report.look.tables import Column, Table
 from kneejax.report.panels import coordinate_panels, figure_legend, grid, part_legend
-from kneejax.report.pose_tables import pose_columns
+from kneejax.report.pose_tables import along, pose_columns
 from kneejax.statics import Status
 
 _MOST_POINTS = 4000
@@ -37,40 +37,33 @@ def joint_axes_figure(
     axes: CondyleAxes | None = None,
 ) -> Figure:
     """The axes of a joint in the femur, seen from three sides."""
-    cloud = None if points is None else np.asarray(points, float)
+    cloud = np.zeros((0, 3)) if points is None else np.asarray(points, float)
     # All axis points, and of the femur what lies near them.
-    shown = np.asarray(moving.femoral).reshape(-1, 3)
-    if hinge is not None:
-        shown = np.concatenate([shown, np.asarray(hinge.femoral).reshape(-1, 3)])
+    joints = [moving] if hinge is None else [moving, hinge]
+    shown = np.concatenate([np.asarray(one.femoral).reshape(-1, 3) for one in joints])
     low, high = shown.min(axis=0) - 8.0, shown.max(axis=0) + 8.0
-    if cloud is not None:
-        near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(1)]
-        if len(near):
-            low = np.minimum(low, near.min(axis=0) - 3.0)
-            high = np.maximum(high, near.max(axis=0) + 3.0)
+    near = cloud[(np.abs(cloud - 0.5 * (low + high)) < 0.5 * (high - low) + _MARGIN_MM).all(axis=1)]
+    low = np.minimum(low, near.min(axis=0, initial=np.inf) - 3.0)
+    high = np.maximum(high, near.max(axis=0, initial=-np.inf) + 3.0)
     span = high - low
     widths = [span[across] for _, across, *_ in _VIEWS]
-    tallest = max(span[up] for _, _, up, *_ in _VIEWS)
-    height = 1.1 + (WIDTH - 1.5) * tallest / sum(widths)
+    height = 1.1 + (WIDTH - 1.5) * max(span[up] for _, _, up, *_ in _VIEWS) / sum(widths)
     figure, (panels,) = grid(1, 3, height, constrained=True, width_ratios=widths)
-    degrees = np.rad2deg(np.asarray(moving.flexion))
-    lines = np.asarray(moving.femoral)
+    degrees, lines = np.rad2deg(np.asarray(moving.flexion)), np.asarray(moving.femoral)
     angles = np.deg2rad(np.linspace(degrees[0], degrees[-1], 31))
     between = np.asarray(moving.axis_points(angles)[0])
     handles: dict[str, object] = {}
     for panel, (title, across, up, *labels) in zip(panels, _VIEWS, strict=True):
-        if cloud is not None:
+        if len(cloud):
             some = cloud[:: max(1, len(cloud) // _MOST_POINTS)]
             style = {"linestyle": "none", "marker": "o", "markeredgewidth": 0, "rasterized": True}
             panel.plot(some[:, across], some[:, up], color="#C9CDD2", markersize=1.1, **style)
             for facet in axes.facets if axes is not None else ():
-                part = cloud[facet.rows]
-                panel.plot(part[:, across], part[:, up], color=_SHADES[facet.name], markersize=1.6,
-                           alpha=0.6, **style)  # fmt: skip
+                part, color = cloud[facet.rows], _SHADES[facet.name]
+                panel.plot(part[:, across], part[:, up], color=color, markersize=1.6, alpha=0.6,
+                           **style)  # fmt: skip
                 if (label := f"{facet.name} facets") not in handles:
-                    (handles[label],) = panel.plot(
-                        [], [], "o", color=_SHADES[facet.name], markersize=4
-                    )
+                    (handles[label],) = panel.plot([], [], "o", color=color, markersize=4)
         if axes is not None and across == 0:
             # Cylinders seen along the transverse axis: medial solid, lateral dotted.
             turn = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -130,10 +123,7 @@ def joint_motion_figure(
     return figure
 
 
-#: Columns of facets.csv; those that people read with heading and digits.
-_FACETS = ("side", "facet", "points", "radius_mm", "rms_mm", "center_anterior_mm",
-           "center_superior_mm", "center_lateral_mm", "center_error_mm", "direction_anterior",
-           "direction_superior", "direction_lateral", "direction_error_deg", "own_direction")
+#: Columns of facets.csv that people read, with heading and digits.
 _SHOWN = {"side": (), "facet": (), "points": ("", "d"), "radius_mm": ("radius, mm", ".1f"),
           "rms_mm": ("rms, mm", ".2f"), "center_error_mm": ("centre known to, mm", ".2f"),
           "own_direction": ()}  # fmt: skip
@@ -165,26 +155,25 @@ def joint_fit_answer(
         tables["knee_poses"] = Table.of({heads: table, "status": [one.word for one in status]})
         over = f"passive flexion of {name}, {len(known)} pose{'s' * (len(known) != 1)} from "
         over += f"{known.min():g} to {known.max():g} degrees"
-    columns = [dataclasses.replace(one, show=".3f") for one in pose_columns()[1:]]
-    errors = Table(
-        [Column("joint", " ", words=True), *columns],
-        [[one, *row] for one, row in zip((kind, "hinge"), fit.rmse.tolist(), strict=True)],
-        f"RMSE over {over}, degrees and mm",
-    )
+    columns = tuple(dataclasses.replace(one, show=".3f") for one in pose_columns()[1:])
+    errors = Table.of({Column("joint", " ", words=True): [kind, "hinge"], columns: fit.rmse},
+                      f"RMSE over {over}, degrees and mm")  # fmt: skip
     said = [f"{kind}, {fit.moving.interpolation}: calibrated at {angles} degrees.",
             f"hinge: through {hinge}, exact at {fit.poses[0, 0]:.1f} degrees."]  # fmt: skip
     sections = [Section("Axes in the femur", drawings=["axes"]),
                 Section("The joints", said, printed=True)]
     if facets is not None:
-        rows = [
-            [f.side, f.name, len(f.rows), f.cylinder.radius, f.cylinder.rms, *f.center,
-             f.cylinder.center_error, *f.cylinder.direction, f.cylinder.direction_error_deg,
-             f.turned]
-            for f in facets.facets
-        ]  # fmt: skip
-        note = "Without a direction of its own a facet has that of the transverse axis."
-        cells = dict(zip(_FACETS, zip(*rows, strict=True), strict=True))
-        tables["facets"] = Table.of(cells, note=note, show=_SHOWN)
+        own, round_ = facets.facets, [facet.cylinder for facet in facets.facets]
+        tables["facets"] = Table.of({
+            "side": [x.side for x in own], "facet": [x.name for x in own],
+            "points": [len(x.rows) for x in own], "radius_mm": [x.radius for x in round_],
+            "rms_mm": [x.rms for x in round_], along("center_{}_mm"): [x.center for x in own],
+            "center_error_mm": [x.center_error for x in round_],
+            along("direction_{}"): [x.direction for x in round_],
+            "direction_error_deg": [x.direction_error_deg for x in round_],
+            "own_direction": [x.turned for x in own],
+        }, "", "Without a direction of its own a facet has that of the transverse axis.",
+           show=_SHOWN)  # fmt: skip
         sections.append(Section("Facets of the condyles", [regions], ["facets"], printed=True))
     dense = np.linspace(flexion.min(), flexion.max(), 241)
     worst = np.stack([np.nanmax(x, axis=1) for x in np.split(fit.rmse, [2], axis=1)], axis=1)

@@ -76,38 +76,38 @@ def surface_fit_figure(
     return figure
 
 
-#: Columns of fit_report.csv; headings and digits of those that people read.
-_FITS = ("surface", "cells_along", "cells_across", "smoothing_mm", "points_in_region", "rms_mm",
-         "max_mm", "mean_mm", "patch_mean_rms_mm", "patch_mean_max_mm", "whole_rms_mm",
-         "held_out_rms_mm")  # fmt: skip
+#: Columns of fit_report.csv that people read, with heading and digits.
 _SHOWN = {"surface": (), "rms_mm": ("rms, mm", ".3f"), "max_mm": ("at most, mm", ".3f"),
           "patch_mean_max_mm": ("worst patch, mm", ".3f"),
           "held_out_rms_mm": ("held out, mm", ".3f")}  # fmt: skip
+#: Columns of it -> how well a surface fits.
+_QUALITY = {"rms_mm": "rms", "max_mm": "maximum", "mean_mm": "mean",
+            "patch_mean_rms_mm": "patch_rms", "patch_mean_max_mm": "patch_maximum",
+            "whole_rms_mm": "everywhere_rms", "held_out_rms_mm": "held_out_rms"}  # fmt: skip
 _MISSED = "doubtful: a surface misses its target; the report says which"
 
 
 def mesh_import_answer(fits: Mapping[str, Any], findings: Sequence[str], doubtful: bool) -> Answer:
     """Contacts from meshes of cartilage (`kneejax.files.MeshImport.fits`), and what was found."""
-    rows = []
-    for name, part in fits.items():
-        q = part.quality
-        rows.append([name, *part.fit.cells, part.fit.smoothing_mm, int(part.region.sum()), q.rms,
-                     q.maximum, q.mean, q.patch_rms, q.patch_maximum, q.everywhere_rms,
-                     q.held_out_rms])
-    fits_table = Table.of(dict(zip(_FITS, zip(*rows, strict=True), strict=True)),
-                          "What the fits leave over, mm", prose("fit_report"), show=_SHOWN)
-    worst = max(rows, key=lambda row: row[5])
+    table = Table.of({
+        "surface": [*fits],
+        ("cells_along", "cells_across"): [part.fit.cells for part in fits.values()],
+        "smoothing_mm": [part.fit.smoothing_mm for part in fits.values()],
+        "points_in_region": [int(part.region.sum()) for part in fits.values()],
+        **{column: [getattr(part.quality, own) for part in fits.values()]
+           for column, own in _QUALITY.items()},
+    }, "What the fits leave over, mm", prose("fit_report"), show=_SHOWN)  # fmt: skip
+    worst = max(fits, key=lambda name: fits[name].quality.rms)
+    off = fits[worst].quality
     return Answer(
         title="Surfaces from meshes",
-        asked=f"How closely smooth surfaces follow {len(rows)} surfaces of cartilage.",
-        sentence=f"The worst, {worst[0]}, is {worst[5]:.3f} mm rms off its mesh in the contact "
-        f"region and {worst[6]:.2f} mm at most.",
-        tables={"fit_report": fits_table}, main=["fit_report"],
-        drawings={
-            "surface_fits": Drawing(surface_fit_figure,
-                                    {name: part.fit for name, part in fits.items()},
-                                    {name: part.region for name, part in fits.items()}),
-        },
+        asked=f"How closely smooth surfaces follow {len(fits)} surfaces of cartilage.",
+        sentence=f"The worst, {worst}, is {off.rms:.3f} mm rms off its mesh in the contact region "
+        f"and {off.maximum:.2f} mm at most.",
+        tables={"fit_report": table}, main=["fit_report"],
+        drawings={"surface_fits": Drawing(surface_fit_figure,
+                                          {name: part.fit for name, part in fits.items()},
+                                          {name: part.region for name, part in fits.items()})},
         doubts=[_MISSED] if doubtful else [], sections=[Section("What was found", findings)],
         text=findings,
     )
@@ -142,12 +142,10 @@ def band_import_answer(
     for bone, area in (("femur", band.femoral), ("tibia", band.tibial)):
         half = np.linalg.svd(np.asarray(area.half_axes), compute_uv=False)
         rows.append([bone, *np.asarray(area.centre), *half[:2], np.pi * half[0] * half[1]])
-    heads = ("bone", "anterior_mm", "superior_mm", "lateral_mm", "half_length_mm", "half_width_mm",
-             "area_mm2")  # fmt: skip
-    show = {"bone": ()} | {x: (x.rpartition("_")[0].replace("_", " ") + ", mm", ".1f")
-                           for x in heads[1:6]} | {"area_mm2": ("area, mm²", ".0f")}  # fmt: skip
-    areas = Table.of(dict(zip(heads, zip(*rows, strict=True), strict=True)),
-                     "Where it is attached, in each bone's frame", show=show)  # fmt: skip
+    lengths = ("anterior_mm", "superior_mm", "lateral_mm", "half_length_mm", "half_width_mm")
+    columns = [Column(name, show=".1f") for name in lengths]
+    areas = Table([Column("bone", words=True), *columns, Column("area_mm2", show=".0f")], rows,
+                  "Where it is attached, in each bone's frame")  # fmt: skip
     sections = Table.of({"along_mm": band.along_mm, "area_mm2": band.areas_mm2},
                         "Cross-sections, from the femur")  # fmt: skip
     stiffness, place = modulus_MPa * band.area_mm2, f"in place of {', '.join(replaced)}"

@@ -10,8 +10,8 @@ import numpy as np
 from kneejax.experiments import LAXITY_COLUMNS, Curves, Laxity, Mechanics, laxity
 from kneejax.geometry import COLUMNS, COORDINATES, FEMORAL, coordinate
 from kneejax.mechanics import NAMED_LOADS, Knee, load_called
+from kneejax.report import doubts as faults
 from kneejax.report import pose_tables
-from kneejax.report.doubts import pose_words, search_words, second_balance, status_doubts
 from kneejax.report.look.colours import BLUE, GREY, VERMILLION, shades
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.style import Figure, styled, verbatim
@@ -127,14 +127,14 @@ def laboratory_answer(
     # From which load to which a second balance exists, and where it lies.
     for one, other in zip(curves, second, strict=False):
         known = np.asarray(np.isfinite(other).all(axis=-1))
-        for i in np.flatnonzero(known.any(axis=1)):
+        for i in np.flatnonzero(known.any(axis=1)).tolist():
             rows = np.flatnonzero(known[i])
             k = int(rows[np.argmin(np.abs(one.part[rows]))])
-            where = second_balance(other[i, k], _femoral_poses(one)[i, k])
+            where = faults.second_balance(other[i, k], _femoral_poses(one)[i, k])
             doubts.append(
-                f"{one.test.name} at {_met(one, int(i), rows)}: a second stable balance exists, "
-                "which an intact knee comes to that is loaded first and cut then; reported is that "
-                f"of the knee that is cut first\n  at {_met(one, int(i), np.array([k]))}: {where}"
+                f"{one.test.name} at {_met(one, i, rows)}: a second stable balance exists, which "
+                "an intact knee comes to that is loaded first and cut then; reported is that of "
+                f"the knee that is cut first\n  at {_met(one, i, np.array([k]))}: {where}"
             )
     # Of poses and forces a row for each load of each flexion, by its size and by its step.
     nodes = np.concatenate([one.nodes.ravel() for one in curves])
@@ -153,10 +153,8 @@ def laboratory_answer(
     contact = _contact_tables(
         [(name, knee, curves, mechanics), *([("intact", *intact)] if intact else [])]
     )
-    one_angle = all(len(one.nodes) == 1 for one in curves)
-    above, below, heading = "laxity", "curves", "Load against displacement"
-    if one_angle:
-        above, below, heading = "curves", "laxity", "Laxity over flexion"
+    headings = {"curves": "Load against displacement", "laxity": "Laxity over flexion"}
+    above = "curves" if all(len(one.nodes) == 1 for one in curves) else "laxity"
     return Answer(
         title=f"{', '.join(one.test.name for one in curves)} of {name}",
         asked=f"{'; '.join(heads)}; at {', '.join(angles)} degrees of flexion.",
@@ -170,8 +168,8 @@ def laboratory_answer(
         main=[*shown, *contact[1:]],
         drawings={"laxity": Drawing(laxity_figure, curves, found, bands),
                   "curves": Drawing(load_figure, curves, status)},
-        picture=above, doubts=doubts, sections=[Section(heading, drawings=[below])],
-        exit_status=int(bool(doubts)),
+        picture=above, doubts=doubts, exit_status=int(bool(doubts)),
+        sections=[Section(headings[x], drawings=[x]) for x in headings if x != above],
     )  # fmt: skip
 
 
@@ -191,14 +189,12 @@ def laxity_table(curves: Curves, rows: Sequence[Laxity]) -> Table:
                Column("neutral", f"neutral, {unit}", ".2f"),
                Column("stiffness_start", f"stiffness at first, {slope}", ".2f"),
                Column("stiffness_end", f"at the end, {slope}", ".2f"), Column("status", words=True)]
-    cells = []
-    for x in rows:
-        moved = (x.range, x.positive, x.negative)
-        held = (_span(x), x.held_positive, x.held_negative)
-        cells.append(
-            [x.flexion_deg, *(moved if by_load else held), x.neutral, x.stiffness_start,
-             x.stiffness_end, "; ".join(_not_held(test, x)) or x.status.word]
-        )  # fmt: skip
+    cells = [
+        [x.flexion_deg, *((x.range, x.positive, x.negative) if by_load else
+                          (_span(x), x.held_positive, x.held_negative)), x.neutral,
+         x.stiffness_start, x.stiffness_end, "; ".join(_not_held(test, x)) or x.status.word]
+        for x in rows
+    ]  # fmt: skip
     note = f"Change of {observed} along the load's own axes{counted}, {unit}."
     if not by_load:
         note = f"For the machine's displacement: what it takes of {load.positive}, {load.unit}."
@@ -231,12 +227,12 @@ def _headline(one: Curves, rows: Sequence[Laxity]) -> str:
         return f"{one.test.name.capitalize()}: no angle without a doubt."
     by_load = one.test.displacement is None
     unit = held[0].unit if by_load else NAMED_LOADS[one.test.driven_by].unit
-    known = [(x.range if by_load else _span(x), x) for x in held]
+    known = [(x.range if by_load else _span(x), x.flexion_deg) for x in held]
     (low, at_low), (high, at_high) = (f(known, key=lambda pair: pair[0]) for f in (min, max))
     lost = len(rows) - len(held)
-    said = f"{one.test.name.capitalize()}: {high:.3g} {unit} at {at_high.flexion_deg:g} degrees"
+    said = f"{one.test.name.capitalize()}: {high:.3g} {unit} at {at_high:g} degrees"
     if len(known) > 1:
-        said += f", the most, and {low:.3g} {unit} at {at_low.flexion_deg:g}, the least"
+        said += f", the most, and {low:.3g} {unit} at {at_low:g}, the least"
     return said + (f"; {lost} of {len(rows)} angles in doubt." if lost else ".")
 
 
@@ -314,21 +310,16 @@ def _curve_words(
 ) -> list[tuple[str, ...]]:
     """What is wrong at each flexion, a text per different load, in order of its size."""
     test, motion, here = curves.test, curves.motion, _femoral_poses(curves)
+    part = np.zeros(len(motion.status))
+    part[curves.nodes] = curves.part
     full = test.full or {test.observed: test.size}
-    sizes = {name: np.zeros(len(motion.status)) for name in full}
-    for name, size in full.items():
-        sizes[name][curves.nodes] = size * curves.part
-    found = search_words(motion, sizes)
+    found = faults.search_words(motion, {name: size * part for name, size in full.items()})
     answer = []
-    for i, rows in enumerate(curves.nodes):
-        also = [found[row] for row in rows]
-        if second is not None:
-            known = np.isfinite(second[i]).all(axis=-1)
-            others = [second_balance(*x) if k else ""
-                      for k, *x in zip(known, second[i], here[i], strict=True)]  # fmt: skip
-            also = ["; ".join(filter(None, pair)) for pair in zip(also, others, strict=True)]
+    others = np.full_like(here, np.nan) if second is None else second
+    for rows, *where in zip(curves.nodes, others, here, strict=True):
+        also = faults.with_second([found[row] for row in rows], *where)
         at_rows = jax.tree.map(lambda x, rows=rows: x[rows], mechanics)
-        answer.append(pose_words(motion.knee, at_rows, also))
+        answer.append(faults.pose_words(motion.knee, at_rows, also))
     return answer
 
 
@@ -344,7 +335,7 @@ def _doubts(one: Curves, status: np.ndarray, wrong) -> Iterator[str]:
 
     words = [text for texts in wrong for text in texts]
     lost = np.where(status.ravel() == Status.BALANCED, "", words).tolist()
-    return status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
+    return faults.status_doubts(status.ravel(), lost, where, lambda i: where(np.array([i])))
 
 
 def _met(one: Curves, flexion: int, rows: np.ndarray) -> str:

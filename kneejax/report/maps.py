@@ -10,6 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
+from scipy import ndimage
 
 from kneejax.geometry import COORDINATES
 from kneejax.inference import Condition, ParameterMap
@@ -116,31 +117,25 @@ def _ends(values: np.ndarray) -> tuple[float, float] | None:
 def _filled(axes: Axes, found: ParameterMap, values: np.ndarray, limits=None):
     """Colours where they mean something, hatches elsewhere; the contour set and legend handles."""
     handles, filled = {}, None
-    shown = np.where(found.drawn & (values > 0), values, np.nan)
-    if np.isfinite(shown).any():
-        low, high = limits or (np.nanmin(shown), np.nanmax(shown))
-        levels = _levels(float(low), float(high))
-        masked = np.ma.masked_invalid(shown)
-        norm = LogNorm(levels[0], levels[-1])
-        filled = axes.contourf(found.x, found.y, masked, levels, norm=norm, cmap="viridis",
-                               extend="neither")  # fmt: skip
-        axes.contour(found.x, found.y, masked, levels, colors="white", linewidths=0.35, alpha=0.7)
-    for condition in (_FADED, *_HATCHES):
+    shown = np.ma.masked_invalid(np.where(found.drawn & (values > 0), values, np.nan))
+    if shown.count():
+        levels = _levels(*map(float, limits or (shown.min(), shown.max())))
+        filled = axes.contourf(found.x, found.y, shown, levels, cmap="viridis", extend="neither",
+                               norm=LogNorm(levels[0], levels[-1]))  # fmt: skip
+        axes.contour(found.x, found.y, shown, levels, colors="white", linewidths=0.35, alpha=0.7)
+    for condition, (hatch, label) in {_FADED: ("", _FADED_LABEL), **_HATCHES}.items():
         where = found.condition == condition
         if not where.any():
             continue
         # With the neighbours: between grid points nothing is drawn otherwise.
-        padded = np.pad(where, 1)
-        padded = where | padded[:-2, 1:-1] | padded[2:, 1:-1] | padded[1:-1, :-2] | padded[1:-1, 2:]
-        inside = np.ma.masked_where(~padded, np.ones(where.shape))
-        if condition == _FADED:
-            axes.contourf(found.x, found.y, inside, [0.5, 1.5], colors="white", alpha=0.6, zorder=2)
-            handles[_FADED_LABEL] = Patch(facecolor="#B5D5D2", edgecolor="none")
-            continue
-        hatch, label = _HATCHES[condition]
-        axes.contourf(found.x, found.y, inside, [0.5, 1.5], colors="none", hatches=[hatch],
-                      zorder=2)  # fmt: skip
-        handles[label] = Patch(facecolor="none", edgecolor="#555555", hatch=hatch)
+        beyond = np.logical_not(ndimage.binary_dilation(where))
+        inside = np.ma.masked_where(beyond, np.ones(where.shape))
+        look, key = {"colors": "white", "alpha": 0.6}, {"facecolor": "#B5D5D2", "edgecolor": "none"}
+        if hatch:
+            look = {"colors": "none", "hatches": [hatch]}
+            key = {"facecolor": "none", "edgecolor": "#555555", "hatch": hatch}
+        axes.contourf(found.x, found.y, inside, [0.5, 1.5], zorder=2, **look)
+        handles[label] = Patch(**key)
     return filled, handles
 
 
@@ -164,10 +159,8 @@ def _decade_ticks(bar: Any, limits: tuple[float, float] | None) -> None:
     levels = _levels(*limits)
     decades = [x for x in levels if abs(math.log10(x) - round(math.log10(x))) < 1e-9]
     ticks = decades if len(decades) >= 3 else list(levels)
-    if len(ticks) > 7:
-        ticks = ticks[:: -(-len(ticks) // 7)]
     along = bar.ax.xaxis if bar.orientation == "horizontal" else bar.ax.yaxis
-    bar.set_ticks(ticks)
+    bar.set_ticks(ticks[:: -(-len(ticks) // 7)])
     along.set_minor_locator(NullLocator())
     along.set_major_formatter(FuncFormatter(lambda x, _: _plain(x)))
 
@@ -177,7 +170,8 @@ def _plain(x: float) -> str:
         return f"{x:g}"
     exponent = math.floor(math.log10(x) + 1e-9)
     digit = round(x / 10.0**exponent)
-    return f"$10^{{{exponent}}}$" if digit == 1 else f"${digit}\\cdot10^{{{exponent}}}$"
+    factor = "" if digit == 1 else f"{digit}\\cdot"
+    return f"${factor}10^{{{exponent}}}$"
 
 
 def _marks(
@@ -188,17 +182,15 @@ def _marks(
     Of panels that stand close the best point belongs to the figure `above` them: on an edge the
     next panel would cut it.
     """
-    handles = {}
-    style = {"color": "white", "linestyle": "none", "clip_on": False, "zorder": 6}
-    dark = {"markeredgecolor": "black", "markeredgewidth": 0.8}
-    best = np.where(found.drawn, values, np.inf)
+    handles, best = {}, np.where(found.drawn, values, np.inf)
+    style = {"linestyle": "none", "clip_on": False, "zorder": 6, "markeredgecolor": "black",
+             "markeredgewidth": 0.8}  # fmt: skip
     edges = zip((found.x, found.y), found.start, strict=True)
     if all(line[0] <= own <= line[-1] for line, own in edges):
-        (handles[begun],) = axes.plot(*found.start, "o", markersize=5,
-                                      **{**style, **dark, "markerfacecolor": "white"})  # fmt: skip
+        (handles[begun],) = axes.plot(*found.start, "o", markersize=5, color="white", **style)
     if np.isfinite(best).any():
         row, column = np.unravel_index(np.argmin(best), best.shape)
-        looks = {"marker": "*", "markersize": 9, **style, **dark, "color": VERMILLION}
+        looks = {"marker": "*", "markersize": 9, "color": VERMILLION, **style}
         star = Line2D([found.x[column]], [found.y[row]], transform=axes.transData, **looks)
         (axes if above is None else above).add_artist(star)
         handles[_LOWEST] = star
@@ -227,11 +219,13 @@ def map_answer(
     begun: str = "start",
 ) -> Answer:
     """What maps of the objective show."""
-    lowest = lowest_table(maps, begun)
-    drawings = {}
+    drawings, rows = {}, []
     for one in maps:
         name = "map" if len(maps) == 1 else f"map-{one.names[0]}-{one.names[1]}"
         drawings[name] = Drawing(map_figure, one, begun)
+        counts = [int((one.condition == condition).sum()) for condition in Condition]
+        rows.append([*one.names, *(one.minimum or [np.nan] * 3), *one.start, one.start_objective,
+                     *counts])  # fmt: skip
     single = list(drawings)
     if len(maps) > 2:
         drawings["maps"] = Drawing(map_matrix_figure, maps, begun, more=prose("map_figure"))
@@ -239,9 +233,9 @@ def map_answer(
     empty = [one for one in maps if not one.drawn.any()]
     found = [(" and ".join(one.names), _doubt(one, begun)) for one in maps]
     doubts = [f"{pair}: {doubt}" for pair, doubt in found if doubt]
-    counted = np.concatenate([one.condition.ravel() for one in maps])
-    counts = [(one, int((counted == one).sum())) for one in Condition if one]
-    notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}" for one, n in counts if n]
+    counts = zip(*(row[-len(Condition) :] for row in rows), strict=True)
+    counts = zip(Condition, map(sum, counts), strict=True)
+    notes = [f"{n} grid point{'s' * (n > 1)}: {one.sentence}" for one, n in counts if one and n]
     if maps[0].left_out:
         doubts.append(
             f"{maps[0].left_out} measured poses count nowhere: the knee itself has no balance there"
@@ -254,12 +248,10 @@ def map_answer(
         verdict=Verdict.FAILED if len(empty) == len(maps) else
         Verdict.DOUBTFUL if doubts else Verdict.GOOD,
         sentence=" ".join(_sentence(one) for one in maps[:3] if one.drawn.any()),
-        tables={"maps": Table([Column(name) for name in _COLUMNS], [_row(one) for one in maps])},
-        main=[lowest], drawings=drawings, picture=picture, doubts=doubts,
-        sections=[
-            *[Section("Grid points that do not count", notes, printed=True)] * bool(notes),
-            *[Section("Each pair", drawings=[x for x in single if x != picture])] * (len(maps) > 1),
-        ],
+        tables={"maps": Table.plain(_COLUMNS, rows)}, main=[lowest_table(maps, begun)],
+        drawings=drawings, picture=picture, doubts=doubts,
+        sections=[Section("Grid points that do not count", notes, printed=True),
+                  Section("Each pair", drawings=[x for x in single if x != picture])],
         document={"about": dict(about), "versions": dict(versions)},
         exit_status=int(bool(empty) or any(one.left_out for one in maps)),
     )  # fmt: skip
@@ -269,13 +261,10 @@ def lowest_table(maps: Sequence[ParameterMap], begun: str = "start") -> Table:
     """Where the objective is lowest, and how well the pair is determined there."""
     rows = []
     for one in maps:
-        x, y, objective = one.minimum or (np.nan, np.nan, np.nan)
-        low = one.drawn & (one.objective <= 2.0 * objective)
-        near = low.sum() / max(one.drawn.sum(), 1)
-        rows.append(
-            [*one.names, x, y, objective, one.start_objective, near, correlation(one),
-             1.0 - one.drawn.mean()]
-        )  # fmt: skip
+        best = one.minimum or [np.nan] * 3
+        near = (one.drawn & (one.objective <= 2.0 * best[2])).sum() / max(one.drawn.sum(), 1)
+        rows.append([*one.names, *best, one.start_objective, near, correlation(one),
+                     1.0 - one.drawn.mean()])  # fmt: skip
     return Table(
         [Column("x", words=True), Column("y", words=True), Column("lowest_at_x"), Column("at_y"),
          Column("objective"), Column(f"at_the_{begun}"),
@@ -327,9 +316,3 @@ def _sentence(one: ParameterMap) -> str:
         return f"{sentence}."
     kind = "compensate each other" if abs(found) > 0.9 else "are determined apart from each other"
     return f"{sentence}; there the two {kind} (correlation {round(found, 2) + 0.0:.2f})."
-
-
-def _row(one: ParameterMap) -> list[Any]:
-    best = one.minimum or (np.nan, np.nan, np.nan)
-    counts = [int((one.condition == condition).sum()) for condition in Condition]
-    return [*one.names, *best, *one.start, one.start_objective, *counts]

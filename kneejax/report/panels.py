@@ -23,8 +23,8 @@ from kneejax.statics import Status
 DENSE = 40
 #: What an axis of flexion says; one of steps has no such ticks.
 FLEXION = "Flexion, deg"
-#: Ligaments whose force never reaches this part of the largest are left out of a drawing.
-_SMALL = 0.03
+#: Ligaments in a drawing; those whose force never reaches this part of the largest are left out.
+_MOST, _SMALL = 8, 0.03
 #: Outcomes that are marked at the bottom edge: legend entry and marker.
 _MARKS = (
     ("not balanced", tuple(s for s in Status if not s.converged), "x"),
@@ -141,20 +141,19 @@ def mark_status(
 
 def draw_ligaments(
     axes: Axes, x: np.ndarray, knee: Knee, tension: ArrayLike, *,
-    among: Sequence[str] | None = None, most: int = 8, rows: Sequence[Any] = (slice(None),),
-    columns: int = 4,
+    among: Sequence[str] | None = None, rows: Sequence[Any] = (slice(None),),
 ) -> None:  # fmt: skip
     """Draw the ligaments that carry most, the fibres of a group together."""
     forces = bundle_forces(knee, tension, among)
     size = {name: float(np.nanmax(np.abs(f), initial=0.0)) for name, f in forces.items()}
     largest, styles = max(size.values(), default=0.0), part_styles(forces)
     shown = sorted((x for x in forces if size[x] > _SMALL * largest), key=lambda x: -size[x])
-    for name in shown[:most]:
+    for name in shown[:_MOST]:
         for k, of_line in enumerate(rows):
             label = verbatim(name) if k == 0 else None
             axes.plot(x[of_line], forces[name][of_line], label=label, **styles[name])
     axes.set_ylabel("Ligament force, N")
-    legend_above(axes, columns)
+    legend_above(axes)
 
 
 def draw_named(
@@ -181,11 +180,11 @@ def legend_above(axes: Axes, columns: int = 4, size: float = 7.5) -> None:
 
 def part_legend(
     axes: Axes, drawn: Mapping[str, Any], corner: tuple[float, float], **layout: Any
-) -> None:
-    """Names and what they stand for, the upper left corner in the axes' coordinates."""
+) -> Any:
+    """Names and what they stand for, a corner, the upper left one, in the axes' coordinates."""
+    layout = {"fontsize": 7.5, "borderaxespad": 0, "loc": "upper left", **layout}
     if drawn:
-        layout = {"fontsize": 7.5, "borderaxespad": 0, **layout}
-        axes.legend([*drawn.values()], [*drawn], loc="upper left", bbox_to_anchor=corner, **layout)
+        return axes.legend([*drawn.values()], [*drawn], bbox_to_anchor=corner, **layout)
 
 
 def draw_matrix(
@@ -218,17 +217,15 @@ def colour_bar(figure: Figure, place: Axes, scale: Any, label: str):
     return bar
 
 
-def labelled(figure: Figure) -> dict[str, Any]:
-    """What has a label in the panels of a figure, once for each."""
-    drawn: dict[str, Any] = {}
-    for axes in figure.axes:
-        drawn |= zip(*axes.get_legend_handles_labels()[::-1], strict=True)
-    return drawn
+def labelled(*every: Axes) -> dict[str, Any]:
+    """What has a label in panels, once for each."""
+    pairs = (zip(*axes.get_legend_handles_labels()[::-1], strict=True) for axes in every)
+    return dict(itertools.chain(*pairs))
 
 
 def figure_legend(figure: Figure, drawn: Mapping[str, Any] | None = None, **layout: Any) -> None:
     """One legend for all panels: what is `drawn` by its name, by default what has a label."""
-    drawn = labelled(figure) if drawn is None else drawn
+    drawn = labelled(*figure.axes) if drawn is None else drawn
     layout = {"loc": "lower center", "ncols": len(drawn), **layout}
     figure.legend([*drawn.values()], [*drawn], **layout)
 

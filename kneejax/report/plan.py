@@ -29,74 +29,63 @@ def plan_answer(result: PlanResult) -> Answer:
     graft, found, free = plan.graft.name.replace("_", " "), result.optimum, ", ".join(plan.free)
     whole, corner = knees_table(result), result.octagon
     names = (*surgery.ligaments, "total")
-    octagon = Table(
-        [Column("position"), *(Column(name, show="3") for name in names)],
-        [[k + 1, *corner.distance[k], corner.total[k]] for k in range(len(corner.choices))],
-        "Strain distance by place",
-    )
+    octagon = Table.of({
+        "position": range(1, len(corner.choices) + 1),
+        tuple(Column(name, show="3") for name in names):
+            np.column_stack([corner.distance, corner.total]),
+    }, "Strain distance by place")  # fmt: skip
     tables = {"plan": whole, "octagon": octagon, "curves": curves_table(result)}
     chosen = [c.name for x in surgery.plan.bundles for c in choice_columns(surgery, x)]
     does = [c.name for c in whole.columns if c.shown and c.name not in chosen]
-    tried = [name for name, *_ in variants(result)]
-    corners = [name for name in tried if name.startswith("octagon")]
-    reconstructed = [name for name in tried if name not in corners]
+    reconstructed = ["planned", *["optimum"] * (found is not None)]
     where = part_of(whole, reconstructed, ["knee", *chosen], "Where and how tight",
-                  "From the middles of the footprints.")  # fmt: skip
-    every = [*BEFORE, *reconstructed]
-    knees = part_of(whole, every, does, "What the knee does",
-                  prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
-    exact = exactness_table(result)
+                    "From the middles of the footprints.")  # fmt: skip
+    knees = part_of(whole, [*BEFORE, *reconstructed], does, "What the knee does",
+                    prose("plan.knees", force=f"{surgery.protocol.force_N:g}"))  # fmt: skip
+    corners = [f"octagon {k + 1}" for k in range(len(corner.choices))]
     eight = part_of(whole, corners, does, "Eight places on the tibia")
-    drawings = {
-        f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
-                                   more=prose(f"plan.{one.bone}"))
-        for one in result.maps
-    }
-    places = list(drawings)
-    if result.has_front:
-        drawings["front"] = Drawing(plan_figures.front_figure, result)
-    drawings["strains"] = Drawing(plan_figures.strain_figure, result)
-    drawings["tension"] = Drawing(plan_figures.tension_figure, result)
-    first = places[0] if places else "strains"
+    maps = {f"map_{one.bone}": Drawing(plan_figures.tunnel_map_figure, result, one,
+                                       more=prose(f"plan.{one.bone}")) for one in result.maps}
+    front = {"front": Drawing(plan_figures.front_figure, result)} if result.has_front else {}
+    drawings = {**maps, **front, "strains": Drawing(plan_figures.strain_figure, result),
+                "tension": Drawing(plan_figures.tension_figure, result)}  # fmt: skip
+    first, *others = *maps, "strains"
     sought = ["No optimum was asked for."]
     if found is not None:
-        limits = {"graft": surgery.limits.graft_N, "band": surgery.limits.band_mm,
-                  "least": surgery.limits.tension_N[0], "most": surgery.limits.tension_N[1]}
+        sizes = surgery.limits.graft_N, surgery.limits.band_mm, *surgery.limits.tension_N
+        limits = zip(("graft", "band", "least", "most"), sizes, strict=True)
         ends = ", ".join(number(x, 3) for x in np.sort(found.ends))
         sought = [
-            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits.items()}),
+            prose("plan.limits", free=free, **{name: f"{x:g}" for name, x in limits}),
             f"{found.evaluations} evaluations from {len(found.starts)} starts; the least strain "
             f"distances found from the starts that were followed: {ends}.",
         ]
-    sections = [Section("How exact must a tunnel be?", tables=[exact], opened=True, printed=True),
-                Section("How the optimum was found", sought, printed=True)]  # fmt: skip
-    if places[1:]:
-        sections.append(Section("The other tunnel", drawings=places[1:]))
+    tradeoff: list[Table] = []
     if result.front is not None:
-        tables["front"] = front_table(result)
-    if result.has_front:
-        title, said = "What must be given up for what", [prose("plan.criteria")]
-        tradeoff = tradeoff_table(result)
-        sections.append(Section(title, said, [tradeoff], ["front"], printed=True))
-    if result.intervals is not None:
-        intervals = interval_table(result)
-        sections.append(Section("How well it is known", tables=[intervals], printed=True))
+        tables["front"], tradeoff = front_tables(result)
     places_words = prose("plan.octagon", apothem=f"{plan.octagon_mm:g}")
     if np.isfinite(corner.total).any():
         order = [int(k) + 1 for k in np.argsort(corner.total) if np.isfinite(corner.total[k])]
         places_words += f" Nearest to the intact knee is {order[0]}, farthest {order[-1]}."
-    sections += [
+    sections = [
+        Section("How exact must a tunnel be?", tables=[exactness_table(result)], opened=True,
+                printed=True),
+        Section("How the optimum was found", sought, printed=True),
+        Section("The other tunnel", drawings=[name for name in others if name in maps]),
+        *[Section("What must be given up for what", [prose("plan.criteria")], tradeoff, [name],
+                  printed=True) for name in front],
+        Section("How well it is known", tables=interval_tables(result), printed=True),
         Section("The tension", drawings=["tension"]),
         Section("Eight places on the tibia", [places_words], [octagon, eight],
-                ["strains"] if first != "strains" else []),
+                ["strains"] * (first != "strains")),
         Section("What was assumed", [*_assumptions(result), prose("plan.note")]),
     ]  # fmt: skip
-    facts = [("Knee", plan.own.name), ("Graft", graft)]
-    intact = surgery.laxity(surgery.before)[0]
-    for k, angle in enumerate(surgery.protocol.lachman_deg):
-        both = f"{number(result.best.laxity_mm[0, k], 2)} ({number(intact[k], 2)})"
-        facts.append((f"Laxity at {angle:g} deg, mm (intact)", both))
-    facts.append(("Largest graft force, N", number(result.best.peak_N[0], 3)))
+    laxities = zip(surgery.protocol.lachman_deg, result.best.laxity_mm[0],
+                   surgery.laxity(surgery.before)[0], strict=True)  # fmt: skip
+    facts = [("Knee", plan.own.name), ("Graft", graft),
+             *((f"Laxity at {angle:g} deg, mm (intact)", f"{number(own, 2)} ({number(intact, 2)})")
+               for angle, own, intact in laxities),
+             ("Largest graft force, N", number(result.best.peak_N[0], 3))]  # fmt: skip
     bundles = len(surgery.plan.bundles)
     asked = prose("plan.asked", knee=plan.own.name, ligament=plan.ligament, graft=graft,
                   flexion=f"{surgery.fixation_deg:g}",
@@ -170,10 +159,9 @@ def plan_doubts(result: PlanResult) -> list[str]:
         )
     if result.front is not None and not result.has_front:
         said.append("No choice was found that keeps all limits: there is no front.")
-    lost = [str(k + 1) for k, total in enumerate(result.octagon.total) if not np.isfinite(total)]
-    if lost:
-        said.append(f"No motion was found with the graft at corner {', '.join(lost)} of the "
-                    "octagon.")  # fmt: skip
+    if len(lost := 1 + np.flatnonzero(~np.isfinite(result.octagon.total))):
+        said.append(f"No motion was found with the graft at corner {', '.join(map(str, lost))} of "
+                    "the octagon.")  # fmt: skip
     return said
 
 
@@ -182,8 +170,8 @@ def plan_failed(result: PlanResult) -> bool:
     optimum misses a limit."""
     wanted = [result.planned] if result.optimum is None else [result.planned, result.best]
     lost = any(not Status(int(one.status[0])).converged for one in wanted)
-    none = result.front is not None and not result.has_front
-    return lost or none or (result.optimum is not None and not result.optimum.feasible)
+    missed = result.optimum is not None and not result.optimum.feasible
+    return lost or missed or (result.front is not None and not result.has_front)
 
 
 def plan_document(result: PlanResult, versions: dict[str, str]) -> dict[str, Any]:
@@ -267,10 +255,9 @@ def knees_table(result: PlanResult) -> Table:
     columns.append(Column("strain_distance", show="3"))
     columns.append(Column("status", show=lambda word: word.replace("_", " "), words=True))
     rows: list[list[Any]] = []
-    for row, (name, laxity) in enumerate(zip(BEFORE, surgery.laxity(before), strict=True)):
-        status = Status(int(before.status[row].max())).word
-        blank = [np.nan] * (7 * len(bundles))
-        rows.append([name, *blank, *laxity, *[np.nan] * (2 + others), status])
+    for name, status, laxity in zip(BEFORE, before.status, surgery.laxity(before), strict=True):
+        rows.append([name, *[np.nan] * (7 * len(bundles)), *laxity, *[np.nan] * (2 + others),
+                     Status(int(status.max())).word])  # fmt: skip
     for name, found, row in variants(result):
         each = found.choices[row].reshape(len(bundles), -1)
         own = [x for k in range(len(bundles))
@@ -310,37 +297,33 @@ def curves_table(result: PlanResult) -> Table:
     return Table.plain(("knee", "flexion_deg", "ligament", "strain", "tension_N"), rows)
 
 
-def front_table(result: PlanResult) -> Table:
-    """Criteria and choices of a front by strain distance; the compromise is marked."""
+def front_tables(result: PlanResult) -> tuple[Table, list[Table]]:
+    """Criteria and choices of a front by strain distance, the compromise marked; and for people its
+    ends and the compromise, where it is not empty."""
     front, surgery = result.front, result.plan.surgery
     assert front is not None
-    tests = [Column(f"laxity_{angle:g}_deg_mm") for angle in surgery.protocol.lachman_deg]
-    columns = [*tests, Column("graft_peak_N"), Column("strain_distance")]
-    columns = [dataclasses.replace(one, show="3") for one in columns]
-    columns += [one for name in surgery.plan.bundles for one in choice_columns(surgery, name)]
-    pairs = zip(front.criteria, front.outcome.choices, strict=True)
-    rows = [[*criteria, *choices, int(k == front.compromise)]
-            for k, (criteria, choices) in enumerate(pairs)]  # fmt: skip
-    return Table([*columns, Column("compromise")], rows)
-
-
-def tradeoff_table(result: PlanResult) -> Table:
-    """The ends of the front and its compromise."""
-    front, every = result.front, front_table(result)
-    assert front is not None
-    count = front.criteria.shape[1]
-    names = [one.heading.rpartition(",")[0] or one.heading for one in every.columns[:count]]
-    ends = [*zip(names, np.argmin(front.criteria, axis=0), strict=True)]
-    rows = [[name, *every.rows[k][:-1]] for name, k in (*ends, ("compromise", front.compromise))]
+    names = [f"laxity_{angle:g}_deg_mm" for angle in surgery.protocol.lachman_deg]
+    criteria = [Column(name, show="3") for name in (*names, "graft_peak_N", "strain_distance")]
+    choices = [one for name in surgery.plan.bundles for one in choice_columns(surgery, name)]
+    cells = np.hstack([front.criteria, front.outcome.choices]).tolist()
+    whole = Table([*criteria, *choices, Column("compromise")],
+                  [[*row, int(k == front.compromise)] for k, row in enumerate(cells)])  # fmt: skip
+    if not result.has_front:
+        return whole, []
+    ends = {one.heading.rpartition(",")[0] or one.heading: k
+            for one, k in zip(criteria, np.argmin(front.criteria, axis=0), strict=True)}
+    rows = [[name, *cells[k]] for name, k in (ends | {"compromise": front.compromise}).items()]
     note = prose("plan.front", count=len(front.criteria), tried=front.evaluations)
-    columns = [Column("best_in", words=True), *every.columns[:-1]]
-    return Table(columns, rows, "Best choices by criterion", note)
+    columns = [Column("best_in", words=True), *criteria, *choices]
+    return whole, [Table(columns, rows, "Best choices by criterion", note)]
 
 
-def interval_table(result: PlanResult) -> Table:
-    """Medians with 95 % intervals over the knees that a calibration leaves possible."""
+def interval_tables(result: PlanResult) -> list[Table]:
+    """Medians with 95 % intervals over the knees that a calibration leaves possible, if it is known
+    which."""
     own, surgery = result.intervals, result.plan.surgery
-    assert own is not None
+    if own is None:
+        return []
     names = [f"laxity {angle:g} deg, mm" for angle in surgery.protocol.lachman_deg]
     names += ["graft peak, N", "strain distance"]
     rows = []
@@ -356,7 +339,7 @@ def interval_table(result: PlanResult) -> Table:
     if result.plan.held:
         note += " " + prose("plan.held", names=", ".join(result.plan.held))
     columns = [Column("knee", words=True), *map(Column, names), Column("limits_kept_in")]
-    return Table(columns, rows, "Over the knees that the calibration leaves possible", note)
+    return [Table(columns, rows, "Over the knees that the calibration leaves possible", note)]
 
 
 def exactness_table(result: PlanResult) -> Table:

@@ -41,8 +41,9 @@ def tunnel_map_figure(result: PlanResult, found: TunnelMap) -> Figure:
         _map_panel(figure, axes, found, values)
         _marks(axes, result, found)
     hatched = Patch(facecolor="none", hatch="////", edgecolor=BLACK, linewidth=0)
-    figure_legend(figure, labelled(figure) | {"a limit is missed": hatched}, ncols=6, fontsize=7.5,
-                  loc="outside lower center", handlelength=1.4)  # fmt: skip
+    drawn = labelled(*figure.axes) | {"a limit is missed": hatched}
+    figure_legend(figure, drawn, ncols=6, fontsize=7.5, loc="outside lower center",
+                  handlelength=1.4)  # fmt: skip
     return figure
 
 

@@ -141,26 +141,27 @@ def bundle_forces(
             for name, fibres in bundles(knee, among).items()}  # fmt: skip
 
 
-def peak_table(knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str) -> Table:
+def peak_table(
+    knee: Knee, mechanics: Mechanics, places: ArrayLike, place: str, title: str = "Largest forces"
+) -> Table:
     """The largest force of each ligament, fibres together, and of each contact."""
-    contact, pressure = contact_forces(mechanics), np.asarray(mechanics.max_pressure)
-    parts = [(name, x, None) for name, x in bundle_forces(knee, mechanics.tension).items()]
-    parts.sort(key=lambda one: -_largest(one[1])[0])
-    highest = _largest(parts[0][1])[0] if parts else 0.0
-    parts = [one for one in parts if _largest(one[1])[0] > _SMALL * highest]
-    parts += [(x, contact[:, k], pressure[:, k]) for k, x in enumerate(knee.contact_names)]
-    rows = []
-    for name, force, peak in parts:
-        size, row = _largest(force)
-        most = None if peak is None else _largest(peak)[0]
-        rows.append([name, size, float(np.asarray(places)[row]), most])
+    parts = [(name, *largest(x), None)
+             for name, x in bundle_forces(knee, mechanics.tension).items()]  # fmt: skip
+    parts.sort(key=lambda one: -one[1])
+    parts = [one for one in parts if one[1] > _SMALL * parts[0][1]]
+    contacts = contact_forces(mechanics).T, np.asarray(mechanics.max_pressure).T
+    parts += [(name, *largest(force), largest(pressure)[0])
+              for name, force, pressure in zip(knee.contact_names, *contacts, strict=True)]
+    at = np.asarray(places)
     columns = [Column("part", words=True), Column("force_N", "at most, N", ".0f"),
                Column("place", place, "{:g}".format),
                Column("max_pressure_MPa", "peak pressure, MPa", ".2f")]  # fmt: skip
-    return Table(columns, rows, "Largest forces", "Fibres of a ligament are added.")
+    rows = [[name, size, float(at[row]), peak] for name, size, row, peak in parts]
+    return Table(columns, rows, title, "Fibres of a ligament are added.")
 
 
-def _largest(values: np.ndarray) -> tuple[float, int]:
+def largest(values: np.ndarray) -> tuple[float, int]:
+    """The largest number, and its place; NaN where there is none."""
     if not np.isfinite(values).any():
         return np.nan, 0
     row = int(np.nanargmax(values))

@@ -1,5 +1,6 @@
 """Draws from the posterior."""
 
+import itertools
 import textwrap
 from typing import Any
 
@@ -38,27 +39,25 @@ def marginals_figure(found: Posterior) -> Figure:
         name, prior = found.names[index], found.priors[index]
         axes.set_title(titles[index], fontsize=8)
         draws = found.draws[..., index].ravel()
-        centre = found.laplace_mean[index]
         deviation = float(np.sqrt(found.laplace_covariance[index, index]))
         low, high = _range(found, index)
         x = np.linspace(low, high, 400)
+        scores = (x - found.laplace_mean[index]) / deviation
+        bell, known = np.exp(-0.5 * scores**2) / (deviation * np.sqrt(2 * np.pi)), prior.density(x)
         edges = np.linspace(max(low, prior.lower), min(high, prior.upper), _BINS + 1)
         heights, *_ = axes.hist(draws, edges, density=True, color=BLUE, alpha=0.3, linewidth=0)
         axes.patches[0].set_label("posterior")
-        top = float(np.max(heights))
         if np.isfinite(deviation):
-            bell = np.exp(-0.5 * ((x - centre) / deviation) ** 2) / (deviation * np.sqrt(2 * np.pi))
             axes.plot(x, bell, "--", color=GREY, linewidth=1.0, label="normal approximation")
-            top = max(top, float(bell.max()))
-        axes.plot(x, prior.density(x), color=ORANGE, linewidth=1.1, label="prior")
+        axes.plot(x, known, color=ORANGE, linewidth=1.1, label="prior")
         if name in found.truth:
             axes.axvline(found.truth[name], color=GREEN, linewidth=1.2, label="truth")
         for bound, side in ((prior.lower, low), (prior.upper, high)):
             if low < bound < high:
                 axes.axvspan(bound, side, facecolor="none", edgecolor=GREY, hatch="////",
                              linewidth=0, label="outside the bounds")  # fmt: skip
-        axes.set(xlim=(low, high), ylim=(0.0, 1.12 * max(top, float(prior.density(x).max()))),
-                 yticks=[])  # fmt: skip
+        top = np.nanmax([np.max(heights), bell.max(), known.max()])
+        axes.set(xlim=(low, high), ylim=(0.0, 1.12 * top), yticks=[])
         axes.spines["left"].set_visible(False)
         axes.tick_params(labelsize=7)
         axes.xaxis.set_major_locator(MaxNLocator(3, min_n_ticks=2, steps=[1, 2, 5, 10]))
@@ -129,11 +128,10 @@ def pairs_figure(found: Posterior) -> Figure:
             axes.spines["left"].set_visible(False)
         else:
             value = found.correlation[row, column]
+            word = f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
             axes.set(xticks=[], yticks=[])
             axes.spines[:].set_visible(False)
-            axes.text(0.5, 0.5,
-                      f"{round(float(value), 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}"),
-                      ha="center", va="center", transform=axes.transAxes,
+            axes.text(0.5, 0.5, word, ha="center", va="center", transform=axes.transAxes,
                       fontsize=6.0 + 3.5 * abs(value), color=BLACK if abs(value) >= 0.3 else GREY)
         axes.tick_params(labelbottom=i == count - 1, labelleft=j == 0 and i > 0)
         if i == count - 1:
@@ -180,12 +178,10 @@ def predictive_figure(found: Posterior) -> Figure:
 
 
 def posterior_drawings(found: Posterior) -> dict[str, Drawing]:
-    """All figures of a posterior, with captions."""
-    drawings = {"posterior": Drawing(marginals_figure, found),
-                "predictive": Drawing(predictive_figure, found)}  # fmt: skip
-    if len(found.names) > 1:
-        drawings["posterior_pairs"] = Drawing(pairs_figure, found)
-    return drawings
+    """All figures of a posterior, with captions; pairs of several parameters."""
+    drawn = {"posterior": marginals_figure, "predictive": predictive_figure}
+    drawn |= {"posterior_pairs": pairs_figure} if len(found.names) > 1 else {}
+    return {name: Drawing(figure, found) for name, figure in drawn.items()}
 
 
 #: Above this R-hat, below this effective size, chains are not to be trusted (Vehtari et al. 2021).
@@ -217,21 +213,20 @@ def posterior_section(found: Posterior) -> Section:
 
 def posterior_doubts(result: Posterior) -> list[str]:
     """Sentences on what a reader must know before the numbers are used."""
-    said, count, names = [], result.divergent.size, result.names
+    said, count = [], result.divergent.size
     if result.unbalanced:
         said.append(prose("posterior.unbalanced", lost=result.unbalanced, count=count))
     diverged = result.divergences - result.unbalanced
     if diverged > _FEW * count:
         said.append(prose("posterior.diverged", lost=diverged, count=count))
-    if apart := [n for n, r in zip(names, result.r_hat, strict=True) if not r <= _R_HAT]:
-        said.append(prose("posterior.chains", names=", ".join(apart), r_hat=_R_HAT))
     least = np.fmin(result.effective_sample_size, result.tail_effective_sample_size)
     enough = _EFFECTIVE_PER_CHAIN * len(result.draws)
-    if few := [n for n, e in zip(names, least, strict=True) if not e >= enough]:
-        said.append(prose("posterior.few", names=", ".join(few), enough=f"{enough:.0f}"))
     spread = np.array([prior.spread for prior in result.priors])
-    if idle := [n for n, s in zip(names, result.sd > _LITTLE * spread, strict=True) if s]:
-        said.append(prose("posterior.prior", names=", ".join(idle)))
-    if (data := result.measured[:, 1:].size) < len(names):
-        said.append(prose("posterior.data", data=data, count=len(names)))
+    for kind, where in (("chains", ~(result.r_hat <= _R_HAT)), ("few", ~(least >= enough)),
+                        ("prior", result.sd > _LITTLE * spread)):  # fmt: skip
+        if names := ", ".join(itertools.compress(result.names, where)):
+            limits = {"r_hat": _R_HAT, "enough": f"{enough:.0f}"}
+            said.append(prose(f"posterior.{kind}", names=names, **limits))
+    if (data := result.measured[:, 1:].size) < len(result.names):
+        said.append(prose("posterior.data", data=data, count=len(result.names)))
     return said

@@ -11,7 +11,7 @@ from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps, versions
 from kneejax.report import sensitivity_figures as figures
 from kneejax.report.look.page import Answer, Drawing, Section, Verdict, prose
 from kneejax.report.look.style import SHOWN
-from kneejax.report.look.tables import NONE, Column, Table, listed, number, trimmed
+from kneejax.report.look.tables import NONE, Column, Table, listed, number, runs, trimmed
 from kneejax.report.pose_tables import HEADS, words_of
 from kneejax.statics import Status, converged
 from kneejax.studies import Sensitivities
@@ -175,24 +175,25 @@ def _sentence(local: LocalSensitivity, found: MotionIndices | None) -> str:
 
 def _ranked_table(local: LocalSensitivity) -> Table:
     """Parameters by their effect: of one step on each coordinate, with the flexion where it is."""
-    slopes, rows = local.largest()
-    most, cells = np.abs(slopes).argmax(axis=1), []
-    for i in _ranked(local)[1][:_MOST_ROWS]:
-        row = [local.names[i], f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip()]
-        for c in (figures.FREE_COLUMN[name] for name in SHOWN):
-            at = f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
-            row.append(at + ("*" if most[c] == i else " "))
-        cells.append(row)
-    heads = [Column(name, f"{HEADS[name]}, {COORDINATES[name].unit}") for name in SHOWN]
-    hidden = len(local.names) - len(cells)
-    return Table(
-        [Column("parameter", words=True), Column("step"), *heads],
-        cells,
-        "Effect of each parameter, the largest first",
+    (slopes, rows), order = local.largest(), _ranked(local)[1][:_MOST_ROWS]
+    most, hidden = np.abs(slopes).argmax(axis=1), len(local.names) - len(order)
+    columns: dict[Any, Any] = {
+        Column("parameter", words=True): [local.names[i] for i in order],
+        Column("step"): [f"{trimmed(local.widths[i], 3)} {local.units[i]}".strip() for i in order],
+    }
+    for name in SHOWN:
+        c, head = figures.FREE_COLUMN[name], f"{HEADS[name]}, {COORDINATES[name].unit}"
+        columns[Column(name, head)] = [
+            f"{slopes[c, i]:+.2f} at {local.flexion_deg[rows[c, i]]:3.0f}"
+            + ("*" if most[c] == i else " ")
+            for i in order
+        ]
+    return Table.of(
+        columns, "Effect of each parameter, the largest first",
         "Largest change of each coordinate when the parameter grows by a step, "
         f"{_STEP[local.scale]}, and the flexion where it occurs; * the largest of a column."
-        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""), ("step",),
-    )
+        + (f" {hidden} more in local_sensitivity.csv." if hidden else ""), spare=("step",),
+    )  # fmt: skip
 
 
 def swept_table(sweeps: Sweeps) -> Table:
@@ -201,17 +202,11 @@ def swept_table(sweeps: Sweeps) -> Table:
     at_fault = [one for one in sweeps.sweeps if (~one.sound | (one.status > 0)).any()]
     for one in at_fault[:_MOST_ROWS]:
         # Values about the knee's own at which every pose is sound.
-        sound, sound_over = np.all(one.sound, axis=1), "none"
-        at = int(np.argmin(np.abs(one.values - one.own)))
-        if sound[at]:
-            bad = np.flatnonzero(~sound)
-            first = bad[bad < at].max(initial=-1) + 1
-            last = bad[bad > at].min(initial=len(sound)) - 1
-            sound_over = f"{number(one.values[first], 3)} to {number(one.values[last], 3)}"
-        faults = (one.status == Status.OUTSIDE_REGION, np.isin(one.status, figures.OF_FIBRES),
-                  one.unphysiological | (one.status == Status.DISLOCATED),
-                  one.status == Status.UNSTABLE, ~converged(one.status))  # fmt: skip
-        rows.append([one.name, sound_over, *(int(poses.sum()) for poses in faults)])
+        at, sound_over = int(np.argmin(np.abs(one.values - one.own))), "none"
+        for ends in runs(np.flatnonzero(np.all(one.sound, axis=1))):
+            if ends[0] <= at <= ends[1]:
+                sound_over = " to ".join(number(one.values[k], 3) for k in ends)
+        rows.append([one.name, sound_over, *(int(x.sum()) for x in figures.faults_of(one))])
     poses = sum(one.status.size for one in sweeps.sweeps)
     count = f"{len(sweeps.sweeps)} parameter{'s' * (len(sweeps.sweeps) > 1)}, {poses} poses"
     hidden = len(at_fault) - len(rows)

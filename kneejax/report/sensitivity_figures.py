@@ -8,23 +8,17 @@ from matplotlib.colors import Normalize
 from matplotlib.lines import Line2D
 
 from kneejax.geometry import COORDINATES
-from kneejax.inference import LocalSensitivity, MotionIndices, Sweeps
+from kneejax.inference import LocalSensitivity, MotionIndices, Sweep, Sweeps
 from kneejax.report import panels as draw
-from kneejax.report.look.colours import (
-    BLACK,
-    BLUE,
-    GREY,
-    VERMILLION,
-    parameter_styles,
-    uniform_colours,
-)
+from kneejax.report.look import colours
+from kneejax.report.look.colours import BLUE, GREY, VERMILLION
 from kneejax.report.look.style import SHOWN, Axes, Figure, readable, styled
 from kneejax.report.look.tables import trimmed
 from kneejax.statics import Status, converged
 
 #: Free coordinate -> column of a table without flexion.
 FREE_COLUMN = {name: i - 1 for i, name in enumerate(COORDINATES)}
-OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
+_OF_FIBRES = (Status.OVERSTRETCHED, Status.WAY_FLIPPED, Status.PAST_WRAP, Status.WRAP_INSIDE)
 #: Poses that are not drawn as if they were fine: legend entry, dashes of the line, marker.
 _DOUBTFUL = {"outside fitted surfaces": ((0, (3, 1.2)), ""),
              "a fibre torn or its way wrong": ((0, (5, 1.2)), "^"),
@@ -43,6 +37,14 @@ _MOST_PARAMETERS, _MOST_ROWS = 12, 40
 _MEASURES = {"sobol": {"total_order": "total order", "first_order": "first order"},
              "morris": {"mu_star": "mean size of the effect", "sigma": "its standard deviation"}}
 _AXIS = {"sobol": "Share of the variance", "morris": "Change over a parameter's range"}
+
+
+def faults_of(sweep: Sweep) -> tuple[np.ndarray, ...]:
+    """Poses outside fitted surfaces, with a fibre torn or its way wrong, not those of a knee,
+    unstable, and without a balance."""
+    strange = sweep.unphysiological | (sweep.status == Status.DISLOCATED)
+    return (sweep.status == Status.OUTSIDE_REGION, np.isin(sweep.status, _OF_FIBRES), strange,
+            sweep.status == Status.UNSTABLE, ~converged(sweep.status))  # fmt: skip
 
 
 @styled
@@ -64,15 +66,12 @@ def sweep_figure(
     """
     sweep, flexion = sweeps[name], sweeps.flexion_deg
     figure, panels, words = draw.coordinate_panels(flexion)
-    scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), uniform_colours())
+    scale = ScalarMappable(Normalize(sweep.values[0], sweep.values[-1]), colours.uniform_colours())
     handles: dict[str, Any] = {}
     # Legend entry -> poses, the worst that applies to each.
-    nowhere = ~converged(sweep.status)
-    unstable = sweep.status == Status.UNSTABLE
-    strange = (sweep.unphysiological | (sweep.status == Status.DISLOCATED)) & ~unstable & ~nowhere
-    outside = (sweep.status == Status.OUTSIDE_REGION) & ~strange
-    of_fibres = np.isin(sweep.status, OF_FIBRES) & ~strange
-    kinds = (outside, of_fibres, strange, unstable, nowhere)
+    outside, of_fibres, strange, unstable, nowhere = faults_of(sweep)
+    strange &= ~unstable & ~nowhere
+    kinds = (outside & ~strange, of_fibres & ~strange, strange, unstable, nowhere)
     faults = dict(zip((*_DOUBTFUL, _NOWHERE), kinds, strict=True))
     lost, fine = nowhere.any(axis=0), ~np.any(kinds, axis=0)
     given = "measured, moved onto the knee itself" if moved else "measured"
@@ -141,7 +140,7 @@ def local_curves_figure(local: LocalSensitivity) -> Figure:
     """
     figure, panels, words = draw.coordinate_panels(local.flexion_deg)
     shown = _largest_shares(local.largest()[0], _MOST_PARAMETERS)
-    styles = parameter_styles([local.names[i] for i in shown])
+    styles = colours.parameter_styles([local.names[i] for i in shown])
     drawn, marks = {}, {}
     for coordinate, axes in panels.items():
         axes.set_title(f"{COORDINATES[coordinate].axis_label} {_PER[local.scale]}")
@@ -182,13 +181,13 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     if len(flexion) > 1:
         edges = np.r_[2 * flexion[0] - middle[0], middle, 2 * flexion[-1] - middle[-1]]
     names = [readable(local.names[i]) for i in shown]
-    colours: dict[str, Any] = {}
+    scales: dict[str, Any] = {}
     for coordinate, axes in panels.items():
         unit = COORDINATES[coordinate].unit
         alike = [FREE_COLUMN[c] for c in SHOWN if COORDINATES[c].unit == unit]
         limit = float(np.nan_to_num(np.abs(local.scaled[:, alike])).max()) or 1.0
         slopes = local.scaled[:, FREE_COLUMN[coordinate], shown].T
-        colours[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
+        scales[unit] = axes.pcolormesh(edges, np.arange(rows + 1), slopes, cmap="RdBu_r",
                                         vmin=-limit, vmax=limit)  # fmt: skip
         for i in np.flatnonzero(np.isnan(slopes).all(axis=0)):
             axes.fill_between(edges[i : i + 2], 0, rows, facecolor="none", edgecolor=GREY,
@@ -200,7 +199,7 @@ def local_heatmap_figure(local: LocalSensitivity) -> Figure:
     inch = 1 / (height * words.get_position().height)
     for place, unit, kind in ((0.4, "mm", "translations, mm"), (0.95, "deg", "rotations, deg")):
         at = words.inset_axes((0.05, 1 - place * inch, 0.9, 0.13 * inch))
-        draw.colour_bar(figure, at, colours[unit], f"{kind} {_PER[local.scale]}")
+        draw.colour_bar(figure, at, scales[unit], f"{kind} {_PER[local.scale]}")
     if len(local.names) > rows:
         note = f"{len(local.names) - rows} parameters that move\nthe knee less are not shown"
         words.text(0.05, 1 - 1.8 * inch, note, fontsize=7.5, transform=words.transAxes)
@@ -253,7 +252,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
     shown = _largest_shares(indices.measures[measure], _MOST_PARAMETERS)
     figure, panels = draw.grid(5, 1, 7.9, bottom=1.4, apart=(0, 0.4), sharex=True, sharey=sobol)
     width = 0.92 / len(shown)
-    styles = parameter_styles([indices.names[i] for i in shown])
+    styles = colours.parameter_styles([indices.names[i] for i in shown])
     for axes, name in zip(panels[:, 0], SHOWN, strict=True):
         rows = [found.row(name, angle) for angle in angles]
         for k, (i, (colour, quantity)) in enumerate(zip(shown, styles, strict=True)):
@@ -277,7 +276,7 @@ def pose_indices_figure(found: MotionIndices) -> Figure:
 
 def _interval(axes: Axes, x, y, width: float, **half: np.ndarray):
     style = {"elinewidth": width, "capsize": 2 * width, "capthick": width}
-    return axes.errorbar(x, y, **half, fmt="none", ecolor=BLACK, **style)
+    return axes.errorbar(x, y, **half, fmt="none", ecolor=colours.BLACK, **style)
 
 
 def _say_what_is_left_out(figure: Figure, found: MotionIndices) -> None:

@@ -1,5 +1,6 @@
 """What a command answers, as a person meets it: on the screen, in files and on a page."""
 
+import contextlib
 import dataclasses
 import enum
 import functools
@@ -7,6 +8,7 @@ import gc
 import json
 import math
 import os
+import re
 import time
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -90,7 +92,7 @@ class Answer:
         picture: name of the figure that shows the answer, the first by default; empty for none.
         doubts: sentences on what to doubt; none if there is nothing.
         facts: a few numbers under their names, at the head of the page.
-        sections: in order.
+        sections: in order; those without text, tables and drawings are left out.
         text: sentences that a terminal shows in the place of tables and sections.
         document: what `result.json` holds; None for no such file.
         exit_status: of the command, by default 0 of a good answer, otherwise 1.
@@ -129,12 +131,12 @@ class Answer:
     exit_status: int | None = None
 
     def __post_init__(self):
-        doubtful = Verdict.DOUBTFUL if self.doubts else Verdict.GOOD
-        verdict, first = self.verdict or doubtful, next(iter(self.drawings), "")
-        status = int(verdict is not Verdict.GOOD)
-        for name, usual in (("verdict", verdict), ("picture", first), ("exit_status", status)):
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, usual)
+        verdict = self.verdict or (Verdict.DOUBTFUL if self.doubts else Verdict.GOOD)
+        usual = {"verdict": verdict, "picture": next(iter(self.drawings), ""),
+                 "exit_status": int(verdict is not Verdict.GOOD)}  # fmt: skip
+        filled = [one for one in self.sections if one.text or one.tables or one.drawings]
+        known = {name: x for name in usual if (x := getattr(self, name)) is not None}
+        vars(self).update({**usual, **known, "sections": filled})
 
     def page(
         self, pictures: Mapping[str, str], settings: Mapping[str, Any] | None = None,
@@ -151,12 +153,13 @@ class Answer:
         Returns:
             An HTML document.
         """
-        asked_again = [(name, as_setting(value))
-                       for name, value in json_safe(dict(settings or {})).items()]  # fmt: skip
-        lasted = [(name, number(value, 3)) for name, value in (seconds or {}).items()]
+        asked_again = json_safe(dict(settings or {}))
         return _environment().get_template("answer.html.j2").render(
-            answer=self, pictures=pictures, table=self._table, settings=asked_again,
-            versions=list((versions or {}).items()), seconds=lasted,
+            answer=self, pictures=pictures,
+            table=lambda one: self.tables[one] if isinstance(one, str) else one,
+            settings=[(name, as_setting(value)) for name, value in asked_again.items()],
+            versions=list((versions or {}).items()),
+            seconds=[(name, number(value, 3)) for name, value in (seconds or {}).items()],
         )  # fmt: skip
 
     def terminal(self) -> str:
@@ -176,9 +179,6 @@ class Answer:
     def json(self) -> str:
         """The text of `result.json`."""
         return json.dumps(json_safe(dict(self.document or {})), indent=1) + "\n"
-
-    def _table(self, one: str | Table) -> Table:
-        return self.tables[one] if isinstance(one, str) else one
 
 
 def write_page(
@@ -246,27 +246,17 @@ def _prose() -> dict[str, str]:
 
 def minus(text: str) -> str:
     """A number, or limits in words, with a minus where a hyphen would be too short."""
-    words = text.split()
-    numbers = [word for word in words if _is_number(word)]
-    if numbers and all(_is_number(w) or w in ("above", "below", "to") for w in words):
-        return text.replace("-", "\u2212")
+    words = [word for word in text.split() if word not in ("above", "below", "to")]
+    with contextlib.suppress(ValueError):
+        if words and not any(math.isnan(float(word)) for word in words):
+            return text.replace("-", "\u2212")
     return text
-
-
-def _is_number(word: str) -> bool:
-    try:
-        return not math.isnan(float(word))
-    except ValueError:
-        return False
 
 
 def _width(svg: str) -> str:
     """CSS that draws an SVG no wider than it was made: its points in the page's letters."""
-    head = svg[: svg.index(">")]
-    if ' width="' not in head:
-        return ""
-    points = head.split(' width="', 1)[1].split("pt", 1)[0]
-    return f"max-width:{float(points) / 9.33:.1f}rem"
+    points = re.match(r'[^>]* width="([^"]+)pt"', svg)
+    return f"max-width:{float(points[1]) / 9.33:.1f}rem" if points else ""
 
 
 @functools.cache

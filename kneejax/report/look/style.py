@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from kneejax import _whole_files
+from kneejax._whole_files import write_whole as write_whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,23 +76,6 @@ def readable(name: str, unit: str = "") -> str:
 _DPI = 200
 #: Narrower than the font that figures are measured with, so nothing is cut.
 _FONTS = "Arial, Helvetica, 'Liberation Sans', 'DejaVu Sans', sans-serif"
-
-
-def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file so that it is never seen half written.
-
-    Args:
-        path: where; folders are made.
-        content: all of it.
-
-    Returns:
-        The path.
-
-    Raises:
-        OSError: the file cannot be written.
-    """
-    _whole_files.write_whole(path, content)
-    return path
 
 
 def picture_svg(figure: Figure, name: str) -> str:

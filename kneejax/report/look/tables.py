@@ -10,11 +10,14 @@ import math
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import PurePath
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from kneejax.quantities import quantity_of, unit_of_column
+
+_Key = TypeVar("_Key")
+_Value = TypeVar("_Value")
 
 NONE = "-"
 LINE_WIDTH = 98
@@ -31,10 +34,10 @@ def json_safe(value: Any) -> Any:
     Returns:
         Dictionaries, lists, strings, numbers, booleans and None.
     """
-    if value is None or isinstance(value, bool | str):
-        return value
     if isinstance(value, enum.Enum):
         return value.name.lower()
+    if value is None or isinstance(value, str | int):
+        return value
     if isinstance(value, Mapping):
         return {str(key): json_safe(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -43,13 +46,9 @@ def json_safe(value: Any) -> Any:
         return sorted((json_safe(item) for item in value), key=str)
     if isinstance(value, PurePath):
         return value.as_posix()
-    if isinstance(value, int):
-        return int(value)
     if isinstance(value, float):
         return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.generic) or hasattr(value, "__array__"):
-        return json_safe(np.asarray(value).tolist())
-    return str(value)
+    return json_safe(np.asarray(value).tolist()) if hasattr(value, "__array__") else str(value)
 
 
 def number(value: float, digits: int = 4) -> str:
@@ -114,6 +113,20 @@ def listed(words: Sequence[str], most: int = 12) -> str:
     if len(words) <= most:
         return ", ".join(words)
     return f"{', '.join(words[:most])} and {len(words) - most} more"
+
+
+def grouped(pairs: Iterable[tuple[_Key, _Value]]) -> dict[_Key, list[_Value]]:
+    """Values by their keys, both in the order in which they come."""
+    found: dict[_Key, list[_Value]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
+
+
+def runs(rows: np.ndarray, apart: int = 1) -> list[tuple[int, int]]:
+    """First and last of each run of rows whose neighbours are at most so far apart."""
+    parts = np.split(rows, np.flatnonzero(np.diff(rows) > apart) + 1)
+    return [(int(part[0]), int(part[-1])) for part in parts if len(part)]
 
 
 def plain(name: str) -> str:

@@ -18,7 +18,7 @@ from kneejax.numerics import imported
 from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees
 from kneejax.report.scene.scene import Scene
-from kneejax.report.scene.surfaces import grid_triangles, tube
+from kneejax.report.scene.surfaces import tube
 
 BANDS = 8
 _GHOST, _LOAD, _WORDS = "#4C78A8", "#B03A2E", 0.95
@@ -75,21 +75,17 @@ class Drawing:
         for bone, (turn, shift) in scene.places.items():
             w = np.roll(Rotation.from_matrix(turn).as_quat(), 1)
             self._keep(f"/{bone}", self._frame, wxyz=w, position=tuple(shift))
-        for i, bone in enumerate(scene.bones):
-            self._surface(scene, bone.bone, f"bone {i + 1}", bone.points_mm, bone.faces,
-                          rendering.BONE, rendering.BONE_OPACITY[bone.bone])  # fmt: skip
-        for kind, sheets, colour, opacity in (("cartilage", scene.condyles, _CONDYLE, 0.6),
-                                              ("wrap", scene.obstacles, rendering.OBSTACLE, 0.13)):
-            for i, sheet in enumerate(sheets):
-                faces = grid_triangles(*sheet.points_mm.shape[:2])
-                self._surface(scene, sheet.bone, f"{kind} {sheet.name or i + 1}", sheet.points_mm,
-                              faces, colour, opacity)  # fmt: skip
-        for plateau in scene.plateaus:
-            bands = rendering.pressure_bands(plateau, self.pressure, BANDS)
+        for i, x in enumerate(scene.bones, 1):
+            self._surface(scene, x, f"bone {i}", rendering.BONE, rendering.BONE_OPACITY[x.bone])
+        for i, x in enumerate(scene.condyles, 1):
+            self._surface(scene, x, f"cartilage {x.name or i}", _CONDYLE, 0.6)
+        for i, x in enumerate(scene.obstacles, 1):
+            self._surface(scene, x, f"wrap {x.name or i}", rendering.OBSTACLE, 0.13)
+        for x in scene.plateaus:
+            bands = rendering.pressure_bands(x, self.pressure, BANDS)
             for i, (colour, faces) in enumerate(bands):
                 own = _GROUND if colour == rendering.GROUND else colour
-                self._surface(scene, plateau.bone, f"pressure {plateau.name}/{i}",
-                              plateau.points_mm, faces, own)  # fmt: skip
+                self._surface(scene, x, f"pressure {x.name}/{i}", own, some=faces)
         many = len(scene.fibres) > rendering.FEW_FIBRES
         for i, (name, fibres) in enumerate(scene.groups.items()):
             self._ligament(name, fibres, gone, many, _SHARES[i % len(_SHARES)])
@@ -137,15 +133,17 @@ class Drawing:
                                       **props)  # fmt: skip
 
     def _surface(
-        self, scene: Scene, bone: str, name: str, points_mm: np.ndarray, faces: np.ndarray,
-        colour: str, opacity: float | None = None,
+        self, scene: Scene, part: Any, name: str, colour: str, opacity: float | None = None, *,
+        some: np.ndarray | None = None,
     ) -> None:  # fmt: skip
-        """A mesh on its bone, which moves it: its own points are sent once."""
+        """A mesh on its bone, with all or some faces; the bone moves it: its own points are sent
+        once."""
+        faces = part.faces if some is None else some
         if not len(faces):
             return
-        turn, shift = scene.places[bone]
-        name = f"/{bone}/{name}"
-        own = ((points_mm.reshape(-1, 3) - shift) @ turn).astype(np.float32)
+        turn, shift = scene.places[part.bone]
+        name = f"/{part.bone}/{name}"
+        own = ((part.points_mm.reshape(-1, 3) - shift) @ turn).astype(np.float32)
         known = self._made[name][1]["vertices"] if name in self._made else own[:0]
         if known.shape == own.shape and np.allclose(known, own, rtol=0.0, atol=_SAME_MM):
             own = known
@@ -183,8 +181,7 @@ class Drawing:
             points = scene.points_mm
             start = points.min(axis=0)
             start[2] = scene.lateral * ((scene.lateral * points[:, 2]).min() - 22.0)
-            words = ("anterior", "superior", "lateral")
-            self._ends = {word: start + 16.0 * scene.directions[word] for word in words}
+            self._ends = {word: start + 16.0 * way for word, way in scene.directions.items()}
             self._arrows_at = np.array([[start, end] for end in self._ends.values()], np.float32)
         self._keep("/axes/arrows", self._arrow, points=self._arrows_at, colors=rgb("#777777"))
         for word, end in self._ends.items():

@@ -16,10 +16,9 @@ from kneejax.report.look.colours import BLACK, GREY
 from kneejax.report.look.style import WIDTH, Axes, styled, verbatim, without_frame
 from kneejax.report.scene import rendering
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, degrees, spread
-from kneejax.report.scene.scene import Fibre, Scene
+from kneejax.report.scene.scene import Scene
 
-#: Views of `scene_figure`, and of `motion_figure` and the film.
-STILL = MOVING = ("anterior", "medial", "anteromedial, from above")
+_VIEWS = ("anterior", "medial", "anteromedial, from above")
 _MOST_LABELS = 24
 #: Colours of a film that each scale takes.
 _STEPS = 44
@@ -35,7 +34,7 @@ _KEY = 1.1
 
 
 @styled
-def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
+def scene_figure(scene: Scene, views: Sequence[str] = _VIEWS) -> Figure:
     """A knee at a pose from several sides, with its ligaments named.
 
     Args:
@@ -52,11 +51,10 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
     """
     _, limits = rendering.chosen([scene], 1)
     cameras = [rendering.camera(view, [scene]) for view in views]
-    page = _PAGE_WIDTH
     room = max(_LABELS, _LETTER * max(map(len, scene.groups), default=0))
-    scale = (page - 2 * room * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
+    scale = (_PAGE_WIDTH - 2 * room * len(views)) / sum(2 * c.half_mm[0] for c in cameras)
     tallest = max(2 * c.half_mm[1] for c in cameras) * scale
-    figure = Figure(figsize=(page, tallest + _HEAD + 0.2 + _FOOT))
+    figure = Figure(figsize=(_PAGE_WIDTH, tallest + _HEAD + 0.2 + _FOOT))
     left = 0.0
     for name, view in zip(views, cameras, strict=True):
         width, height = (2 * half * scale for half in view.half_mm)
@@ -76,7 +74,7 @@ def scene_figure(scene: Scene, views: Sequence[str] = STILL) -> Figure:
 
 
 @styled
-def scenes_figure(every: Sequence[Scene], views: Sequence[str] = MOVING, most: int = 5) -> Figure:
+def scenes_figure(every: Sequence[Scene], views: Sequence[str] = _VIEWS, most: int = 5) -> Figure:
     """A motion as small pictures: a row for each view, a column for each pose.
 
     The tibia stands still; the femur moves.
@@ -143,8 +141,7 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
     from PIL import Image
 
     shown, limits = rendering.chosen(every, most)
-    seen = rendering.camera(view, shown)
-    width = 3.8
+    seen, width = rendering.camera(view, shown), 3.8
     height = width * seen.half_mm[1] / seen.half_mm[0]
     figure = Figure(figsize=(width, height + _HEAD + _FOOT), dpi=160)
     axes = _panel(figure, 0.0, _FOOT, width, height)
@@ -159,11 +156,10 @@ def film(every: Sequence[Scene], view: str = "anteromedial, from above", most: i
         canvas.draw()
         pictures.append(Image.fromarray(np.asarray(canvas.buffer_rgba())[..., :3]))
     palette = _one_palette(pictures)
-    frames = [p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures]
-    frames += frames[-2:0:-1]
+    first, *more = (p.quantize(palette=palette, dither=Image.Dither.NONE) for p in pictures)
     stream = io.BytesIO()
-    frames[0].save(stream, format="GIF", save_all=True, append_images=frames[1:], duration=90,
-                   loop=0)  # fmt: skip
+    first.save(stream, format="GIF", save_all=True, append_images=[*more, *more[-2::-1]],
+               duration=90, loop=0)  # fmt: skip
     return stream.getvalue()
 
 
@@ -177,11 +173,8 @@ def _one_palette(pictures: list[Any]) -> Any:
     scales = [rendering.strain_colours(), colormaps[PRESSURE_COLOURS]]
     steps = [scale(np.linspace(0.0, 1.0, _STEPS))[:, :3] for scale in scales]
     fixed = np.round(255.0 * np.concatenate([np.ones((1, 3)), *steps])).astype(int).ravel()
-    some = [pictures[row] for row in spread(len(pictures), 4)]
-    width, height = some[0].size
-    strip = Image.new("RGB", (width * len(some), height))
-    for place, picture in enumerate(some):
-        strip.paste(picture, (place * width, 0))
+    some = [np.asarray(pictures[row]) for row in spread(len(pictures), 4)]
+    strip = Image.fromarray(np.concatenate(some, axis=1))
     own = strip.quantize(256 - len(fixed) // 3, kmeans=2, dither=Image.Dither.NONE).getpalette()
     palette = Image.new("P", (1, 1))
     palette.putpalette((fixed.tolist() + (own or []))[: 3 * 256])
@@ -200,8 +193,12 @@ def _name_groups(axes: Axes, scene: Scene, view: rendering.Camera) -> None:
     groups = scene.groups
     if len(groups) > _MOST_LABELS:
         return
-    target = {name: view.seen(_central(fibres)) for name, fibres in groups.items()}
-    w, h = view.half_mm
+    target, (w, h) = {}, view.half_mm
+    for name, fibres in groups.items():
+        middles = np.array([fibre.at(0.5) for fibre in fibres])
+        away = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
+        # The middle of the fibre that is nearest to the middle of all.
+        target[name] = view.seen(middles[np.argmin(np.round(away, 6))])
     order = sorted(target, key=lambda name: target[name][0])
     half = len(order) // 2
     half += len(order) % 2 and sum(target[name][0] < 0 for name in order) > half
@@ -223,22 +220,13 @@ def _apart(wanted: list[float], low: float, high: float, gap: float) -> list[flo
         >>> [round(y, 2) for y in _apart([0.0, 0.1, 5.0], -6.0, 6.0, 1.0)]
         [-0.45, 0.55, 5.0]
     """
-    order = np.argsort(wanted, kind="stable")
-    free = np.asarray(wanted, float)[order] - gap * np.arange(len(wanted))
-    # The least change that keeps them in order and apart.
-    found = isotonic_regression(free).x if len(free) else free
-    top = high - gap * max(len(wanted) - 1, 0)
-    found = np.clip(found, low, max(top, low)) + gap * np.arange(len(wanted))
-    answer = np.empty(len(wanted))
-    answer[order] = found
+    order, apart = np.argsort(wanted, kind="stable"), gap * np.arange(len(wanted))
+    answer = np.asarray(wanted, float)
+    if len(answer):
+        # The least change that keeps them in order and apart.
+        found = isotonic_regression(answer[order] - apart).x
+        answer[order] = np.clip(found, low, max(high - apart[-1], low)) + apart
     return answer.tolist()
-
-
-def _central(fibres: Sequence[Fibre]) -> np.ndarray:
-    """Middle of the fibre that is nearest to the middle of all."""
-    middles = np.array([fibre.at(0.5) for fibre in fibres])
-    away = np.linalg.norm(middles - middles.mean(axis=0), axis=1)
-    return middles[np.argmin(np.round(away, 6))]
 
 
 def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0) -> None:
@@ -246,16 +234,16 @@ def _triad(axes: Axes, scene: Scene, view: rendering.Camera, inset: float = 0.0)
     w, h = view.half_mm
     size = _TRIAD * min(w, h)
     start = np.array([-w + inset * size, -h + 0.9 * size])
-    for word in ("anterior", "superior", "lateral"):
-        flat = np.array([scene.directions[word] @ view.right, scene.directions[word] @ view.up])
-        if np.linalg.norm(flat) < 0.3:
+    arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
+    for word, way in scene.directions.items():
+        flat = np.array([way @ view.right, way @ view.up])
+        if (long := np.linalg.norm(flat)) < 0.3:
             continue
-        arrow = {"arrowstyle": "-|>", "lw": 0.8, "color": BLACK, "shrinkA": 0, "shrinkB": 0}
-        axes.annotate("", tuple(start + size * flat), tuple(start), arrowprops=arrow,
-                      annotation_clip=False)  # fmt: skip
-        beside = start + size * flat + 0.35 * size * flat / np.linalg.norm(flat)
+        end = start + size * flat
+        axes.annotate("", tuple(end), tuple(start), arrowprops=arrow, annotation_clip=False)
         ha = "center" if abs(flat[0]) < 0.5 else ("left" if flat[0] > 0 else "right")
-        axes.text(beside[0], beside[1], word[:3], ha=ha, va="center", fontsize=6.0)
+        x, y = end + 0.35 * size * flat / long
+        axes.text(x, y, word[:3], ha=ha, va="center", fontsize=6.0)
 
 
 def _ruler(axes: Axes, view: rendering.Camera) -> None:

@@ -84,11 +84,12 @@ def plateau_pressures(
     state = state_of(poses)
     count, fields = state.shape[0], []
     for name, contact in zip(knee.contact_names, knee.contacts, strict=True):
-        parts = [[np.asarray(x) for x in _field(contact, points, some)] for some in lots(state)]
-        place, pressure, area = (np.concatenate(part, axis=-1)[..., :count]
-                                 for part in zip(*parts, strict=True))  # fmt: skip
+        place, pressure, area = (
+            np.concatenate(part, axis=-1)[..., :count]
+            for part in zip(*(_field(contact, points, some) for some in lots(state)), strict=True)
+        )
         if contact.has_patch:
-            contact_point = [np.asarray(_contact_point(contact, some)) for some in lots(state)]
+            contact_point = [_contact_point(contact, some) for some in lots(state)]
             contact_point = np.concatenate(contact_point, axis=-1)[..., :count]
             pressure = _around(pressure, place, contact_point, points)
         rim = rim_of(contact.tibial, points)
@@ -108,18 +109,12 @@ def plateau_pressures(
     return tuple(fields)
 
 
-def _over_points(contact: Contact, points: tuple[int, int]) -> Contact:
-    return Contact(contact.femoral, contact.tibial, contact.youngs_modulus, contact.poisson_ratio,
-                   contact.layer_thickness, contact.onset_width, law=contact.law, form=QUADRATURE,
-                   points=points, layer_variation=contact.layer_variation, bodies=contact.bodies,
-                   ring=contact.ring)
-
-
 @eqx.filter_jit
 def _field(
     contact: Contact, points: tuple[int, int], state: State
 ) -> tuple[Array, Array, Array]:
-    contact = add_lane_axis(_over_points(contact, points))
+    own = dataclasses.replace(contact, form=QUADRATURE, points=points, damper=None)
+    contact = add_lane_axis(own)
     sampled = contact.foundation.sample(state.between(contact.bodies))
     own, depth = sampled.points, sampled.depth
     pressure = jnp.where(depth > 0, own.pressure(depth), 0.0)
@@ -139,31 +134,19 @@ def _contact_point(contact: Contact, state: State) -> Array:
 def _around(
     pressure: np.ndarray, place: np.ndarray, contact_point: np.ndarray, points: tuple[int, int]
 ) -> np.ndarray:
-    """Pressure of the patch around a contact point alone.
+    """Pressure of the patch around a contact point alone, nothing where that is not pressed.
 
     The closed form has one patch; elsewhere, mostly at the rims, the fitted surfaces may overlap
     without a meaning.
     """
-    kept = np.zeros_like(pressure)
+    kept, parts = np.zeros_like(pressure), np.empty(points, int)
     for pose in range(pressure.shape[1]):
         pressed = (np.nan_to_num(pressure[:, pose], nan=1.0) > 0).reshape(points)
         away = np.sum((place[:, :, pose] - contact_point[:, pose]) ** 2, axis=1)
-        own = _patch_at(pressed, int(np.argmin(away))).ravel()
+        ndimage.label(pressed, output=parts)
+        own = (pressed & (parts == parts.flat[int(np.argmin(away))])).ravel()
         kept[own, pose] = pressure[own, pose]
     return kept
-
-
-def _patch_at(pressed: np.ndarray, seed: int) -> np.ndarray:
-    """The part of a mask that hangs together with one of its points; nothing if that is not set.
-
-    Example:
-        >>> _patch_at(np.array([[True, True, False], [False, False, True]]), 0).astype(int)
-        array([[1, 1, 0],
-               [0, 0, 0]])
-    """
-    parts = np.empty(pressed.shape, int)
-    ndimage.label(pressed, output=parts)
-    return pressed & (parts == parts.flat[seed])
 
 
 @remembered

@@ -1,9 +1,8 @@
 """Scenes rendered."""
 
-import contextlib
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,7 +11,7 @@ from matplotlib.colors import ListedColormap, to_hex, to_rgb
 from kneejax.numerics import imported
 from kneejax.report.scene.pressure import PRESSURE_COLOURS, spread
 from kneejax.report.scene.scene import Fibre, Plateau, Scene
-from kneejax.report.scene.surfaces import grid_triangles, tube
+from kneejax.report.scene.surfaces import tube
 
 #: A slack fibre carries nothing, and fades: thin and grey. Strained ones are the redder the more.
 SLACK = "#A9ADB2"
@@ -63,12 +62,8 @@ def strain_colour(strain: float, limit: float) -> str:
         >>> strain_colour(0.05, 0.05), strain_colour(-1.0, 0.05)
         ('#b40426', '#A9ADB2')
     """
-    return SLACK if not strain > 0 else _shades()[round(255 * min(strain / limit, 1.0))]
-
-
-@functools.cache
-def _shades() -> list[str]:
-    return [to_hex(one) for one in strain_colours()(np.arange(256))]
+    share = min(strain / limit, 1.0)
+    return to_hex(strain_colours()(round(255 * share))) if strain > 0 else SLACK
 
 
 @functools.cache
@@ -116,7 +111,6 @@ class Camera:
     """A parallel view.
 
     Attributes:
-        name: of the view.
         towards: unit vector from the knee to the camera.
         right: unit vector that is to the right in the picture.
         up: likewise upwards.
@@ -124,7 +118,6 @@ class Camera:
         half_mm: half width and half height of the picture.
     """
 
-    name: str
     towards: np.ndarray
     right: np.ndarray
     up: np.ndarray
@@ -141,8 +134,7 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
     """A camera that sees all articular surfaces and fibres of some scenes of one knee."""
     if view not in VIEWS:
         raise ValueError(f"a view {view!r}; expected one of {', '.join(VIEWS)}")
-    anterior, superior, lateral = VIEWS[view]
-    towards = np.array([anterior, superior, lateral * every[0].lateral])
+    towards = np.array(VIEWS[view]) * [1.0, 1.0, every[0].lateral]
     towards /= np.linalg.norm(towards)
     right = np.cross([0.0, 1.0, 0.0], towards)
     right /= np.linalg.norm(right)
@@ -160,7 +152,7 @@ def camera(view: str, every: Sequence[Scene]) -> Camera:
             high[0] = max(high[0], min(wide[1], flat[:, 0].max() + _BONE_MM))
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     center = middle[0] * right + middle[1] * up + np.mean(points @ towards) * towards
-    return Camera(view, towards, right, up, center, (float(half[0]), float(half[1])))
+    return Camera(towards, right, up, center, (float(half[0]), float(half[1])))
 
 
 def render(
@@ -169,7 +161,8 @@ def render(
     """Draw a scene without words; raises `MissingPackage` without PyVista, and `CannotRender`."""
     pv = imported("pyvista", "PyVista", "view")  # it takes half a second and is optional
     width = max(2, round(height * view.half_mm[0] / view.half_mm[1]))
-    with _quiet():
+    # Without the remarks that VTK makes on its way from X to EGL to OSMesa.
+    with pv.vtk_verbosity("off"):
         try:
             plotter = pv.Plotter(off_screen=True, window_size=(2 * width, 2 * height),
                                  lighting=None)  # fmt: skip
@@ -190,30 +183,15 @@ def render(
 _NEEDS = "on Linux without a display it needs libEGL or libOSMesa (Debian: apt install libegl1)"
 
 
-@contextlib.contextmanager
-def _quiet() -> Iterator[None]:
-    """Without the remarks that VTK makes on its way from X to EGL to OSMesa."""
-    vtkLogger = imported("vtkmodules.vtkCommonCore", "VTK", "view").vtkLogger
-    before = vtkLogger.GetCurrentVerbosityCutoff()
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)
-    try:
-        yield
-    finally:
-        vtkLogger.SetStderrVerbosity(before)
-
-
 def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float) -> None:
     plotter.set_background("white")
     plain = {"smooth_shading": True, "specular": 0.15, "specular_power": 20,
              "show_scalar_bar": False}  # fmt: skip
-    for bone in scene.bones:
-        mesh = pv.PolyData.from_regular_faces(np.asarray(bone.points_mm, float), bone.faces)
-        plotter.add_mesh(mesh, color=BONE, opacity=BONE_OPACITY[bone.bone], **plain)
-    sheets = [(sheet, CONDYLE, 0.5) for sheet in scene.condyles]
-    sheets += [(sheet, OBSTACLE, 0.13) for sheet in scene.obstacles]
-    for sheet, colour, opacity in sheets:
-        faces = grid_triangles(*sheet.points_mm.shape[:2])
-        mesh = pv.PolyData.from_regular_faces(sheet.points_mm.reshape(-1, 3), faces)
+    sheets = [(x.points_mm, x.faces, BONE, BONE_OPACITY[x.bone]) for x in scene.bones]
+    sheets += [(x.points_mm, x.faces, CONDYLE, 0.5) for x in scene.condyles]
+    sheets += [(x.points_mm, x.faces, OBSTACLE, 0.13) for x in scene.obstacles]
+    for points, faces, colour, opacity in sheets:
+        mesh = pv.PolyData.from_regular_faces(np.reshape(points, (-1, 3)).astype(float), faces)
         plotter.add_mesh(mesh, color=colour, opacity=opacity, **plain)
     for plateau in scene.plateaus:
         mesh = pv.PolyData.from_regular_faces(plateau.points_mm.reshape(-1, 3), plateau.faces)
@@ -226,20 +204,17 @@ def _fill(pv, plotter, scene: Scene, strain_limit: float, pressure_limit: float)
 
 def _fibres(pv, scene: Scene, limit: float):
     """Tubes and balls at the ends of those that are pulled, in one mesh: that draws much faster."""
-    radius = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6
-    parts = []
+    radius, shapes = 1.1 if len(scene.fibres) <= FEW_FIBRES else 0.6, []
+    ball = {"radius": 1.4 * radius, "theta_resolution": 12, "phi_resolution": 12}
     for fibre in scene.fibres:
         points, faces = tube(fibre.points_mm, 2.0 * (0.4 if fibre.slack else 1.0) * radius, 12)
-        shapes = [(pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit))]
-        if not fibre.slack:
-            balls = (fibre.points_mm[0], fibre.points_mm[-1])
-            fine = {"theta_resolution": 12, "phi_resolution": 12}
-            shapes += [(pv.Sphere(radius=1.4 * radius, center=end, **fine), _END) for end in balls]
-        for shape, colour in shapes:
-            shape.clear_data()
-            shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
-            parts.append(shape)
-    return pv.merge(parts, merge_points=False)
+        shapes.append((pv.PolyData.from_regular_faces(points, faces), fibre_colour(fibre, limit)))
+        shapes += [(pv.Sphere(center=end, **ball), _END)
+                   for end in fibre.points_mm[[0, -1]] if not fibre.slack]  # fmt: skip
+    for shape, colour in shapes:
+        shape.clear_data()
+        shape.point_data["colour"] = np.tile(to_rgb(colour), (shape.n_points, 1))
+    return pv.merge([shape for shape, _ in shapes], merge_points=False)
 
 
 def _aim(pv, plotter, view: Camera) -> None:

@@ -5,13 +5,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, Pose, State
+from kneejax.geometry import FEMUR, TIBIA, Pose, State
 from kneejax.mechanics import Knee
+from kneejax.report.look.tables import grouped
 from kneejax.report.scene import surfaces
 from kneejax.report.scene.pressure import PlateauPressure, lateral_sign, plateau_pressures
 
-#: Bones whose meshes may be shown.
-BONES = (FEMUR, TIBIA, PATELLA)
 #: A muscle is shown as far as this beyond what else is, mm: its origin may be at the hip.
 _MUSCLE_MM = 15.0
 #: Likewise a ligament that is longer than any of the knee itself, mm: a band from the pelvis.
@@ -25,7 +24,7 @@ class BoneMesh:
     """A bone for the picture, as scanned: a left bone stays a left bone.
 
     Attributes:
-        bone: one of `BONES`, whose frame it is in.
+        bone: `femur`, `tibia` or `patella`, whose frame it is in.
         points_mm: corners, `(n, 3)`.
         faces: rows of three corners, `(m, 3)`.
     """
@@ -42,6 +41,11 @@ class Sheet:
     name: str
     bone: str
     points_mm: np.ndarray
+
+    @property
+    def faces(self) -> np.ndarray:
+        """Triangles of its points, row by row, `(k, 3)`."""
+        return surfaces.grid_triangles(*self.points_mm.shape[:2])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,10 +133,7 @@ class Scene:
     @property
     def groups(self) -> dict[str, list[Fibre]]:
         """Group -> its fibres, in the knee's order."""
-        answer: dict[str, list[Fibre]] = {}
-        for fibre in self.fibres:
-            answer.setdefault(fibre.group, []).append(fibre)
-        return answer
+        return grouped((fibre.group, fibre) for fibre in self.fibres)
 
     @property
     def points_mm(self) -> np.ndarray:
@@ -142,12 +143,9 @@ class Scene:
 
     @property
     def directions(self) -> dict[str, np.ndarray]:
-        """Anatomical word -> unit vector."""
-        lateral = np.array([0.0, 0.0, self.lateral])
-        words = {"anterior": np.array([1.0, 0.0, 0.0]), "superior": np.array([0.0, 1.0, 0.0]),
-                 "lateral": lateral}  # fmt: skip
-        opposite = {"anterior": "posterior", "superior": "inferior", "lateral": "medial"}
-        return words | {opposite[word]: -axis for word, axis in words.items()}
+        """`anterior`, `superior`, `lateral` -> unit vector."""
+        axes = np.diag([1.0, 1.0, self.lateral])
+        return dict(zip(("anterior", "superior", "lateral"), axes, strict=True))
 
 
 def scenes(
@@ -185,9 +183,9 @@ def scenes(
     state = surfaces.state_of(poses)
     places, sign = surfaces.Places.of(state), lateral_sign(knee)
     mirror = np.array([1.0, 1.0, sign])
-    condyles = [Sheet(name, FEMUR, surfaces.surface_grid(contact.femoral, points))
-                for name, contact in zip(knee.contact_names, knee.contacts, strict=True)]
-    pressures = plateau_pressures(knee, state, points) if knee.contacts else ()
+    condyles = {name: surfaces.surface_grid(contact.femoral, points)
+                for name, contact in zip(knee.contact_names, knee.contacts, strict=True)}
+    pressures = plateau_pressures(knee, state, points)
     drawn = [_to_the_rim(x.covered, x.points_mm, x.rim_mm) for x in pressures]
     courses, muscles = surfaces.ligament_lines(knee, state), surfaces.quadriceps_lines(knee, state)
     grids = surfaces.obstacles(knee, courses, places)
@@ -203,13 +201,13 @@ def scenes(
             return np.stack(ends, axis=-1) - origin[:, None], origin
 
         def pressed(field: PlateauPressure, shown) -> Plateau:
-            plateau = _at_pose(field, i, shown)
-            if field.bone == TIBIA:
-                return plateau
-            # Its points are mirrored already.
-            own = (plateau.points_mm * mirror, plateau.center_mm * mirror)
-            there, center = (seen(x, field.bone) for x in own)
-            return dataclasses.replace(plateau, points_mm=there, center_mm=center)
+            points, faces, own = shown
+            pressure = field.pressure_MPa[i].ravel()[own].reshape(field.covered.shape)
+            places = points, field.center_mm[i]
+            if field.bone != TIBIA:  # its points are mirrored already
+                places = (seen(x * mirror, field.bone) for x in places)
+            points, center = places
+            return Plateau(field.name, field.bone, points, faces, pressure, center)
 
         def line(course: surfaces.Line) -> Fibre:
             points_mm = seen(course.points_mm[:, :, i], course.bone)
@@ -222,16 +220,12 @@ def scenes(
             title=f"{knee.name}, {knee.side} knee",
             flexion_deg=float(np.rad2deg(state.tibia.flexion[i])),
             lateral=sign,
-            condyles=tuple(Sheet(x.name, FEMUR, seen(x.points_mm, FEMUR)) for x in condyles),
+            condyles=tuple(Sheet(name, FEMUR, seen(x, FEMUR)) for name, x in condyles.items()),
             plateaus=tuple(map(pressed, pressures, drawn)),
             fibres=tuple(x for x in fibres if all(x is not y for y in far)),
             obstacles=tuple(Sheet("", bone, seen(grid, bone)) for grid, bone in grids),
-            bones=tuple(
-                dataclasses.replace(
-                    mesh, points_mm=seen(np.asarray(mesh.points_mm, float) * mirror, mesh.bone)
-                )
-                for mesh in bones
-            ),
+            bones=tuple(BoneMesh(x.bone, seen(np.asarray(x.points_mm, float) * mirror, x.bone),
+                                 x.faces) for x in bones),
             places={bone: placed(bone) for bone in (FEMUR, *state.poses)},
         )
         near = _near([*far, *map(line, muscles)], scene.points_mm) if far or muscles else ()
@@ -243,14 +237,10 @@ def scenes(
 def _near(muscles: Sequence[Fibre], points_mm: np.ndarray) -> tuple[Fibre, ...]:
     """The parts of muscles and bands that are near everything else."""
     middle = points_mm.mean(axis=0)
-    reach = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
-    answer = []
-    for muscle in muscles:
-        fine = muscle.at(np.linspace(0.0, 1.0, _ALONG))
-        kept = fine[np.linalg.norm(fine - middle, axis=1) < reach]
-        if len(kept) > 1:
-            answer.append(dataclasses.replace(muscle, points_mm=kept))
-    return tuple(answer)
+    most = np.linalg.norm(points_mm - middle, axis=1).max() + _MUSCLE_MM
+    fine = [(muscle, muscle.at(np.linspace(0.0, 1.0, _ALONG))) for muscle in muscles]
+    kept = [(muscle, x[np.linalg.norm(x - middle, axis=1) < most]) for muscle, x in fine]
+    return tuple(dataclasses.replace(one, points_mm=x) for one, x in kept if len(x) > 1)
 
 
 @surfaces.remembered
@@ -278,10 +268,3 @@ def _to_the_rim(
         apart = points[outside, None] - points[inside]
         own[outside] = inside[np.argmin(np.sum(apart**2, axis=2), axis=1)]
     return points.reshape(shape), faces, own
-
-
-def _at_pose(field: PlateauPressure, row: int, drawn) -> Plateau:
-    points, faces, own = drawn
-    pressure = field.pressure_MPa[row]
-    pressure = pressure.ravel()[own].reshape(pressure.shape)
-    return Plateau(field.name, field.bone, points, faces, pressure, field.center_mm[row])

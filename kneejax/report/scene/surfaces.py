@@ -12,8 +12,8 @@ import numpy as np
 
 from kneejax import geometry
 from kneejax.geometry import FEMUR, TIBIA, Obstacle, Pose, State, Surface, Vector, WrapCylinder
-from kneejax.mechanics import QUADRICEPS, Knee, add_lane_axis
-from kneejax.mechanics.ligaments import Fibres, Ligaments
+from kneejax.mechanics import QUADRICEPS, Knee, Muscles, add_lane_axis
+from kneejax.mechanics.ligaments import Ligaments
 
 _ROUND = 48
 #: Poses that are computed together; points on a piece of a fibre that goes around an obstacle.
@@ -47,7 +47,8 @@ def surface_grid(surface: Surface, points: tuple[int, int]) -> np.ndarray:
     (a0, a1), (b0, b1) = surface.bounds()
     a, b = jnp.meshgrid(jnp.linspace(a0, a1, points[0]), jnp.linspace(b0, b1, points[1]),
                         indexing="ij")  # fmt: skip
-    return _stacked(surface.frame.placement.apply(surface.point(a, b)), a.shape)
+    point = surface.frame.placement.apply(surface.point(a, b))
+    return np.stack([np.broadcast_to(np.asarray(x), a.shape) for x in point], axis=-1)
 
 
 def grid_triangles(rows: int, columns: int) -> np.ndarray:
@@ -137,10 +138,6 @@ def _placed(frame: geometry.Frame) -> tuple[np.ndarray, np.ndarray]:
     return np.stack(ends, axis=-1) - origin[:, None], origin
 
 
-def _stacked(point, shape: tuple[int, ...]) -> np.ndarray:
-    return np.stack([np.broadcast_to(np.asarray(x), shape) for x in point], axis=-1)
-
-
 def state_of(poses: Pose | State) -> State:
     """Where all bones are at poses of the tibia, or of all bones; fields of shape `(poses,)`."""
     state = poses if isinstance(poses, State) else State({TIBIA: poses})
@@ -213,11 +210,8 @@ def ligament_lines(knee: Knee, state: State) -> list[Line]:
     fibres = knee.ligaments
     if not fibres.names:
         return []
-    lines, length, tension = _courses(fibres, state)
-    strain = length / np.asarray(fibres.slack_length)[:, None] - 1.0
     groups = {fibre: name for name, members in reversed(knee.groups) for fibre in members}
-    return [Line(name, groups.get(name, name), pair[0], lines[i], strain[i], tension[i])
-            for i, (name, pair) in enumerate(zip(fibres.names, fibres.bodies, strict=True))]
+    return _lines(fibres, state, [groups.get(name, name) for name in fibres.names])
 
 
 def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
@@ -225,42 +219,35 @@ def quadriceps_lines(knee: Knee, state: State) -> list[Line]:
     muscles = knee.muscles
     if muscles is None or not muscles.quadriceps:
         return []
-    lines, *_ = _courses(muscles, state)
-    nothing = np.zeros(state.shape)
-    return [
-        Line(muscles.names[row], QUADRICEPS, muscles.bodies[row][0], lines[row], nothing + np.nan,
-             nothing + float(muscles.tension[row]))
-        for row in muscles.quadriceps
-    ]  # fmt: skip
+    lines = _lines(muscles, state, [QUADRICEPS] * len(muscles.names))
+    return [lines[row] for row in muscles.quadriceps]
 
 
-def _courses(fibres: Fibres, state: State) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-    """Courses in their first bones' axes, each `(k, 3, poses)`; lengths, and tensions of ligaments,
-    `(fibres, poses)`."""
-    parts = [_drawn(fibres, some) for some in lots(state)]
-    count = state.shape[0]
-
-    def joined(arrays) -> np.ndarray:
-        return np.concatenate([np.asarray(x) for x in arrays], axis=-1)[..., :count]
-
-    lines = {}
-    for rows, *drawn in zip(parts[0][3], *(part[0] for part in parts), strict=True):
-        points = joined(drawn)
-        lines |= {row: points[:, :, i] for i, row in enumerate(rows)}
-    of_all = (joined(part[i] for part in parts) for i in (1, 2))
-    return [lines[row] for row in range(len(lines))], *of_all
+def _lines(fibres: Ligaments | Muscles, state: State, groups: Sequence[str]) -> list[Line]:
+    """Courses in their first bones' axes; muscles have no strain, and a tension of their own."""
+    (kinds, *_), found = zip(*(_drawn(fibres, some) for some in lots(state)), strict=True)
+    *drawn, length, tension = (
+        np.concatenate([np.asarray(x) for x in parts], axis=-1)[..., : state.shape[0]]
+        for parts in zip(*found, strict=True)
+    )
+    strain = np.full_like(length, np.nan)
+    if isinstance(fibres, Ligaments):
+        strain = length / np.asarray(fibres.slack_length)[:, None] - 1.0
+    points = {row: of_kind[:, :, i] for rows, of_kind in zip(kinds, drawn, strict=True)
+              for i, row in enumerate(rows)}  # fmt: skip
+    return [Line(name, groups[i], fibres.bodies[i][0], points[i], strain[i], tension[i])
+            for i, name in enumerate(fibres.names)]  # fmt: skip
 
 
 @eqx.filter_jit
-def _drawn(fibres: Fibres, state: State):
-    """Fibres of one kind of course together, `(k, 3, fibres, poses)`; all lengths and tensions; the
-    rows of each kind.
+def _drawn(fibres: Ligaments | Muscles, state: State):
+    """Rows of each kind of course; its fibres together, `(k, 3, fibres, poses)`, then all lengths
+    and tensions.
 
     One array a kind: each point as a result of its own would take minutes to compile.
     """
-    fibres = add_lane_axis(fibres)
-    drawn, kinds = [], fibres.kinds
-    for course in kinds:
+    fibres, drawn = add_lane_axis(fibres), []
+    for course in fibres.kinds:
         rows = np.array(course.rows)
         ends = fibres.femoral_attachment[rows], fibres.tibial_attachment[rows]
         shape = (len(rows), *state.shape)
@@ -271,8 +258,9 @@ def _drawn(fibres: Fibres, state: State):
                    for point in points]  # fmt: skip
         drawn.append(jnp.stack(stacked))
     length = fibres.length(state)
-    tension = fibres.tension_at(length) if isinstance(fibres, Ligaments) else length
-    return drawn, length, tension, [course.rows for course in kinds]
+    own = fibres.tension_at(length) if isinstance(fibres, Ligaments) else fibres.tension
+    rows = [course.rows for course in fibres.kinds]
+    return rows, [*drawn, length, jnp.broadcast_to(own, length.shape)]
 
 
 def obstacles(knee: Knee, every: Sequence[Line], places: Places) -> list[tuple[np.ndarray, str]]:
