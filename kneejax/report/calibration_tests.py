@@ -192,13 +192,11 @@ def tests_figure(calibration: Calibration) -> Figure:
 
 
 def _curve(one: FittedTest, rows: np.ndarray, name: str, load: np.ndarray):
-    """A curve from its readings, and from the pose that counts as zero."""
+    """A curve from its readings, and from the unloaded pose that counts as zero."""
     measured, fitted = (each[rows] for each in one.compared[name])
-    pose, datum = not name.endswith("_N"), one.test.counted_from
-    zero = (one.test.partner[rows] == rows) & (datum == "least_load") & pose
-    drawn = zero | np.isfinite(measured)
-    x, y = np.where(zero, 0.0, fitted)[drawn], load[rows][drawn]
-    if pose and datum == "unloaded":
+    drawn = np.isfinite(measured)
+    x, y = fitted[drawn], load[rows][drawn]
+    if one.test.counted_from == "unloaded" and not name.endswith("_N"):
         place = int(np.searchsorted(y, 0.0))
         x, y = np.insert(x, place, 0.0), np.insert(y, place, 0.0)
     return x, y

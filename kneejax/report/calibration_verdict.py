@@ -118,9 +118,9 @@ def split_warnings(calibration: Calibration) -> tuple[list[str], list[str]]:
         why = {Fault.WORSE_THAN_START: f"{change(one.against, one.rmse)} than at the start "
                f"({against}): the fit gives it up for others. The model lacks something, or the "
                "weights are wrong.",
-               Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times the stated noise "
-               f"({against}): the model lacks something, or the noise is larger; limits are too "
-               "narrow.",
+               Fault.BEYOND_NOISE: f"{number(one.rmse / one.against, 2)} times what the stated "
+               f"noise leaves ({against}): the model lacks something, or the noise is larger; "
+               "limits are too narrow.",
                Fault.LARGE: f"more than {against}. Check side, signs and frames."}[one.fault]
         error = f"{number(one.rmse, 3)} {unit}".strip()
         answer.append(f"Poor fit. {test}: RMSE {error}, {why}")

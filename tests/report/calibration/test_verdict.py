@@ -155,7 +155,7 @@ def test_a_poor_fit_says_in_which_coordinate_and_why():
     assert "POOR FIT" in text
     assert "Superior translation: RMSE 0.330 mm, 26.9 % higher than at the start (0.260 mm)" in text
     assert "Lateral translation: RMSE 8.05 mm, more than 3.00 mm. Check side, signs and fra" in text
-    assert "Adduction: RMSE 0.500 deg, 5.0 times the stated noise (0.100 deg)" in text
+    assert "Adduction: RMSE 0.500 deg, 5.0 times what the stated noise leaves (0.100 deg)" in text
     assert "Poor fit: RMSE" in verdict(calibration)
 
 
