@@ -10,8 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.experiments import passive_flexion
-from kneejax.experiments.extensor import at_rest
+from kneejax.experiments import at_rest, passive_flexion
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, ZERO, Pair, Placement, Pose, State, Vector
 from kneejax.mechanics import Knee, Wrench, add_lane_axis, ligament_law
 from kneejax.statics import converged

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.experiments import _instants, activity, lab_tests, load_curves, second_balances
 from kneejax.experiments import _motion as second
-from kneejax.experiments import activity, lab_tests, load_curves, second_balances
 from kneejax.experiments._branches import SecondBalances, changed_in_steps
-from kneejax.experiments.activity import _instants
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
 from kneejax.parameters import cut

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments.extensor import tendon_of
+from kneejax.experiments._extensor_mechanism import tendon_of
 from kneejax.geometry import COORDINATES, Pose, State
 from kneejax.mechanics import add_lane_axis, generalised_force
 from kneejax.papers.patella_on_path import PatellaOnPath, Strands, on_path

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.experiments.laboratory._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
-from kneejax.experiments.laboratory._measured_test import MeasuredTest
+from kneejax.experiments._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
+from kneejax.experiments._measured_test import MeasuredTest
 from kneejax.geometry import COORDINATES, FREE_COORDINATES, coordinate
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.numerics import WrongValue

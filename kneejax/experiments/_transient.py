@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._extensor import at_rest
 from kneejax.experiments._motion import Motion, passive_flexion
-from kneejax.experiments.extensor import at_rest
 from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, load_of
 from kneejax.numerics import Named, WrongValue
@@ -129,7 +129,7 @@ def transient(
         ValueError: times that do not rise; a column that is no coordinate; a start without balance.
 
     Example:
-        >>> from kneejax.experiments.in_time import leg_of_person
+        >>> from kneejax.experiments import leg_of_person
         >>> leg_of_person(75.0, 1.75).mass_kg.round(3).item()
         4.575
     """

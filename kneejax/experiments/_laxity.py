@@ -12,8 +12,8 @@ from kneejax.experiments._branches import (
     changed_in_steps,
     guesses,
 )
+from kneejax.experiments._curves import Curves
 from kneejax.experiments._motion import balanced_near
-from kneejax.experiments.laboratory._curves import Curves
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units
 from kneejax.mechanics import Knee, load_called
 from kneejax.numerics import Named, needs_numbers

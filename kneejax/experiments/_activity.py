@@ -10,8 +10,8 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._instants import Instants
 from kneejax.experiments._motion import Motion
-from kneejax.experiments.activity._instants import Instants
 from kneejax.geometry import (
     FEMUR_AND_TIBIA,
     FREE_COORDINATES,

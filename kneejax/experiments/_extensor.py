@@ -19,8 +19,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.experiments.extensor._mechanism import (
+from kneejax.experiments._extensor_mechanism import (
     TENDON,
     ByPull,
     Shank,
@@ -30,6 +29,7 @@ from kneejax.experiments.extensor._mechanism import (
     tendon_rows,
     weight_of,
 )
+from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.geometry import (
     FEMUR,
     FEMUR_AND_TIBIA,

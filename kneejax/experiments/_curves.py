@@ -12,8 +12,8 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._lab_test import LabTest
 from kneejax.experiments._motion import Motion, followed, passive_flexion, with_flips
-from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, table_units
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named, numpy_for

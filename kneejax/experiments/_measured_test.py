@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.experiments.laboratory._curves import Curves
+from kneejax.experiments._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
 from kneejax.numerics import WrongValue
 
 if TYPE_CHECKING:
-    from kneejax.experiments.in_time import Frames
+    from kneejax.experiments._frames import Frames
 
 #: What measured numbers are counted from -> what that means.
 COUNTED_FROM = {

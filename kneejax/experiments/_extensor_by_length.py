@@ -17,8 +17,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.experiments.extensor._extensor import (
+from kneejax.experiments._extensor import (
     Extensor,
     at_rest,
     described,
@@ -26,7 +25,8 @@ from kneejax.experiments.extensor._extensor import (
     needs_patella,
     pulled_at,
 )
-from kneejax.experiments.extensor._mechanism import Shank, weight_of
+from kneejax.experiments._extensor_mechanism import Shank, weight_of
+from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.geometry import scales
 from kneejax.mechanics import Cable, Knee, Load, add_lane_axis
 from kneejax.numerics import Named, WrongValue, compiled, lanes_for, traced
