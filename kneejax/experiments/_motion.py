@@ -347,15 +347,7 @@ def _described(knee: Knee, load_cases: LoadCases, found: Equilibrium, reached: A
     turns = np.array([coordinate(name).unit == "deg" for name in load_cases.free])
     moment, force = jnp.abs(equilibrium.residual[turns]), jnp.abs(equilibrium.residual[~turns])
     return Motion(
-        jnp.rad2deg(load_cases.flexion),
-        equilibrium.pose,
-        equilibrium.status,
-        jnp.max(force, axis=0, initial=0.0),
-        jnp.max(moment, axis=0, initial=0.0),
-        equilibrium.left_mm,
-        reached,
-        equilibrium.stable,
-        equilibrium,
-        knee,
-        load_cases,
-    )
+        jnp.rad2deg(load_cases.flexion), equilibrium.pose, equilibrium.status,
+        jnp.max(force, axis=0, initial=0.0), jnp.max(moment, axis=0, initial=0.0),
+        equilibrium.left_mm, reached, equilibrium.stable, equilibrium, knee, load_cases,
+    )  # fmt: skip

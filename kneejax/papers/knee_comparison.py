@@ -19,7 +19,7 @@ import numpy as np
 from kneejax.geometry import State
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
-from kneejax.papers.fibre_changes import HORNS, Change, Fibres, changes_of, with_fibres
+from kneejax.papers.fibre_changes import HORNS, Change, changes_of, with_fibres
 from kneejax.papers.varus_valgus import (
     BODY_WEIGHT_N,
     DIRECTIONS,
@@ -153,28 +153,6 @@ class Outcome:
 
 
 @dataclasses.dataclass(frozen=True)
-class Influence:
-    """How much a parameter matters for an outcome.
-
-    Attributes:
-        parameter: e.g. `MCL.prestretch`.
-        outcome: a key of `LIMITS`.
-        average: direction -> mean over the values.
-        scores: direction -> score of that mean.
-    """
-
-    parameter: str
-    outcome: str
-    average: dict[str, float]
-    scores: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        """Mean of the directions' scores; NaN where one is unknown."""
-        return float(np.mean(list(self.scores.values())))
-
-
-@dataclasses.dataclass(frozen=True)
 class KneeStudy:
     """One knee's answers.
 
@@ -185,7 +163,6 @@ class KneeStudy:
         runs: direction -> all variants on the ramp.
         tension_N: direction -> ligament -> tension in the unchanged knee at its last step.
         outcomes: one per change and direction.
-        influences: one per parameter and outcome.
         doubts: sentences on what limits the answers.
         seconds: spent.
     """
@@ -196,7 +173,6 @@ class KneeStudy:
     runs: dict[str, VarusValgus]
     tension_N: dict[str, dict[str, float]]
     outcomes: tuple[Outcome, ...]
-    influences: tuple[Influence, ...]
     doubts: tuple[str, ...]
     seconds: float
 
@@ -210,15 +186,21 @@ class KneeStudy:
         asked = parameter, direction
         return [one for one in self.outcomes if (one.change.parameter, one.direction) == asked]
 
-    def influence(self, parameter: str, outcome: str) -> Influence | None:
-        """That of a parameter on an outcome; None if the knee has not got the parameter."""
-        asked = parameter, outcome
-        return next((x for x in self.influences if (x.parameter, x.outcome) == asked), None)
+    def averages(self, parameter: str, outcome: str) -> dict[str, float]:
+        """Direction -> mean of an outcome, a key of `LIMITS`, over the values of a parameter; NaN
+        where nothing is known."""
+        values = {x: [getattr(one, outcome) for one in self.outcomes_of(parameter, x)]
+                  for x in DIRECTIONS}  # fmt: skip
+        return {direction: float(_mean_known(np.array(x))) for direction, x in values.items()}
+
+    def scores(self, parameter: str, outcome: str) -> dict[str, float]:
+        """Direction -> score of that mean."""
+        averages = self.averages(parameter, outcome)
+        return {direction: score(outcome, average) for direction, average in averages.items()}
 
     def score(self, parameter: str, outcome: str) -> float:
-        """Of that influence; NaN if there is none."""
-        one = self.influence(parameter, outcome)
-        return math.nan if one is None else one.score
+        """Mean of the directions' scores; NaN where one is unknown."""
+        return float(np.mean([*self.scores(parameter, outcome).values()]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -291,12 +273,8 @@ def compare_knees(
                 outcomes += _outcomes(knees[name], fibres, run, rows, settings.least_Nm)
         tensions = {x: _tensions(knees[name], run, settings.ligaments) for x, run in runs.items()}
         doubts, seconds = _doubts(runs, outcomes, settings), time.perf_counter() - begun
-        studies.append(
-            KneeStudy(
-                name, knees[name].contact_names, changes, runs, tensions, tuple(outcomes),
-                _influences(outcomes), doubts, seconds,
-            )
-        )  # fmt: skip
+        parts = knees[name].contact_names, changes, runs, tensions, tuple(outcomes)
+        studies.append(KneeStudy(name, *parts, doubts, seconds))
     return KneeComparison(tuple(studies), settings, versions())
 
 
@@ -310,7 +288,7 @@ def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[
 
 
 def _outcomes(
-    knee: Knee, fibres: Fibres, run: VarusValgus, changes: dict[int, Change], least_Nm: float
+    knee: Knee, fibres: tuple, run: VarusValgus, changes: dict[int, Change], least_Nm: float
 ) -> list[Outcome]:
     """Of the changes of one parameter, by variant, which are compared at one moment."""
     rows = list(changes)
@@ -363,20 +341,6 @@ def _mean_known(x: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a mean of nothing is NaN
         return np.nanmean(x, axis=-1)
-
-
-def _influences(outcomes: list[Outcome]) -> tuple[Influence, ...]:
-    influences = []
-    for parameter in dict.fromkeys(one.change.parameter for one in outcomes):
-        for name in LIMITS:
-            found = {direction: [] for direction in DIRECTIONS}
-            for one in outcomes:
-                if one.change.parameter == parameter:
-                    found[one.direction].append(getattr(one, name))
-            average = {x: float(_mean_known(np.array(values))) for x, values in found.items()}
-            scores = {direction: score(name, mean) for direction, mean in average.items()}
-            influences.append(Influence(parameter, name, average, scores))
-    return tuple(influences)
 
 
 def _doubts(

@@ -10,13 +10,7 @@ import numpy as np
 
 from kneejax.files import load_knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
-from kneejax.papers.fibre_changes import (
-    ATTACHMENT,
-    HORNS,
-    MODULUS,
-    PRESTRETCH,
-    synthetic_knee,
-)
+from kneejax.papers.fibre_changes import ATTACHMENT, HORNS, MODULUS, PRESTRETCH, synthetic_knee
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
 from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
@@ -178,13 +172,13 @@ def _horns(found: KneeComparison) -> Finding:
 
 def _matters(found: KneeComparison, quantity: str) -> Finding:
     """Claims 4.1 and 4.2: some ligament in some direction, in every knee, on all three outcomes."""
-    best: dict[str, list[float]] = {}
-    for knee in found.knees:
-        every = {outcome: [np.nan] for outcome in (ROTATION, PRESSURE, PLACE)}
-        for one in knee.influences:
-            if one.parameter in _of(knee, quantity) and one.outcome in every:
-                every[one.outcome] += one.scores.values()
-        best[knee.name] = [max(_known(scores)) for scores in every.values()]
+    best = {
+        knee.name: [
+            max(_known([x for p in _of(knee, quantity) for x in knee.scores(p, outcome).values()]))
+            for outcome in (ROTATION, PRESSURE, PLACE)
+        ]
+        for knee in found.knees
+    }
     shown = (f"{name} {'/'.join(map(_short, scores))}" for name, scores in best.items())
     return Finding(
         all(min(scores) >= _MATTERS for scores in best.values()),
@@ -204,15 +198,15 @@ def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Fi
 def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
     """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
     parameter = f"{ligament}.{PRESTRETCH}"
-    each = ((knee.name, knee.influence(parameter, ROTATION)) for knee in found.knees)
-    known = {name: one for name, one in each if one}
+    known = {knee.name: (knee.averages(parameter, ROTATION), knee.scores(parameter, ROTATION))
+             for knee in found.knees if parameter in knee.parameters}  # fmt: skip
     shown = [
-        f"{name} {_short(one.average[more])} deg ({_short(one.scores[more])}) against "
-        f"{_short(one.average[less])} deg ({_short(one.scores[less])})"
-        for name, one in known.items()
+        f"{name} {_short(average[more])} deg ({_short(scores[more])}) against "
+        f"{_short(average[less])} deg ({_short(scores[less])})"
+        for name, (average, scores) in known.items()
     ]
     return Finding(
-        all(one.average[more] > one.average[less] for one in known.values()),
+        all(average[more] > average[less] for average, _ in known.values()),
         "; ".join(shown) + f"; scores in brackets, {more} first",
     )
 

@@ -170,9 +170,9 @@ def test_a_change_of_nothing_scores_nothing(compared):
     knee = compared.knees[0]
     for ligament in ("MCL", "LCL"):
         for outcome in LIMITS:
-            nothing = knee.influence(f"{ligament}.prestretch", outcome)
-            assert nothing.scores == {"varus": 0.0, "valgus": 0.0}
-        assert knee.influence(f"{ligament}.youngs_modulus", "rmse_deg").score > 0.0
+            nothing = knee.scores(f"{ligament}.prestretch", outcome)
+            assert nothing == {"varus": 0.0, "valgus": 0.0}
+        assert knee.score(f"{ligament}.youngs_modulus", "rmse_deg") > 0.0
 
 
 @compiled()
