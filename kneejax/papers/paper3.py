@@ -16,12 +16,12 @@ from kneejax.papers.paper3_leg import (
     BODY_KG,
     HEIGHT_M,
     OTHER,
-    RaisedLeg,
     leg_findings,
     leg_table,
     raise_leg,
     raised_leg_figure,
 )
+from kneejax.papers.rigid_leg import RigidLeg
 from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
@@ -163,7 +163,7 @@ def laxity_study(
     )  # fmt: skip
 
 
-def claims(found: LaxityStudy, raised: RaisedLeg) -> tuple[Claim, ...]:
+def claims(found: LaxityStudy, raised: RigidLeg) -> tuple[Claim, ...]:
     """Judge the claims of paper 3.
 
     Args:
