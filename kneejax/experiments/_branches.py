@@ -226,11 +226,9 @@ def branches(
         others = [(at, b) for b in new for at in range(len(load_cases)) if at != b.load_case]
         row = np.array([at for at, _ in others], int)
         q = np.array([branch.pose[1:] * _IN_TABLE for _, branch in others])
-    return tuple(
-        branch
-        for here in found
-        for branch in sorted(here, key=lambda branch: (not branch.by_test, branch.apart_mm))
-    )
+    for here in found:
+        here.sort(key=lambda branch: (not branch.by_test, branch.apart_mm))
+    return tuple(branch for here in found for branch in here)
 
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:

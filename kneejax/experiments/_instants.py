@@ -59,13 +59,8 @@ class Instants:
     other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
-    def of(
-        cls,
-        knee: Knee,
-        load_cases: LoadCases,
-        near: Equilibrium | None = None,
-        before: Knee | None = None,
-    ) -> Instants:
+    def of(cls, knee: Knee, load_cases: LoadCases, near: Equilibrium | None = None,
+           before: Knee | None = None) -> Instants:  # fmt: skip
         """Find them all: of a knee without a lane axis, its numbers known; `before` is the knee
         that balances at `near`."""
         count = len(load_cases)

@@ -6,12 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from kneejax.experiments._branches import (
-    GUESSED,
-    SecondBalances,
-    changed_in_steps,
-    guesses,
-)
+from kneejax.experiments._branches import GUESSED, SecondBalances, changed_in_steps, guesses
 from kneejax.experiments._curves import Curves
 from kneejax.experiments._motion import balanced_near
 from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units

@@ -168,11 +168,9 @@ class MeasuredTest:
                 raise WrongValue(sd, "not stated", f"how well {name} is known")
             if name.endswith(".strain") and self.counted_from.startswith("offset"):
                 raise WrongValue(
-                    f"readings.{name}",
-                    f"counted from {self.counted_from}",
-                    "unloaded or absolute, since unknown constants are of the bones' coordinates "
-                    "alone",
-                )
+                    f"readings.{name}", f"counted from {self.counted_from}", "unloaded or "
+                    "absolute, since unknown constants are of the bones' coordinates alone",
+                )  # fmt: skip
 
     def _check_loads(self, flexion: np.ndarray, acting: Sequence[np.ndarray]) -> None:
         """Some load acts or something was read of the knee's parts, or the motion needs none; and
@@ -203,12 +201,11 @@ class MeasuredTest:
                     where = f" at {self.flexion_deg[rows[0]]:g} degrees"
                     where = where if self.counted_from == "offset_each_flexion" else ""
                     raise WrongValue(
-                        "counted_from",
-                        f"{name} under one load{where}",
+                        "counted_from", f"{name} under one load{where}",
                         f"readings under two loads or more for each constant of "
                         f"{self.counted_from}, which otherwise absorbs them; flexions within "
                         f"{self.within_deg:g} degrees (within_deg) share one",
-                    )
+                    )  # fmt: skip
         left = partner != np.arange(len(partner))
         beside = any(name not in seen for name in self.readings)
         if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
@@ -300,25 +297,22 @@ class MeasuredTest:
         at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
         other = f"the nearest is row {near + 1}, {at}"
         other = other if driving[near] < 0 else "no row has a load of the opposite sense"
+        found = f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees"
         raise WrongValue(
-            f"row {row + 1}",
-            f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees",
+            f"row {row + 1}", found,
             f"a row under the opposite load, within {100 * _PAIRED:g} % of it and "
             f"{self.within_deg:g} degree{'s' * (self.within_deg != 1.0)} of its flexion "
             f"(within_deg), since it is counted from opposite; {other}",
-        )
+        )  # fmt: skip
 
     def _least(self, own: np.ndarray, driving: np.ndarray) -> int:
         """Row of the neutral pose among the rows of one flexion."""
         zero, largest = own[np.argmin(np.abs(driving[own]))], np.abs(driving[own]).max()
         if abs(driving[zero]) > _NEARLY_ZERO * largest:
-            raise WrongValue(
-                f"row {zero + 1}",
-                f"{self.driven_by} {driving[zero]:g} is the least load at "
-                f"{self.flexion_deg[zero]:g} degrees",
-                f"a row under less than a tenth of {largest:g}, since least_load is what others "
-                "are counted from",
-            )
+            load, at = f"{self.driven_by} {driving[zero]:g}", f"{self.flexion_deg[zero]:g}"
+            expected = f"a row under less than a tenth of {largest:g}, since least_load is what"
+            raise WrongValue(f"row {zero + 1}", f"{load} is the least load at {at} degrees",
+                             f"{expected} others are counted from")  # fmt: skip
         return int(zero)
 
     @classmethod
@@ -350,14 +344,10 @@ class MeasuredTest:
             for name in test.full or (test.driven_by,)
         }
         return cls(
-            test.name,
-            np.repeat(test.flexion_deg, int(under.sum())),
-            loads,
-            observed,
-            constant=dict(test.constant),
-            point_mm=test.point_mm,
+            test.name, np.repeat(test.flexion_deg, int(under.sum())), loads, observed,
+            constant=dict(test.constant), point_mm=test.point_mm,
             **{"counted_from": curves.counted_from} | given,
-        )
+        )  # fmt: skip
 
 
 def reading_unit(reading: str) -> str:

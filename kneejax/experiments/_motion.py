@@ -251,13 +251,9 @@ def _reaction(name: str, knee: Knee, load_cases: LoadCases, equilibrium: Equilib
 
 
 def passive_flexion(
-    knee: Knee,
-    flexion_deg: ArrayLike,
-    loads: tuple[Load, ...] | list[Load] = (),
-    *,
-    held: Mapping[str, ArrayLike] | None = None,
-    flexion_is_free: bool = False,
-) -> Motion:
+    knee: Knee, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = (), *,
+    held: Mapping[str, ArrayLike] | None = None, flexion_is_free: bool = False,
+) -> Motion:  # fmt: skip
     """Move a knee through flexion: at each angle the other coordinates balance.
 
     Every angle is reached from the reference pose in strides of 5 degrees, and there the loads grow

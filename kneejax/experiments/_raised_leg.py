@@ -95,14 +95,10 @@ class RaisedLeg(Named):
 
 
 def raised_leg(
-    moving: MovingKnee,
-    flexion_deg: ArrayLike,
-    time_s: ArrayLike,
-    *,
-    lengths: tuple[ArrayLike, ArrayLike] | None = None,
-    most_mm: float = MOST_ERROR_MM,
+    moving: MovingKnee, flexion_deg: ArrayLike, time_s: ArrayLike, *,
+    lengths: tuple[ArrayLike, ArrayLike] | None = None, most_mm: float = MOST_ERROR_MM,
     progress: Callable[[int], None] | None = None,
-) -> RaisedLeg:
+) -> RaisedLeg:  # fmt: skip
     """Raise a leg by a motor on its quadriceps.
 
     By itself the motor shortens the quadriceps from its length where the leg is held at the first
