@@ -66,20 +66,13 @@ def comparison_answer(found: KneeComparison) -> Answer:
         document={
             "knees": [knee.name for knee in found.knees],
             "settings": dataclasses.asdict(settings),
-            "scores": {
-                knee.name: {name: {outcome: knee.score(name, outcome) for outcome in LIMITS}
-                            for name in knee.parameters}
-                for knee in found.knees
-            },
+            "scores": {knee.name: {name: {outcome: knee.score(name, outcome) for outcome in LIMITS}
+                                   for name in knee.parameters} for knee in found.knees},
             "unchanged": {
                 knee.name: {
-                    direction: {
-                        "moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
-                        "tension_N": knee.tension_N[direction],
-                    }
-                    for direction, run in knee.runs.items()
-                }
-                for knee in found.knees
+                    x: {"moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
+                        "tension_N": knee.tension_N[x]} for x, run in knee.runs.items()
+                } for knee in found.knees
             },
             "doubts": found.doubts,
             "seconds": {knee.name: knee.seconds for knee in found.knees},
@@ -105,9 +98,8 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
         for one in knee.outcomes:
             first = [knee.name, one.change.parameter, one.change.label, one.direction]
             values = [getattr(one, name) for name in LIMITS]
-            outcomes.append(
-                [*first, one.moment_reached_Nm, one.ending, *values, one.compared_at_Nm]
-            )
+            reached = one.moment_reached_Nm, one.ending
+            outcomes.append([*first, *reached, *values, one.compared_at_Nm])
             for i, contact in enumerate(knee.contacts):
                 peaks = [one.peak_MPa[i], one.unchanged_peak_MPa[i]]
                 centers = [*one.center_mm[i], *one.unchanged_center_mm[i]]
@@ -123,10 +115,9 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
                 rotations += [[*first, *loads[x], angles[x]] for x in np.flatnonzero(held)]
     peaks = ["peak_MPa", "unchanged_peak_MPa", *place, *(f"unchanged_{column}" for column in place)]
     rated = [*DIRECTIONS, *(f"{direction}_score" for direction in DIRECTIONS), "score"]
+    result = ["moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"]
     return {
-        "outcomes": Table.plain(
-            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
-        ),
+        "outcomes": Table.plain([*changed, *result], outcomes),
         "pressures": Table.plain([*changed, "contact", *peaks], pressures),
         "scores": Table.plain(["knee", "parameter", "outcome", *rated], scores),
         "rotations": Table.plain([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),

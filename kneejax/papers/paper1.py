@@ -133,40 +133,30 @@ def reproduce(
 
     swept = seen(dataclasses.replace(swept, sweeps=tuple(map(seen, swept.sweeps))))
     measured = np.c_[flexion, in_convention(measured[:, 1:], flexion, CONVENTION)]
-    found = Paper1Study(
-        swept, measured, study.first_weights, cruciates, dict(zip(LIGAMENTS, own, strict=True)),
-        calibration,
-    )  # fmt: skip
-    doubts = [
-        f"Procedure {fit.procedure}: {message(fit)}." for fit in calibration.fits if not fit.success
-    ]
+    maps = dict(zip(LIGAMENTS, own, strict=True))
+    found = Paper1Study(swept, measured, study.first_weights, cruciates, maps, calibration)
+    doubts = [f"Procedure {x.procedure}: {message(x)}." for x in calibration.fits if not x.success]
     if (swept.status > 0).any():
         doubts.insert(0, "The knee's own motion is not balanced, stable and on fitted surfaces.")
+    caption = "As Figure {} of the paper: {} over its range, the others by Table 1."
     figures = {
-        one.name.replace(".", "-"): (
-            sweep_figure(swept, one.name, measured),
-            f"As Figure {number} of the paper: {one.name} over its range, the others by Table 1.",
-        )
-        for number, one in enumerate(swept.sweeps, 3)
+        name.replace(".", "-"): (sweep_figure(swept, name, measured), caption.format(k, name))
+        for k, name in enumerate((one.name for one in swept.sweeps), 3)
     }
-    maps = {"PCL": found.own["PCL"], "LCL": found.own["LCL"], "ACL-PCL": found.cruciates}
-    figures |= {f"map-{name}": map_figure(one) for name, one in maps.items()}
-    settings = {
-        "study": STUDY, "knee": study.knee.name, "patella": patella, "grid": list(_GRID),
-        "values_of_a_sweep": _VALUES,
-    }  # fmt: skip
+    drawn = {"PCL": maps["PCL"], "LCL": maps["LCL"], "ACL-PCL": cruciates}
+    figures |= {f"map-{name}": map_figure(one) for name, one in drawn.items()}
+    settings = {"study": STUDY, "knee": study.knee.name, "patella": patella, "grid": [*_GRID],
+                "values_of_a_sweep": _VALUES}  # fmt: skip
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     words = {"knee": study.knee.name, "patella": _PATELLAS[patella], "noise": noise}
-    counts = Table.plain(
-        ["procedure", "evaluations", "published_search_steps", "published_model_calls"],
-        [
-            [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
-            for fit in calibration.fits
-            for name, published in TABLE_2.items()
-            if name.split(".")[0] == fit.procedure
-        ],
-    )
-    tables = {"evaluations": counts}
+    columns = "procedure", "evaluations", "published_search_steps", "published_model_calls"
+    counts = [
+        [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
+        for fit in calibration.fits
+        for name, published in TABLE_2.items()
+        if name.split(".")[0] == fit.procedure
+    ]
+    tables = {"evaluations": Table.plain(columns, counts)}
     return answered(1, claims(found), figures, tables, settings, doubts, words)
 
 

@@ -67,7 +67,7 @@ def reproduce(stages: Stages = silent) -> Answer:
         "midpoint_sd_mm": study.MIDPOINT_SD_MM, "centre_sd_mm": study.CENTRE_SD_MM,
         "sizes": study.SIZES, "assumed_correlations": study.CORRELATIONS,
         "cohorts_each": study.COHORTS, "shown_cohort": shown, "seed": found.seed,
-        "facet_centres_mm": found.points.facets, "epicondyles_mm": found.points.epicondyles,
+        "facet_centres_mm": found.facets, "epicondyles_mm": found.epicondyles,
     }  # fmt: skip
     words = {"donor": DONOR, "draws": study.DRAWS, "cohorts": study.COHORTS}
     return answered(5, claims(found), figures, tables, settings, (), words)
