@@ -23,7 +23,7 @@ from kneejax.inference import (
     sensitivity_maps,
     sweep,
 )
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent, which
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent, which
 from kneejax.papers.patella_on_path import on_path
 from kneejax.report.look import Answer, Table
 from kneejax.studies import calibrate, read_study
@@ -186,11 +186,12 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     most = _largest(means["ACL"]) == "anterior"
     before = found.outside("PCL.stiffness", flexion < 60.0, "anterior", "lateral")
     least = {name: _largest(one, -1.0) == "superior" for name, one in means.items()}
-    turns = {name: [*found.means(f"{name}.stiffness", _ROTATIONS).values()] for name in LIGAMENTS}
+    turns = {name: (*found.means(f"{name}.stiffness", _ROTATIONS).values(),) for name in LIGAMENTS}
     lateral = all(_largest(means[name]) == "lateral" for name in ("MCL", "LCL"))
     collateral = np.minimum(turns["MCL"], turns["LCL"])
     rotations = bool((collateral > np.maximum(turns["ACL"], turns["PCL"])).all())
-    shown = "; ".join(f"{name} {a:.2f}/{b:.2f} degrees" for name, (a, b) in turns.items())
+    shown = in_words(turns, "{} {:.2f}/{:.2f} degrees", "; ")
+    effects = {name: _displacements(one) for name, one in means.items()}
     # Mean effect on displacements of stiffness above 4000 N, as a share of the whole sweep's.
     columns, late = [FREE_COORDINATES.index(c) for c in _DISPLACEMENTS], {}
     for name in LIGAMENTS:
@@ -198,27 +199,18 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
         part, whole = (np.nanmean(effect(one, x)[:, columns]) for x in (4000.0, -np.inf))
         late[name] = float(part / whole)
     return {
-        "1.1": Finding(
-            {"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
-            f"{beyond:.1%} above 40 degrees; {_in_words(means['ACL'])}",
-            "" if beyond < NONE else _acting(found),
-        ),
-        "1.2": Finding(
-            {"from 60 degrees": before < NONE, "displacements": least["PCL"]},
-            f"below 60 degrees {before:.1%} at most; {_in_words(means['PCL'])}",
-        ),
+        "1.1": Finding({"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
+                       f"{beyond:.1%} above 40 degrees; {effects['ACL']}",
+                       "" if beyond < NONE else _acting(found)),
+        "1.2": Finding({"from 60 degrees": before < NONE, "displacements": least["PCL"]},
+                       f"below 60 degrees {before:.1%} at most; {effects['PCL']}"),
         "1.3": Finding(
             {"medial-lateral": lateral, "rotations": rotations},
-            f"MCL: {_in_words(means['MCL'])}; LCL: {_in_words(means['LCL'])}; "
-            f"adduction/internal rotation: {shown}",
+            f"MCL: {effects['MCL']}; LCL: {effects['LCL']}; adduction/internal rotation: {shown}",
         ),
-        "1.4": Finding(
-            least, "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items())
-        ),
-        "1.5": Finding(
-            {name: share < _ALMOST for name, share in late.items()},
-            ", ".join(f"{name} {share:.0%}" for name, share in late.items()),
-        ),
+        "1.4": Finding(least, in_words(effects, "{}: {}", "; ")),
+        "1.5": Finding({name: share < _ALMOST for name, share in late.items()},
+                       in_words(late, "{} {:.0%}")),
     }
 
 
@@ -251,15 +243,13 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
         span = f"{kept.min():.3f} to {kept.max():.3f}" if kept.size else "nowhere"
         parts.append(f"{name} sound {span}, {lost:.0%} unsound outside")
     return {
-        "1.6": Finding(
-            all(strain > stiffness for strain, stiffness in sizes.values()),
-            ", ".join(f"{name} {a:.1f} against {b:.1f} mm" for name, (a, b) in sizes.items()),
-        ),
+        "1.6": Finding(all(strain > stiffness for strain, stiffness in sizes.values()),
+                       in_words(sizes, "{} {:.1f} against {:.1f} mm")),
         "1.7": Finding(
             {"ACL over the whole range": weakest[low] > NONE,
              "distal-proximal": _largest(means, -1.0) == "superior", "PCL late": below < _ALMOST},
             f"ACL weakest at {weakest[low]:.0%} of the largest ({low.replace('_', ' ')}); "
-            f"{_in_words(means)}; PCL below 40 degrees {below:.0%} at most",
+            f"{_displacements(means)}; PCL below 40 degrees {below:.0%} at most",
         ),
         "1.8": Finding(
             all(inside) and all(outside), "; ".join(parts), "" if all(outside) else None
@@ -297,16 +287,12 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
     together = min(fit.objective for fit in found.calibration.fits)
     lowest = _largest(best, -1.0)
     return {
-        "1.9": Finding(
-            all(straight.values()),
-            ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
-            numbers={"parts": which(straight)},
-        ),
-        "1.10": Finding(
-            more,
-            ", ".join(f"{name} {ratio:.1f} times" for name, ratio in ratios.items()),
-            "" if all(more.values()) else _acting(found),
-        ),
+        "1.9": Finding(all(straight.values()),
+                       in_words(valleys, "{} {:.0f} degrees, {:.1f} times"),
+                       numbers={"parts": which(straight)}),
+        "1.10": Finding(more,
+                        in_words(ratios, "{} {:.1f} times"),
+                        "" if all(more.values()) else _acting(found)),
         "1.11": Finding(
             best[lowest] > 10.0 * together,
             f"lowest alone: {best[lowest]:.4g} by {lowest}; all together {together:.4g}",
@@ -323,8 +309,8 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
     widths = np.array([e.upper - e.lower for e in fits["III"].estimates])
     apart = {p: float(np.max(np.abs(values[p] - values["III"]) / widths)) for p in ("I", "II")}
     near = max(apart.values()) < 0.1
-    counts = ", ".join(f"{p} {count[p]}" for p in count)
-    objectives = ", ".join(f"{p} {fits[p].objective:.4g}" for p in count)
+    counts = in_words(count, "{} {}")
+    objectives = in_words({p: fits[p].objective for p in count}, "{} {:.4g}")
     truth = found.calibration.truth
     answer = [e for e in found.calibration.fit.estimates if e.name in truth]
     covered = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in answer)
@@ -339,7 +325,7 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
         "1.13": Finding(None, f"evaluations with exact Jacobian: {counts}"),
         "1.14": Finding(
             None,
-            "; ".join(f"{e.name} {e.value:.4g}" for e in fits["III"].estimates)
+            in_words({e.name: e.value for e in fits["III"].estimates}, "{} {:.4g}", "; ")
             + f"; {covered} of {len(answer)} 95 % limits hold what made the data",
         ),
     }  # fmt: skip
@@ -350,8 +336,8 @@ def _largest(numbers: Mapping[str, float], sign: float = 1.0) -> str:
     return max(numbers, key=lambda name: sign * numbers[name])
 
 
-def _in_words(means: Mapping[str, float]) -> str:
-    return ", ".join(f"{_DISPLACEMENTS[c]} {value:.2f} mm" for c, value in means.items())
+def _displacements(means: Mapping[str, float]) -> str:
+    return in_words({_DISPLACEMENTS[c]: value for c, value in means.items()}, "{} {:.2f} mm")
 
 
 def _acting(found: Paper1Study) -> str:

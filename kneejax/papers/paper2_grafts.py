@@ -10,7 +10,7 @@ import numpy as np
 from kneejax import planning
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Finding
+from kneejax.papers.claims import Finding, in_words
 from kneejax.report.look import Table
 
 #: The motion of section 4.3, in steps of our own, and the test of 4.2.
@@ -125,17 +125,11 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
             f"in place of both bundles, under 80 N: {listed(planned)}",
             numbers={"fits": "does" if any(map(holds, numberings(planned))) else "does not"},
         ),
-        "2.12": Finding(
-            0.5 * theirs < own < 2.0 * theirs,
-            f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
-            numbers={"corner": np.argmin(moved) + 1},
-        ),
-        "2.13": Finding(
-            set(names) == set(TELLING),
-            ", ".join(f"{n} {spread[k]:.2f}" for n, k in zip(names, widest, strict=True)),
-        ),
-        "2.14": Finding(
-            abs(found.two - found.one) < LITTLE * found.one,
-            f"{found.one:.2f} mm with one, {found.two:.2f} mm with both",
-        ),
+        "2.12": Finding(0.5 * theirs < own < 2.0 * theirs,
+                        f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
+                        numbers={"corner": np.argmin(moved) + 1}),
+        "2.13": Finding(set(names) == set(TELLING),
+                        in_words(dict(zip(names, spread[widest], strict=True)), "{} {:.2f}")),
+        "2.14": Finding(abs(found.two - found.one) < LITTLE * found.one,
+                        f"{found.one:.2f} mm with one, {found.two:.2f} mm with both"),
     }  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 from kneejax.experiments import Shank
 from kneejax.geometry import BODIES, COLUMNS, PATELLA
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Finding
+from kneejax.papers.claims import Finding, in_words
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
 from kneejax.report.look import Table, styled
@@ -65,8 +65,8 @@ def leg_findings(found: RigidLeg) -> dict[str, Finding]:
 
 
 def _every_third(found: RigidLeg, values: np.ndarray, form: str) -> str:
-    rows = zip(found.flexion_deg[::3], values[::3], found.held[::3], strict=True)
-    return ", ".join(f"{x:g}: {y:{form}}" if on else f"{x:g}: none" for x, y, on in rows)
+    shown = [format(y, form) if on else "none" for y, on in zip(values, found.held, strict=True)]
+    return in_words(dict(zip(found.flexion_deg[::3], shown[::3], strict=True)), "{:g}: {}")
 
 
 def _forces(found: RigidLeg) -> dict[str, Finding]:
@@ -91,14 +91,10 @@ def _forces(found: RigidLeg) -> dict[str, Finding]:
             "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
             f"of the leg, which halves there; the arm does not fall along with it. {OTHER}",
         ),
-        "3.7": Finding(
-            start > 1.0 and 10.0 <= peak <= 30.0 and falls,
-            _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start},
-        ),
-        "3.8": Finding(
-            0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
-            _every_third(found, ratio, ".2f"),
-        ),
+        "3.7": Finding(start > 1.0 and 10.0 <= peak <= 30.0 and falls,
+                       _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start}),
+        "3.8": Finding(0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
+                       _every_third(found, ratio, ".2f")),
     }  # fmt: skip
 
 
@@ -109,16 +105,12 @@ def _patella(found: RigidLeg) -> dict[str, Finding]:
     arm = found.where_held(found.arm_mm)
     at, size = float(knee[np.nanargmax(arm)]), float(np.nanmax(arm))
     return {
-        "3.9": Finding(
-            (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
-            ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
-            numbers={"last": last},
-        ),
-        "3.10": Finding(
-            25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
-            "mm at degrees: " + _every_third(found, found.arm_mm, ".0f"),
-            numbers={"size": size, "at": at},
-        ),
+        "3.9": Finding((np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
+                       in_words(dict(zip(knee[::3], patella[::3], strict=True)), "{:g}: {:.0f}"),
+                       numbers={"last": last}),
+        "3.10": Finding(25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
+                        "mm at degrees: " + _every_third(found, found.arm_mm, ".0f"),
+                        numbers={"size": size, "at": at}),
     }  # fmt: skip
 
 
@@ -135,10 +127,8 @@ def _tibia(found: RigidLeg) -> dict[str, Finding]:
     size = max(np.abs(part).max() for part in found.shear.values())
     tendon = float(found.shear["patellar tendon"][int(np.argmin(np.abs(flexion)))])
     return {
-        "3.11": Finding(
-            acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
-            "ACL {}; PCL {} N".format(*curves), numbers={"first": first},
-        ),
+        "3.11": Finding(acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
+                        "ACL {}; PCL {} N".format(*curves), numbers={"first": first}),
         "3.12": Finding(
             10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,
             f"inwards by {inwards:.0f} degrees, forwards by {forwards:.1f} mm, varus or valgus "
