@@ -116,9 +116,9 @@ class MeasuredTest:
             {name: np.asarray(sizes, float) for name, sizes in every.items()}
             for every in (self.loads, self.readings, self.tensions)
         )
-        given = {"flexion_deg": flexion, "loads": loads, "observed": observed,
-                 "readings": readings, "tensions": tensions, "cut": tuple(self.cut)}  # fmt: skip
-        self.__dict__.update(given)
+        weight = None if self.weight is None else np.asarray(self.weight, float)
+        self.__dict__.update(flexion_deg=flexion, loads=loads, observed=observed, weight=weight,
+                             readings=readings, tensions=tensions, cut=tuple(self.cut))
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise WrongValue("loads", repr(unknown[0]), f"of {', '.join(NAMED_LOADS)}")
@@ -126,8 +126,11 @@ class MeasuredTest:
         shape = len(flexion), 5
         if observed.shape != shape:
             raise WrongValue("observed", str(observed.shape), str(shape))
-        self._check_rows({f"{field}.{name}": sizes for field in ("loads", "tensions")
-                          for name, sizes in given[field].items()})  # fmt: skip
+        columns = {"loads": loads, "tensions": tensions, "readings": readings}
+        rows = {f"{field}.{x}": y for field, every in columns.items() for x, y in every.items()}
+        for name, sizes in (rows | ({} if weight is None else {"weight": weight})).items():
+            if sizes.shape != flexion.shape:
+                raise WrongValue(name, str(sizes.shape), str(flexion.shape))
         if self.axes not in AXES:
             raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
@@ -138,11 +141,10 @@ class MeasuredTest:
         if self.counted_from == "intact" and not self.cut:
             raise WrongValue("counted_from", "intact", "cut too, or unloaded")
         self._check_readings()
-        if self.weight is not None:
-            self.__dict__["weight"] = weight = np.asarray(self.weight, float)
-            self._check_rows({"weight": weight})
-            if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
-                raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
+        if weight is not None and not (
+            np.isfinite(weight).all() and (weight >= 0).all() and weight.any()
+        ):
+            raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
         if self.frames is not None:
             seen = len(self.frames.time_s)
             if seen != len(flexion):
@@ -151,18 +153,12 @@ class MeasuredTest:
                 raise WrongValue("frames", f"{name} too", "loads and coordinates alone")
         self._check_information()
 
-    def _check_rows(self, columns: Mapping[str, np.ndarray]) -> None:
-        for name, sizes in columns.items():
-            if sizes.shape != self.flexion_deg.shape:
-                raise WrongValue(name, str(sizes.shape), str(self.flexion_deg.shape))
-
     def _check_readings(self) -> None:
-        for name, sizes in self.readings.items():
+        for name in self.readings:
             part, _, kind = name.rpartition(".")
             if name not in OTHER_COLUMNS and (not part or kind not in READINGS):
                 known = ", ".join([*(f"PART.{kind}" for kind in READINGS), *OTHER_COLUMNS])
                 raise WrongValue("readings", repr(name), f"of {known}")
-            self._check_rows({f"readings.{name}": sizes})
             if np.isnan(self.sd_of(name)):
                 sd = f"sd_{reading_unit(name) or 'strain'}"
                 raise WrongValue(sd, "not stated", f"how well {name} is known")

@@ -68,12 +68,12 @@ def ways_of(found: Mechanics) -> np.ndarray:
         `Way` values, `(poses, ligaments)`.
     """
     wrapped, side = np.asarray(found.wrap_angle) > 0, np.asarray(found.wrap_side)
-    ways = np.where(wrapped, Way.WRAPPED, Way.FREE)
-    ways = np.where(near_flip(found), Way.NEAR_FLIP, ways)
-    ways = np.where(flipped(found), Way.FLIPPED, ways)
-    ways = np.where(np.asarray(found.wrap_beyond), Way.BEYOND_ENDS, ways)
-    ways = np.where((side == 0.0).all(axis=-1), Way.STRAIGHT, ways)
-    return np.where(np.asarray(found.wrap_inside), Way.INSIDE, ways)
+    where = {
+        Way.INSIDE: np.asarray(found.wrap_inside), Way.STRAIGHT: (side == 0.0).all(axis=-1),
+        Way.BEYOND_ENDS: np.asarray(found.wrap_beyond), Way.FLIPPED: flipped(found),
+        Way.NEAR_FLIP: near_flip(found), Way.WRAPPED: wrapped,
+    }  # fmt: skip
+    return np.select([*where.values()], [*where], Way.FREE)
 
 
 def near_flip(found: Mechanics) -> np.ndarray:

@@ -128,12 +128,13 @@ def transient(
         4.575
     """
     times, load_s, sizes = np.asarray(time_s, float), np.asarray(load_s, float), sizes or {}
-    begin = beginning(moving, flexion_deg, times[0], load_s=load_s, sizes=sizes, led=led,
-                      offset=offset, flexion_is_free=flexion_is_free)  # fmt: skip
-    found = move_within(most_mm, moving, begin.start, times, loads=begin.loads, held=begin.held,
-                        progress=progress)  # fmt: skip
+    start, loads, held = beginning(
+        moving, flexion_deg, times[0], load_s=load_s, sizes=sizes, led=led, offset=offset,
+        flexion_is_free=flexion_is_free,
+    )  # fmt: skip
+    found = move_within(most_mm, moving, start, times, loads=loads, held=held, progress=progress)
     rest, far = None, float("nan")
-    if not flexion_is_free and set(begin.held) == {"flexion"}:
+    if not flexion_is_free and set(held) == {"flexion"}:
         names = coordinates_of(moving.knee.bodies)
         rest = _balance(moving, flexion_deg, sizes, load_s, times[-1])
         off = np.asarray(found.q[-1]) - np.asarray(rest.equilibrium.state.at(names))[:, 0]
@@ -141,24 +142,19 @@ def transient(
     return described(found, _at(times, load_s, sizes), rest, far)
 
 
-@dataclasses.dataclass(frozen=True)
-class Beginning:
-    """Where a motion begins, and what acts and is held from there on; as `kj.move` takes it."""
-
-    start: np.ndarray  # all coordinates, rad and mm
-    loads: LoadCurve
-    held: Mapping[str, Callable]  # coordinate -> its way over time
-
-
 def beginning(
     moving: MovingKnee, flexion_deg: float, start_s: float, *, load_s: ArrayLike = (0.0,),
     sizes: Mapping[str, ArrayLike] | None = None,
     led: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
     offset: Mapping[str, float] | None = None, flexion_is_free: bool = False,
-) -> Beginning:  # fmt: skip
+) -> tuple[np.ndarray, LoadCurve, dict[str, Callable]]:  # fmt: skip
     """Where a motion begins: in balance, or moved from there by an offset.
 
     Arguments as those of `transient`, with `start_s`, the time of the start.
+
+    Returns:
+        All coordinates, rad and mm; what acts from there on; and coordinate -> its way over time,
+        of what is held. As `kj.move` takes them.
 
     Raises:
         ValueError: as `transient`.
@@ -178,7 +174,7 @@ def beginning(
     for column, (at_s, values) in (led or {}).items():
         ((name, way),) = prescribed_of({column: values}).items()
         held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
-    return Beginning(start, curve, held)
+    return start, curve, held
 
 
 def described(

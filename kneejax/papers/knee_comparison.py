@@ -307,9 +307,9 @@ def _outcomes(
         for x in (run.balances.q, run.balances.contact_points)
     )
     pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, q).tibia
-    peaks, known = peak_pressure(knee, pose, points, lanes=lanes), np.r_[far.any(), far]
-    peak = np.where(known[:, None], np.asarray(peaks.pressure), np.nan)
-    center = np.where(known[:, None, None], np.asarray(peaks.center), np.nan)
+    peak, center = map(np.array, peak_pressure(knee, pose, points, lanes=lanes))
+    unknown = ~np.r_[far.any(), far]
+    peak[unknown] = center[unknown] = np.nan
     percent, moved = differences(peak, center)
     return [
         Outcome(

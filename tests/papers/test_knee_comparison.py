@@ -114,7 +114,7 @@ def test_pressures_beside_other_horns_are_those_of_a_knee_that_has_them(small_kn
     found = _outcomes(knee, fibres, run, dict(enumerate(changes, 1)), 5.0)
     there, points = kj.Pose(*jnp.zeros((6, 1))), jnp.zeros((0, 2, 1))
     alone = [
-        float(peak_pressure(with_fibres(knee, one), there, points).pressure[0, 0])
+        float(peak_pressure(with_fibres(knee, one), there, points)[0][0, 0])
         for one in (jax.tree.map(lambda x, i=i: x[i], fibres) for i in range(3))
     ]
     assert alone[1] < alone[0] < alone[2]
