@@ -99,6 +99,11 @@ class SecondBalances:
         """Where there is one, `(load_cases,)`."""
         return ~np.isnan(self.found["q"]).any(axis=1)
 
+    def poses(self, flexion_deg: np.ndarray) -> np.ndarray:
+        """Where they are, degrees and mm, `(load_cases, 6)`, at these flexions; NaN likewise."""
+        free = self.found["q"][:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
+        return np.c_[np.where(self.known, flexion_deg, np.nan), free]
+
     def add(self, rows: np.ndarray, other: Mapping[str, np.ndarray]) -> np.ndarray:
         """Keep what was found in another way at some load cases where it is stable and lies apart
         from what is reported, and say where that is, `(rows,)`."""

@@ -85,6 +85,7 @@ def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
     return Load(np.asarray(force_N, float), point=np.asarray(point_mm, float), name=WEIGHT)
 
 
+#: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
 
 
