@@ -127,10 +127,9 @@ class Outcome:
         convergence_percent: difference in the last time held, of paper 4's time.
         rmse_deg: of the varus rotation over the moments that both knees hold; NaN without one.
         compared_at_Nm: moment at which pressures are compared; NaN where they are not.
-        peak_MPa: peak pressure of each contact.
-        unchanged_peak_MPa: likewise, of the unchanged knee.
-        center_mm: its place in the tibia's frame, `(contacts, 3)`.
-        unchanged_center_mm: likewise, of the unchanged knee.
+        peak_MPa: peak pressure of each contact, of this and of the unchanged knee,
+            `(2, contacts)`.
+        center_mm: its place in the tibia's frame, likewise, `(2, contacts, 3)`.
         pressure_percent: difference of the peak pressures, mean of the contacts. A contact that
             the unchanged knee does not have counts nowhere.
         displacement_mm: of the places, mean of the contacts that both knees have.
@@ -144,9 +143,7 @@ class Outcome:
     rmse_deg: float
     compared_at_Nm: float
     peak_MPa: np.ndarray
-    unchanged_peak_MPa: np.ndarray
     center_mm: np.ndarray
-    unchanged_center_mm: np.ndarray
     pressure_percent: float
     displacement_mm: float
     ending: str
@@ -314,8 +311,9 @@ def _outcomes(
     return [
         Outcome(
             change, run.ramp.direction, float(run.moment_reached_Nm[row]), float(late[i]),
-            float(rmse[i]), float(run.ramp.moment_Nm[step]) if far[i] else math.nan, peak[i + 1],
-            peak[0], center[i + 1], center[0], float(percent[i]), float(moved[i]), run.ending[row],
+            float(rmse[i]), float(run.ramp.moment_Nm[step]) if far[i] else math.nan,
+            peak[[i + 1, 0]], center[[i + 1, 0]], float(percent[i]), float(moved[i]),
+            run.ending[row],
         )
         for i, (row, change) in enumerate(changes.items())
     ]  # fmt: skip

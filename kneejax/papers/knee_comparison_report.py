@@ -101,9 +101,8 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
             reached = one.moment_reached_Nm, one.ending
             outcomes.append([*first, *reached, *values, one.compared_at_Nm])
             for i, contact in enumerate(knee.contacts):
-                peaks = [one.peak_MPa[i], one.unchanged_peak_MPa[i]]
-                centers = [*one.center_mm[i], *one.unchanged_center_mm[i]]
-                pressures.append([*first, contact, *peaks, *centers])
+                centers = one.center_mm[:, i].ravel()
+                pressures.append([*first, contact, *one.peak_MPa[:, i], *centers])
         for name, outcome in itertools.product(knee.parameters, LIMITS):
             both = (x for of in (knee.averages, knee.scores) for x in of(name, outcome).values())
             scores.append([knee.name, name, outcome, *both, knee.score(name, outcome)])
@@ -204,7 +203,7 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
     moments, halved = [], parameter.endswith(ATTACHMENT)
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
-        peaks, unchanged = np.array([one.peak_MPa for one in own]), own[0].unchanged_peak_MPa
+        peaks, unchanged = np.array([one.peak_MPa[0] for one in own]), own[0].peak_MPa[1]
         moments += [one.compared_at_Nm for one in own if np.isfinite(one.compared_at_Nm)][-1:]
         x = np.append([one.change.value for one in own], 0.0)
         order = np.argsort(x)

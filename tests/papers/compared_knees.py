@@ -33,12 +33,13 @@ AVERAGES = {
 def outcome(run, row, change, values, none=False):
     """What one change did in one direction; `values` in the order of `LIMITS`."""
     sign = DIRECTIONS[run.ramp.direction]
-    peak = np.full(2, np.nan) if none else np.array([3.0 + 0.01 * row, 2.0])
-    center = np.full((2, 3), np.nan) if none else np.array([[1.0, -28, -20], [2, -27, 22]])
+    peak = np.array([[3.0 + 0.01 * row, 2.0], [3.0, 2.0]])
+    center = np.array([[[1.0, -28, -20], [2, -27, 22]], [[1, -28, -20], [2, -27, 21]]])
+    if none:
+        peak[0] = center[0] = np.nan
     return Outcome(
-        change, run.ramp.direction, float(run.moment_reached_Nm[row]), values[0],
-        values[1], np.nan if none else 40.0 * sign, peak, np.array([3.0, 2.0]), center,
-        np.array([[1.0, -28, -20], [2.0, -27, 21]]), *values[2:], run.ending[row],
+        change, run.ramp.direction, float(run.moment_reached_Nm[row]), *values[:2],
+        np.nan if none else 40.0 * sign, peak, center, *values[2:], run.ending[row],
     )  # fmt: skip
 
 
