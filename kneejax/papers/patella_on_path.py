@@ -121,10 +121,6 @@ class PatellaOnPath(eqx.Module):
         first, last = self.ends[0], self.ends[1]
         return first + 0.5 * (1.0 + self._place(state.between(self.bodies))) * (last - first)
 
-    def tendon_N(self, state: State) -> Array:
-        """Size of the tendon's pull on the tibia, N."""
-        return self.wrench(state).force.norm()
-
     def _lengths(self, tibia: Placement, place: Array) -> tuple[Array, Array, Array]:
         """Of the quadriceps, the tendon's fibres and those of the retinacula, mm."""
         fibres = (self.tendon, tibia), (self.retinacula, _FEMUR)
