@@ -9,8 +9,7 @@ import pytest
 
 import kneejax as kj
 from kneejax.cohorts import CohortSummary
-from kneejax.experiments import Branch, LabTest
-from kneejax.experiments.laboratory import Curves
+from kneejax.experiments import Branch, Curves, LabTest
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.joints import compare_motions
 from kneejax.numerics import MissingPackage, Named

@@ -196,9 +196,10 @@ def run_in_time(arguments: Simulate) -> int:
         first = {name: getattr(arguments, name) or _FIRST[name] for name in arguments.free}
         what = f"{', '.join(first)} from {len(recorded.time_s)} times"
         with stages_on_terminal(moving.knee.name) as show:
-            begin = experiments.beginning(moving, flexion, float(recorded.time_s[0]), **motion)
-            fit = fit_transient(moving, begin.start, recorded, first, loads=begin.loads,
-                                held=begin.held, most_mm=most_mm,
+            first_s = float(recorded.time_s[0])
+            start, loads, held = experiments.beginning(moving, flexion, first_s, **motion)
+            fit = fit_transient(moving, start, recorded, first, loads=loads, held=held,
+                                most_mm=most_mm,
                                 progress=lambda done: show(what, done, done + 1))  # fmt: skip
         moving = fit.moving
     with _shown(moving, times) as progress:

@@ -99,6 +99,11 @@ class SecondBalances:
         """Where there is one, `(load_cases,)`."""
         return ~np.isnan(self.found["q"]).any(axis=1)
 
+    def poses(self, flexion_deg: np.ndarray) -> np.ndarray:
+        """Where they are, degrees and mm, `(load_cases, 6)`, at these flexions; NaN likewise."""
+        free = self.found["q"][:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
+        return np.c_[np.where(self.known, flexion_deg, np.nan), free]
+
     def add(self, rows: np.ndarray, other: Mapping[str, np.ndarray]) -> np.ndarray:
         """Keep what was found in another way at some load cases where it is stable and lies apart
         from what is reported, and say where that is, `(rows,)`."""
@@ -226,11 +231,9 @@ def branches(
         others = [(at, b) for b in new for at in range(len(load_cases)) if at != b.load_case]
         row = np.array([at for at, _ in others], int)
         q = np.array([branch.pose[1:] * _IN_TABLE for _, branch in others])
-    return tuple(
-        branch
-        for here in found
-        for branch in sorted(here, key=lambda branch: (not branch.by_test, branch.apart_mm))
-    )
+    for here in found:
+        here.sort(key=lambda branch: (not branch.by_test, branch.apart_mm))
+    return tuple(branch for here in found for branch in here)
 
 
 def _around(knee: Knee, motion: Motion, starts: int) -> np.ndarray:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.geometry import TIBIA, Placement, Pose, State, coordinates_of
+from kneejax.geometry import TIBIA, Placement, Pose, State, Vector, coordinates_of
 from kneejax.mechanics import (
     OFF_SURFACE_MM,
     Border,
@@ -29,6 +29,9 @@ from kneejax.statics import ContactFaults, Status, worst_fault
 _CHUNK = 64
 # Poses that share what is rare and dear: the border of their patches, a thorough search of rays.
 _BORDER_LANES, _RAY_LANES = 32, 8
+# Fields of contacts that are vectors, and those that are truth values.
+_VECTORS = "contact_force", "contact_moment", "center"
+_FLAGS = "known", "too_deep", "no_patch", "through_bone"
 
 
 class Mechanics(eqx.Module, Named):
@@ -149,7 +152,6 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
     knee = knee.for_many_poses()
     # The last chunk is filled up with the last pose.
     rows = np.minimum(np.arange(-(-count // _CHUNK) * _CHUNK), count - 1).reshape(-1, _CHUNK)
-
     given = jax.tree.map(np.atleast_1d, (state, contact_points))
 
     def chunk(own: np.ndarray) -> Mechanics:
@@ -167,75 +169,62 @@ def _evaluate(knee: Knee, state: State, contact_points: Array | None) -> Mechani
     patches = [row for row, contact in enumerate(lanes.contacts) if contact.has_patch]
     if patches:
         each = lanes.map_patches(_over_patch, state, contact_points, in_turn=True)
-        found = {row: tuple(x[k] for x in each) for k, row in enumerate(patches)}
+        found |= {row: {name: x[k] for name, x in each.items()} for k, row in enumerate(patches)}
     for foundation in lanes.over_points:
         there = state.between(foundation.bodies)
         each, through = _over_points_in_blocks(foundation, there), foundation.passed_through(there)
-        for k, row in enumerate(foundation.rows):
-            found[row] = *(x[k] for x in each), jnp.zeros_like(through[k]), through[k]
-    contacts = [found[row] for row in range(len(lanes.contacts))]
-    stacked = [jnp.stack(x, axis=-1) for x in zip(*contacts, strict=True)] or [
-        jnp.zeros(shape + state.shape + (0,))
-        for shape in ((3,), (3,), (), (), (), (), (3,), *((),) * 8)
-    ]
-    force, moment, area, peak, mean, depth, center, *stacked = stacked
-    far, share, known, deep, most, even, flat, through = stacked
+        each |= {"no_patch": jnp.zeros_like(through), "through_bone": through}
+        found |= {row: {x: y[k] for x, y in each.items()} for k, row in enumerate(foundation.rows)}
+    rows = [found[row] for row in range(len(lanes.contacts))]
+    if rows:
+        contacts = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *rows)
+    else:
+        nothing, vectors = jnp.zeros((*state.shape, 0)), jnp.zeros((3, *state.shape, 0))
+        contacts = dict.fromkeys(Mechanics.OVER["pose contact"], nothing)
+        contacts |= dict.fromkeys(_FLAGS, nothing > 0) | dict.fromkeys(_VECTORS, vectors)
+    contacts |= {name: jnp.moveaxis(contacts[name], 0, -1) for name in _VECTORS}
     length, wrap, pull = ligaments.length_wrap_and_forces(state)
     # Of a pose that is not known a smooth law would say that a ligament is slack.
     nowhere = jnp.isnan(jnp.sum(state.at(coordinates_of(knee.bodies)), axis=0))
     length, tension = (
         jnp.where(nowhere, jnp.nan, x) for x in (length, ligaments.tension_at(length))
     )
+
+    def in_rows(vector: Vector) -> Array:
+        return jnp.moveaxis(jnp.stack(vector), 0, -1).swapaxes(0, 1)
+
     return Mechanics(
-        length.T,
-        (length / ligaments.slack_length - 1.0).T,
-        tension.T,
-        jnp.moveaxis(force, 0, -1),
-        area,
-        peak,
-        mean,
-        depth,
-        jnp.moveaxis(center, 0, -1),
-        far,
-        share,
-        known > 0,
-        deep > 0,
-        jnp.moveaxis(moment, 0, -1),
-        wrap.angle.T,
-        wrap.inside.T,
-        jnp.moveaxis(jnp.stack(wrap.side), 0, -1).swapaxes(0, 1),
-        wrap.other_side.T,
-        wrap.beyond_ends.T,
-        flat > 0,
-        through > 0,
-        displacement(lanes, state.tibia).T,
-        jnp.moveaxis(jnp.stack(state.tibia.placement.turn_back(pull)), 0, -1).swapaxes(0, 1),
-        most,
-        even,
-    )
+        length=length.T, strain=(length / ligaments.slack_length - 1.0).T, tension=tension.T,
+        wrap_angle=wrap.angle.T, wrap_inside=wrap.inside.T, wrap_side=in_rows(wrap.side),
+        other_side=wrap.other_side.T, wrap_beyond=wrap.beyond_ends.T,
+        displacement=displacement(lanes, state.tibia).T,
+        ligament_force=in_rows(state.tibia.placement.turn_back(pull)), **contacts,
+    )  # fmt: skip
 
 
-def _over_patch(contact: Contact, tibia: Placement, near: Array):
+def _over_patch(contact: Contact, tibia: Placement, near: Array) -> dict[str, Array]:
+    """Fields of a contact with an elliptical patch, arrays end in poses."""
     pressed = contact.press(tibia, near)
     gap = pressed.gap
     area = 2.0 * jnp.pi * contact.rounded(gap.depth) * gap.mean_radius
     force, moment = (
         jnp.stack(tibia.turn_back(x)) for x in (pressed.wrench.force, pressed.wrench.moment)
     )
-    mean = safe_sqrt(jnp.sum(force**2, axis=0)) / area
-    center = jnp.stack(jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point)))
+    center = jnp.broadcast_arrays(*contact.tibial.frame.placement.apply(gap.point))
     apart = gap.depth <= 0
     known, whole = (pressed.off <= OFF_SURFACE_MM) | apart, (pressed.off <= 0.0) | apart
     deep = gap.depth >= contact.layer_thickness
-    flat = (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap)
-    through = contact.passed_through(tibia) & (deep | ~known)
-    peak = contact.pressure(gap.depth)
     border = _border(contact, gap, pressed.contact_point, pressed.off, whole)
     still = jnp.zeros_like(gap.depth)
-    return (
-        force, moment, area, peak, mean, gap.depth, center, border.beyond_mm, border.share,
-        known, deep, still, still, flat, through,
-    )  # fmt: skip
+    return {
+        "contact_force": force, "contact_moment": moment, "center": jnp.stack(center),
+        "area": area, "max_pressure": contact.pressure(gap.depth),
+        "mean_pressure": safe_sqrt(jnp.sum(force**2, axis=0)) / area, "max_depth": gap.depth,
+        "beyond_mm": border.beyond_mm, "beyond_share": border.share,
+        "known": known, "too_deep": deep, "max_extrusion": still, "mean_extrusion": still,
+        "no_patch": (pressed.off <= OFF_SURFACE_MM) & contact.has_no_patch(gap),
+        "through_bone": contact.passed_through(tibia) & (deep | ~known),
+    }  # fmt: skip
 
 
 def _border(contact: Contact, gap: Gap, contact_points: Array, off: Array, whole: Array) -> Border:
@@ -261,20 +250,18 @@ def _border(contact: Contact, gap: Gap, contact_points: Array, off: Array, whole
     return jax.tree.map(lambda x: x.ravel()[place], found)
 
 
-def _over_points_in_blocks(foundation: Foundation, tibia: Placement):
+def _over_points_in_blocks(foundation: Foundation, tibia: Placement) -> dict[str, Array]:
     """As `_over_points`: one unusual ray then costs a few poses a thorough search, not all."""
     count = len(tibia.translation[0])
     block = _RAY_LANES if count % _RAY_LANES == 0 else count
     blocks = jax.tree.map(lambda x: x.reshape(-1, block), tibia)
     found = lax.map(lambda some: _over_points(foundation, some), blocks)
-    return tuple(jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], count) for x in found)
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], count), found)
 
 
-def _over_points(foundation: Foundation, tibia: Placement):
-    """What is told of each contact over points, arrays `(contacts, ..., poses)`."""
-    of_each = foundation.of_each
-
-    sampled = foundation.sample(tibia)
+def _over_points(foundation: Foundation, tibia: Placement) -> dict[str, Array]:
+    """Fields of contacts over points, arrays `(contacts, ..., poses)`."""
+    of_each, sampled = foundation.of_each, foundation.sample(tibia)
     points, depth = sampled.points, sampled.depth
     pressure = points.pressure(depth)
     share = pressure * points.area
@@ -287,12 +274,15 @@ def _over_points(foundation: Foundation, tibia: Placement):
     # Divided after the sums: all of them then go over the points together.
     middle = [of_each(jnp.sum, share * x) / total for x in points.point]
     faults, border = foundation.faults(tibia, sampled), foundation.border(tibia, sampled)
-    peak = of_each(jnp.max, jnp.where(points.area > 0.0, pressure, 0.0))
-    return (
-        force, moment, area, peak, total / jnp.where(area > 0.0, area, 1.0),
-        foundation.deepest(depth), jnp.stack(middle, axis=1), border.beyond_mm, border.share,
-        ~faults.outside, faults.too_deep | faults.lost, *_extrusion(foundation, sampled),
-    )  # fmt: skip
+    most, even = _extrusion(foundation, sampled)
+    return {
+        "contact_force": force, "contact_moment": moment, "center": jnp.stack(middle, axis=1),
+        "area": area, "max_depth": foundation.deepest(depth),
+        "max_pressure": of_each(jnp.max, jnp.where(points.area > 0.0, pressure, 0.0)),
+        "mean_pressure": total / jnp.where(area > 0.0, area, 1.0),
+        "beyond_mm": border.beyond_mm, "beyond_share": border.share, "known": ~faults.outside,
+        "too_deep": faults.too_deep | faults.lost, "max_extrusion": most, "mean_extrusion": even,
+    }  # fmt: skip
 
 
 def _extrusion(foundation: Foundation, sampled: Sampled) -> tuple[Array, Array]:

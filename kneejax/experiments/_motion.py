@@ -68,12 +68,12 @@ def ways_of(found: Mechanics) -> np.ndarray:
         `Way` values, `(poses, ligaments)`.
     """
     wrapped, side = np.asarray(found.wrap_angle) > 0, np.asarray(found.wrap_side)
-    ways = np.where(wrapped, Way.WRAPPED, Way.FREE)
-    ways = np.where(near_flip(found), Way.NEAR_FLIP, ways)
-    ways = np.where(flipped(found), Way.FLIPPED, ways)
-    ways = np.where(np.asarray(found.wrap_beyond), Way.BEYOND_ENDS, ways)
-    ways = np.where((side == 0.0).all(axis=-1), Way.STRAIGHT, ways)
-    return np.where(np.asarray(found.wrap_inside), Way.INSIDE, ways)
+    where = {
+        Way.INSIDE: np.asarray(found.wrap_inside), Way.STRAIGHT: (side == 0.0).all(axis=-1),
+        Way.BEYOND_ENDS: np.asarray(found.wrap_beyond), Way.FLIPPED: flipped(found),
+        Way.NEAR_FLIP: near_flip(found), Way.WRAPPED: wrapped,
+    }  # fmt: skip
+    return np.select([*where.values()], [*where], Way.FREE)
 
 
 def near_flip(found: Mechanics) -> np.ndarray:
@@ -251,13 +251,9 @@ def _reaction(name: str, knee: Knee, load_cases: LoadCases, equilibrium: Equilib
 
 
 def passive_flexion(
-    knee: Knee,
-    flexion_deg: ArrayLike,
-    loads: tuple[Load, ...] | list[Load] = (),
-    *,
-    held: Mapping[str, ArrayLike] | None = None,
-    flexion_is_free: bool = False,
-) -> Motion:
+    knee: Knee, flexion_deg: ArrayLike, loads: tuple[Load, ...] | list[Load] = (), *,
+    held: Mapping[str, ArrayLike] | None = None, flexion_is_free: bool = False,
+) -> Motion:  # fmt: skip
     """Move a knee through flexion: at each angle the other coordinates balance.
 
     Every angle is reached from the reference pose in strides of 5 degrees, and there the loads grow
@@ -347,15 +343,7 @@ def _described(knee: Knee, load_cases: LoadCases, found: Equilibrium, reached: A
     turns = np.array([coordinate(name).unit == "deg" for name in load_cases.free])
     moment, force = jnp.abs(equilibrium.residual[turns]), jnp.abs(equilibrium.residual[~turns])
     return Motion(
-        jnp.rad2deg(load_cases.flexion),
-        equilibrium.pose,
-        equilibrium.status,
-        jnp.max(force, axis=0, initial=0.0),
-        jnp.max(moment, axis=0, initial=0.0),
-        equilibrium.left_mm,
-        reached,
-        equilibrium.stable,
-        equilibrium,
-        knee,
-        load_cases,
-    )
+        jnp.rad2deg(load_cases.flexion), equilibrium.pose, equilibrium.status,
+        jnp.max(force, axis=0, initial=0.0), jnp.max(moment, axis=0, initial=0.0),
+        equilibrium.left_mm, reached, equilibrium.stable, equilibrium, knee, load_cases,
+    )  # fmt: skip

@@ -119,6 +119,17 @@ def judged(paper: int, findings: Mapping[str, Finding], **words: Any) -> tuple[C
     return tuple(claims)
 
 
+def in_words(numbers: Mapping[Any, Any], form: str, apart: str = ", ") -> str:
+    """Numbers with their names, each in a form; of a tuple each number has a place in it.
+
+    Example:
+        >>> in_words({"ACL": (0.5, 2.0), "PCL": (1.0, 3.0)}, "{} {:.0%} of {:g} mm")
+        'ACL 50% of 2 mm, PCL 100% of 3 mm'
+    """
+    every = ((name, x if isinstance(x, tuple) else (x,)) for name, x in numbers.items())
+    return apart.join(form.format(name, *x) for name, x in every)
+
+
 def which(parts: Mapping[str, bool]) -> str:
     """What holds and what does not; empty if all holds."""
     missing, met = ([name for name, x in parts.items() if bool(x) is y] for y in (False, True))

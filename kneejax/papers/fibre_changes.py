@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from kneejax.mechanics import Knee
 from kneejax.parameters import fibre_rows
@@ -27,40 +28,16 @@ HALVES = {1.0: "femoral half", 2.0: "tibial half", 3.0: "both halves"}
 ATTACHMENT_MM, STRAIN, LOG_STIFFNESS = 2.0, 0.02, 0.2
 
 
-class Fibres(NamedTuple):
-    """What a change moves: numbers of every fibre, in the arrays of `kneejax.mechanics.Ligaments`,
-    and of every meniscus with a ring.
-
-    Attributes:
-        stiffness: N per unit strain.
-        slack_length: mm.
-        femoral_attachment: mm.
-        tibial_attachment: mm.
-        horn_stiffness: of each horn of a meniscus, N/mm, `(menisci,)`.
-    """
-
-    stiffness: np.ndarray
-    slack_length: np.ndarray
-    femoral_attachment: np.ndarray
-    tibial_attachment: np.ndarray
-    horn_stiffness: np.ndarray
-
-    @classmethod
-    def of(cls, knee: Knee) -> Fibres:
-        """The fibres of a knee, and its horns."""
-        stiffness, slack_length, femoral, tibial, *horns = map(np.array, _moved(knee))
-        return cls(stiffness, slack_length, femoral, tibial, np.array(horns, float))
+def _fibres(knee: Knee) -> tuple[Any, ...]:
+    """What a change moves: four arrays of all fibres, and the stiffness of each pair of horns."""
+    own = knee.ligaments
+    horns = (contact.ring.horn_stiffness for contact in knee.contacts if contact.ring is not None)
+    return (own.stiffness, own.slack_length, own.femoral_attachment, own.tibial_attachment, *horns)
 
 
-def _moved(knee: Knee) -> tuple[Any, ...]:
-    """Arrays of a knee: those of its fibres, in order, and the stiffness of each pair of horns."""
-    fibres = (getattr(knee.ligaments, name) for name in Fibres._fields[:-1])
-    return *fibres, *(x.ring.horn_stiffness for x in knee.contacts if x.ring is not None)
-
-
-def with_fibres(knee: Knee, fibres: Fibres) -> Knee:
-    """The knee with other numbers of its fibres and horns."""
-    return eqx.tree_at(_moved, knee, (*fibres[:-1], *fibres.horn_stiffness))
+def with_fibres(knee: Knee, fibres: tuple[Any, ...]) -> Knee:
+    """The knee with other numbers of its fibres and horns, as `changes_of` has them."""
+    return eqx.tree_at(_fibres, knee, fibres)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +75,7 @@ class Change:
 def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, ...],
                modulus_MPa: tuple[float, ...], reference_modulus_MPa: float,
                horn_N_per_mm: tuple[float, ...] = (),
-               ) -> tuple[tuple[Change, ...], Fibres]:  # fmt: skip
+               ) -> tuple[tuple[Change, ...], tuple[Array, ...]]:  # fmt: skip
     """Every change of every ligament, and the fibres that result.
 
     A prestretch adds to the reference strain of all fibres of a ligament. A change of Young's
@@ -117,41 +94,46 @@ def changes_of(knee: Knee, ligaments: tuple[str, ...], prestretch: tuple[float, 
         horn_N_per_mm: values, for a knee with menisci.
 
     Returns:
-        The changes, and fibres whose arrays have a leading axis: the unchanged knee's first.
+        The changes, and what `with_fibres` takes, with a leading axis: the unchanged knee's first.
 
     Raises:
         UnknownParameter: the knee has no such ligament.
     """
-    same, length = Fibres.of(knee), np.asarray(knee.reference_length())
+    own, length = knee.ligaments, np.asarray(knee.reference_length())
 
-    def one(ligament: str) -> Iterator[tuple[Change, Fibres]]:
+    def one(ligament: str) -> Iterator[tuple[Change, Knee]]:
         rows = fibre_rows(knee, ligament)
         for value in prestretch:
-            slack = same.slack_length.copy()
+            slack = np.array(own.slack_length)
             slack[rows] = length[rows] / (length[rows] / slack[rows] + value)
-            yield Change(ligament, PRESTRETCH, value), same._replace(slack_length=slack)
+            yield Change(ligament, PRESTRETCH, value), _with(knee, slack_length=slack)
         for value in modulus_MPa:
-            stiffness = same.stiffness.copy()
+            stiffness = np.array(own.stiffness)
             stiffness[rows] *= 1.0 + value / reference_modulus_MPa
-            yield Change(ligament, MODULUS, value), same._replace(stiffness=stiffness)
+            yield Change(ligament, MODULUS, value), _with(knee, stiffness=stiffness)
         for value in HALVES if len(rows) > 1 else ():
-            femoral, tibial = same.femoral_attachment.copy(), same.tibial_attachment.copy()
+            femoral, tibial = np.array(own.femoral_attachment), np.array(own.tibial_attachment)
             if value != 2.0:
                 femoral[rows] = _gathered(femoral[rows], femoral[rows][:, 1])
             if value != 1.0:
                 tibial[rows] = _gathered(tibial[rows], -tibial[rows][:, 1])
-            moved = same._replace(femoral_attachment=femoral, tibial_attachment=tibial)
-            now = with_fibres(knee, Fibres(*map(jnp.asarray, moved))).reference_length()
-            slack = same.slack_length * np.asarray(now) / length
-            yield Change(ligament, ATTACHMENT, value), moved._replace(slack_length=slack)
+            moved = _with(knee, femoral_attachment=femoral, tibial_attachment=tibial)
+            slack = np.asarray(own.slack_length) * np.asarray(moved.reference_length()) / length
+            yield Change(ligament, ATTACHMENT, value), _with(moved, slack_length=slack)
 
     found = [pair for ligament in ligaments for pair in one(ligament)]
-    for value in horn_N_per_mm if len(same.horn_stiffness) else ():
-        horns = same.horn_stiffness + value
-        if (horns > 0.0).all():
-            found.append((Change(MENISCI, HORNS, value), same._replace(horn_stiffness=horns)))
-    fibres = jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), same, *(f for _, f in found))
-    return tuple(change for change, _ in found), fibres
+    *fibres, horns = *_fibres(knee)[:4], np.array(_fibres(knee)[4:], float)
+    for value in horn_N_per_mm if len(horns) else ():
+        if (horns + value > 0.0).all():
+            softer = with_fibres(knee, (*fibres, *(horns + value)))
+            found.append((Change(MENISCI, HORNS, value), softer))
+    variants = (_fibres(variant) for variant in (knee, *(variant for _, variant in found)))
+    return tuple(change for change, _ in found), jax.tree.map(lambda *x: jnp.stack(x), *variants)
+
+
+def _with(knee: Knee, **fibres: Any) -> Knee:
+    arrays = {name: jnp.asarray(x) for name, x in fibres.items()}
+    return dataclasses.replace(knee, ligaments=dataclasses.replace(knee.ligaments, **arrays))
 
 
 def _gathered(ends: np.ndarray, height: np.ndarray) -> np.ndarray:
@@ -184,19 +166,17 @@ def synthetic_knee(knee: Knee, seed: int) -> Knee:
     Returns:
         A knee of the same structure and name.
     """
-    draw, old, count = np.random.default_rng(seed), Fibres.of(knee), len(knee.ligaments.names)
+    draw, own, count = np.random.default_rng(seed), knee.ligaments, len(knee.ligaments.names)
     strain = np.asarray(knee.reference_strain()) + STRAIN * draw.standard_normal(count)
-    bent = [row for course in knee.ligaments.courses for row in course.rows]
+    bent = [row for course in own.courses for row in course.rows]
     straight = ~np.isin(np.arange(count), bent)[:, None]
     femoral, tibial = (
-        jnp.asarray(ends + ATTACHMENT_MM * straight * draw.standard_normal((count, 3)))
-        for ends in (old.femoral_attachment, old.tibial_attachment)
+        ends + ATTACHMENT_MM * straight * draw.standard_normal((count, 3))
+        for ends in map(np.asarray, (own.femoral_attachment, own.tibial_attachment))
     )
-    stiffness = old.stiffness * np.exp(LOG_STIFFNESS * draw.standard_normal(count))
-    moved = Fibres(jnp.asarray(stiffness), jnp.asarray(old.slack_length), femoral, tibial,
-                   jnp.asarray(old.horn_stiffness))  # fmt: skip
-    length = with_fibres(knee, moved).reference_length()
-    knee = with_fibres(knee, moved._replace(slack_length=length / (1.0 + strain)))
+    stiffness = np.asarray(own.stiffness) * np.exp(LOG_STIFFNESS * draw.standard_normal(count))
+    knee = _with(knee, stiffness=stiffness, femoral_attachment=femoral, tibial_attachment=tibial)
+    knee = _with(knee, slack_length=knee.reference_length() / (1.0 + strain))
     softer = np.exp(LOG_STIFFNESS * draw.standard_normal())
     contacts = (dataclasses.replace(x, youngs_modulus=x.youngs_modulus * softer)
                 for x in knee.contacts)  # fmt: skip

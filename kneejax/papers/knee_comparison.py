@@ -19,7 +19,7 @@ import numpy as np
 from kneejax.geometry import State
 from kneejax.inference import versions
 from kneejax.mechanics import Knee
-from kneejax.papers.fibre_changes import HORNS, Change, Fibres, changes_of, with_fibres
+from kneejax.papers.fibre_changes import HORNS, Change, changes_of, with_fibres
 from kneejax.papers.varus_valgus import (
     BODY_WEIGHT_N,
     DIRECTIONS,
@@ -127,10 +127,9 @@ class Outcome:
         convergence_percent: difference in the last time held, of paper 4's time.
         rmse_deg: of the varus rotation over the moments that both knees hold; NaN without one.
         compared_at_Nm: moment at which pressures are compared; NaN where they are not.
-        peak_MPa: peak pressure of each contact.
-        unchanged_peak_MPa: likewise, of the unchanged knee.
-        center_mm: its place in the tibia's frame, `(contacts, 3)`.
-        unchanged_center_mm: likewise, of the unchanged knee.
+        peak_MPa: peak pressure of each contact, of this and of the unchanged knee,
+            `(2, contacts)`.
+        center_mm: its place in the tibia's frame, likewise, `(2, contacts, 3)`.
         pressure_percent: difference of the peak pressures, mean of the contacts. A contact that
             the unchanged knee does not have counts nowhere.
         displacement_mm: of the places, mean of the contacts that both knees have.
@@ -144,34 +143,10 @@ class Outcome:
     rmse_deg: float
     compared_at_Nm: float
     peak_MPa: np.ndarray
-    unchanged_peak_MPa: np.ndarray
     center_mm: np.ndarray
-    unchanged_center_mm: np.ndarray
     pressure_percent: float
     displacement_mm: float
     ending: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Influence:
-    """How much a parameter matters for an outcome.
-
-    Attributes:
-        parameter: e.g. `MCL.prestretch`.
-        outcome: a key of `LIMITS`.
-        average: direction -> mean over the values.
-        scores: direction -> score of that mean.
-    """
-
-    parameter: str
-    outcome: str
-    average: dict[str, float]
-    scores: dict[str, float]
-
-    @property
-    def score(self) -> float:
-        """Mean of the directions' scores; NaN where one is unknown."""
-        return float(np.mean(list(self.scores.values())))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -185,7 +160,6 @@ class KneeStudy:
         runs: direction -> all variants on the ramp.
         tension_N: direction -> ligament -> tension in the unchanged knee at its last step.
         outcomes: one per change and direction.
-        influences: one per parameter and outcome.
         doubts: sentences on what limits the answers.
         seconds: spent.
     """
@@ -196,7 +170,6 @@ class KneeStudy:
     runs: dict[str, VarusValgus]
     tension_N: dict[str, dict[str, float]]
     outcomes: tuple[Outcome, ...]
-    influences: tuple[Influence, ...]
     doubts: tuple[str, ...]
     seconds: float
 
@@ -210,15 +183,21 @@ class KneeStudy:
         asked = parameter, direction
         return [one for one in self.outcomes if (one.change.parameter, one.direction) == asked]
 
-    def influence(self, parameter: str, outcome: str) -> Influence | None:
-        """That of a parameter on an outcome; None if the knee has not got the parameter."""
-        asked = parameter, outcome
-        return next((x for x in self.influences if (x.parameter, x.outcome) == asked), None)
+    def averages(self, parameter: str, outcome: str) -> dict[str, float]:
+        """Direction -> mean of an outcome, a key of `LIMITS`, over the values of a parameter; NaN
+        where nothing is known."""
+        values = {x: [getattr(one, outcome) for one in self.outcomes_of(parameter, x)]
+                  for x in DIRECTIONS}  # fmt: skip
+        return {direction: float(_mean_known(np.array(x))) for direction, x in values.items()}
+
+    def scores(self, parameter: str, outcome: str) -> dict[str, float]:
+        """Direction -> score of that mean."""
+        averages = self.averages(parameter, outcome)
+        return {direction: score(outcome, average) for direction, average in averages.items()}
 
     def score(self, parameter: str, outcome: str) -> float:
-        """Of that influence; NaN if there is none."""
-        one = self.influence(parameter, outcome)
-        return math.nan if one is None else one.score
+        """Mean of the directions' scores; NaN where one is unknown."""
+        return float(np.mean([*self.scores(parameter, outcome).values()]))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -291,12 +270,8 @@ def compare_knees(
                 outcomes += _outcomes(knees[name], fibres, run, rows, settings.least_Nm)
         tensions = {x: _tensions(knees[name], run, settings.ligaments) for x, run in runs.items()}
         doubts, seconds = _doubts(runs, outcomes, settings), time.perf_counter() - begun
-        studies.append(
-            KneeStudy(
-                name, knees[name].contact_names, changes, runs, tensions, tuple(outcomes),
-                _influences(outcomes), doubts, seconds,
-            )
-        )  # fmt: skip
+        parts = knees[name].contact_names, changes, runs, tensions, tuple(outcomes)
+        studies.append(KneeStudy(name, *parts, doubts, seconds))
     return KneeComparison(tuple(studies), settings, versions())
 
 
@@ -310,7 +285,7 @@ def _tensions(knee: Knee, run: VarusValgus, ligaments: tuple[str, ...]) -> dict[
 
 
 def _outcomes(
-    knee: Knee, fibres: Fibres, run: VarusValgus, changes: dict[int, Change], least_Nm: float
+    knee: Knee, fibres: tuple, run: VarusValgus, changes: dict[int, Change], least_Nm: float
 ) -> list[Outcome]:
     """Of the changes of one parameter, by variant, which are compared at one moment."""
     rows = list(changes)
@@ -329,15 +304,16 @@ def _outcomes(
         for x in (run.balances.q, run.balances.contact_points)
     )
     pose = State.of({"flexion": np.deg2rad(run.ramp.flexion_deg)}, q).tibia
-    peaks, known = peak_pressure(knee, pose, points, lanes=lanes), np.r_[far.any(), far]
-    peak = np.where(known[:, None], np.asarray(peaks.pressure), np.nan)
-    center = np.where(known[:, None, None], np.asarray(peaks.center), np.nan)
+    peak, center = map(np.array, peak_pressure(knee, pose, points, lanes=lanes))
+    unknown = ~np.r_[far.any(), far]
+    peak[unknown] = center[unknown] = np.nan
     percent, moved = differences(peak, center)
     return [
         Outcome(
             change, run.ramp.direction, float(run.moment_reached_Nm[row]), float(late[i]),
-            float(rmse[i]), float(run.ramp.moment_Nm[step]) if far[i] else math.nan, peak[i + 1],
-            peak[0], center[i + 1], center[0], float(percent[i]), float(moved[i]), run.ending[row],
+            float(rmse[i]), float(run.ramp.moment_Nm[step]) if far[i] else math.nan,
+            peak[[i + 1, 0]], center[[i + 1, 0]], float(percent[i]), float(moved[i]),
+            run.ending[row],
         )
         for i, (row, change) in enumerate(changes.items())
     ]  # fmt: skip
@@ -363,20 +339,6 @@ def _mean_known(x: np.ndarray) -> np.ndarray:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # a mean of nothing is NaN
         return np.nanmean(x, axis=-1)
-
-
-def _influences(outcomes: list[Outcome]) -> tuple[Influence, ...]:
-    influences = []
-    for parameter in dict.fromkeys(one.change.parameter for one in outcomes):
-        for name in LIMITS:
-            found = {direction: [] for direction in DIRECTIONS}
-            for one in outcomes:
-                if one.change.parameter == parameter:
-                    found[one.direction].append(getattr(one, name))
-            average = {x: float(_mean_known(np.array(values))) for x, values in found.items()}
-            scores = {direction: score(name, mean) for direction, mean in average.items()}
-            influences.append(Influence(parameter, name, average, scores))
-    return tuple(influences)
 
 
 def _doubts(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,21 +12,11 @@ from kneejax.papers.fibre_changes import ATTACHMENT, CHANGED, HALVES, HORNS, MOD
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy
 from kneejax.papers.varus_valgus import DIRECTIONS
 from kneejax.quantities import AXES
-from kneejax.report.look import (
-    BLACK,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    WIDTH,
-    styled,
-    verbatim,
-    without_frame,
-)
+from kneejax.report.look import BLACK, GREEN, GREY, ORANGE, PURPLE, WIDTH, styled, verbatim
 from kneejax.report.look.colours import uniform_colours
 from kneejax.report.look.page import Answer, Drawing, Section
 from kneejax.report.look.tables import Column, Table
-from kneejax.report.panels import grid
+from kneejax.report.panels import draw_matrix, figure_legend, grid, hatched
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,19 +40,17 @@ _RAMPED = (
     "Rotation over the moment, the moment that each value holds, and the peak contact pressures at "
     "the moment at which all are compared."
 )
-#: A score that is not known.
-_UNKNOWN = {"hatch": "////", "facecolor": "#F7F7F7", "edgecolor": "#A0A0A0", "linewidth": 0}
 
 
 def comparison_answer(found: KneeComparison) -> Answer:
     """Knees side by side: scores of every parameter, ramps, and every number in tables."""
     settings, best = found.settings, []
     for knee in found.knees:
-        known = [one for one in knee.influences if np.isfinite(one.score)]
+        scores = {(x, o): knee.score(x, o) for x in knee.parameters for o in LIMITS}
+        known = {pair: score for pair, score in scores.items() if np.isfinite(score)}
         if known:
-            most = max(known, key=lambda one: one.score)
-            outcome = _OUTCOMES[most.outcome].lower()
-            best.append(f"{knee.name}: {most.parameter} on {outcome}, {most.score:g}")
+            (parameter, outcome), score = max(known.items(), key=lambda item: item[1])
+            best.append(f"{knee.name}: {parameter} on {_OUTCOMES[outcome].lower()}, {score:g}")
     drawings = {"scores": Drawing(score_figure, found, more=_SCORED)}
     for name in found.parameters:
         drawings[name.replace(".", "-")] = Drawing(ramp_figure, found, name, more=_RAMPED)
@@ -77,20 +66,13 @@ def comparison_answer(found: KneeComparison) -> Answer:
         document={
             "knees": [knee.name for knee in found.knees],
             "settings": dataclasses.asdict(settings),
-            "scores": {
-                knee.name: {name: {outcome: knee.score(name, outcome) for outcome in LIMITS}
-                            for name in knee.parameters}
-                for knee in found.knees
-            },
+            "scores": {knee.name: {name: {outcome: knee.score(name, outcome) for outcome in LIMITS}
+                                   for name in knee.parameters} for knee in found.knees},
             "unchanged": {
                 knee.name: {
-                    direction: {
-                        "moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
-                        "tension_N": knee.tension_N[direction],
-                    }
-                    for direction, run in knee.runs.items()
-                }
-                for knee in found.knees
+                    x: {"moment_reached_Nm": run.moment_reached_Nm[0], "ending": run.ending[0],
+                        "tension_N": knee.tension_N[x]} for x, run in knee.runs.items()
+                } for knee in found.knees
             },
             "doubts": found.doubts,
             "seconds": {knee.name: knee.seconds for knee in found.knees},
@@ -116,16 +98,14 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
         for one in knee.outcomes:
             first = [knee.name, one.change.parameter, one.change.label, one.direction]
             values = [getattr(one, name) for name in LIMITS]
-            outcomes.append(
-                [*first, one.moment_reached_Nm, one.ending, *values, one.compared_at_Nm]
-            )
+            reached = one.moment_reached_Nm, one.ending
+            outcomes.append([*first, *reached, *values, one.compared_at_Nm])
             for i, contact in enumerate(knee.contacts):
-                peaks = [one.peak_MPa[i], one.unchanged_peak_MPa[i]]
-                centers = [*one.center_mm[i], *one.unchanged_center_mm[i]]
-                pressures.append([*first, contact, *peaks, *centers])
-        for one in knee.influences:
-            both = [*one.average.values(), *one.scores.values()]
-            scores.append([knee.name, one.parameter, one.outcome, *both, one.score])
+                centers = one.center_mm[:, i].ravel()
+                pressures.append([*first, contact, *one.peak_MPa[:, i], *centers])
+        for name, outcome in itertools.product(knee.parameters, LIMITS):
+            both = (x for of in (knee.averages, knee.scores) for x in of(name, outcome).values())
+            scores.append([knee.name, name, outcome, *both, knee.score(name, outcome)])
         names = [("", "unchanged"), *((c.parameter, c.label) for c in knee.changes)]
         for direction, run in knee.runs.items():
             loads = np.c_[run.ramp.axial_N, run.ramp.moment_Nm].tolist()
@@ -134,10 +114,9 @@ def _tables(found: KneeComparison) -> dict[str, Table]:
                 rotations += [[*first, *loads[x], angles[x]] for x in np.flatnonzero(held)]
     peaks = ["peak_MPa", "unchanged_peak_MPa", *place, *(f"unchanged_{column}" for column in place)]
     rated = [*DIRECTIONS, *(f"{direction}_score" for direction in DIRECTIONS), "score"]
+    result = ["moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"]
     return {
-        "outcomes": Table.plain(
-            [*changed, "moment_reached_Nm", "ending", *LIMITS, "compared_at_Nm"], outcomes
-        ),
+        "outcomes": Table.plain([*changed, *result], outcomes),
         "pressures": Table.plain([*changed, "contact", *peaks], pressures),
         "scores": Table.plain(["knee", "parameter", "outcome", *rated], scores),
         "rotations": Table.plain([*changed, "axial_N", "moment_Nm", "adduction_deg"], rotations),
@@ -224,7 +203,7 @@ def _pressure(axes: Axes, knee: KneeStudy, parameter: str) -> None:
     moments, halved = [], parameter.endswith(ATTACHMENT)
     for direction in knee.runs:
         own = knee.outcomes_of(parameter, direction)
-        peaks, unchanged = np.array([one.peak_MPa for one in own]), own[0].unchanged_peak_MPa
+        peaks, unchanged = np.array([one.peak_MPa[0] for one in own]), own[0].peak_MPa[1]
         moments += [one.compared_at_Nm for one in own if np.isfinite(one.compared_at_Nm)][-1:]
         x = np.append([one.change.value for one in own], 0.0)
         order = np.argsort(x)
@@ -262,17 +241,15 @@ def _legend(figure: Figure, knee: KneeStudy, parameter: str, scale) -> None:
     from matplotlib.lines import Line2D
 
     height = figure.get_figheight()
-    handles = [Line2D([], [], color=BLACK, linestyle="--", label="unchanged")]
-    handles += [
-        Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=4.5, label=name)
-        for name, marker in _MARKERS.items()
-    ]
-    handles += [
-        Line2D([], [], color=GREY, linestyle=dashes, marker="o", markersize=4, linewidth=0.9,
-               markerfacecolor=fill, label=verbatim(name))
+    drawn = {"unchanged": Line2D([], [], color=BLACK, linestyle="--")}
+    drawn |= {name: Line2D([], [], color=GREY, marker=marker, linestyle="none", markersize=4.5)
+              for name, marker in _MARKERS.items()}  # fmt: skip
+    drawn |= {
+        verbatim(name): Line2D([], [], color=GREY, linestyle=dashes, marker="o", markersize=4,
+                               linewidth=0.9, markerfacecolor=fill)
         for name, (dashes, fill) in zip(knee.contacts, _CONTACT_STYLES, strict=False)
-    ]  # fmt: skip
-    figure.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
+    }  # fmt: skip
+    figure_legend(figure, drawn, loc="lower left", bbox_to_anchor=(0.075, 0.1 / height), ncols=5,
                   handlelength=1.8, columnspacing=1.2, fontsize=7.5, borderaxespad=0)  # fmt: skip
     if scale is not None:
         place = figure.add_axes((0.7, 0.38 / height, 0.27, 0.11 / height))
@@ -288,58 +265,34 @@ def score_figure(found: KneeComparison) -> Figure:
     """Draw the scores of every parameter and outcome, knees side by side (paper 4, Figs 6 to 8).
 
     Returns:
-        A row per parameter, a block of columns per outcome, in it a column per knee. Numbers are
-        means of the scores in varus and valgus; hatched: the knee does not have the parameter, or
-        nothing could be compared.
+        A row per parameter, a panel per outcome, in it a column per knee. Numbers are means of the
+        scores in varus and valgus; hatched: the knee does not have the parameter, or nothing could
+        be compared.
     """
     import matplotlib
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Rectangle
 
-    parameters, knees = found.parameters, found.knees
-    gap, longest = 0.35, max(len(knee.name) for knee in knees)
-    height = 0.235 * len(parameters) + 0.75 + 0.055 * longest
-    figure = Figure(figsize=(WIDTH, height))
-    below = (0.38 + 0.055 * longest) / height
-    axes = figure.add_axes((0.2, below, 0.67, 1 - below - 0.3 / height))
-    shades, scale = matplotlib.colormaps["YlGnBu"], Normalize(0, 3.4)
-    ticks, hatched, size = [], False, 6.4 - 0.3 * len(knees)
-    for block, (outcome, label) in enumerate(_OUTCOMES.items()):
-        left = block * (len(knees) + gap)
-        axes.text(left + len(knees) / 2, -0.25, label, ha="center", va="bottom", fontsize=8)
-        for column, knee in enumerate(knees):
-            ticks.append((left + column + 0.5, verbatim(knee.name)))
-            for row, parameter in enumerate(parameters):
-                corner = left + column, row
-                number = knee.score(parameter, outcome)
-                if np.isnan(number):
-                    axes.add_patch(Rectangle(corner, 1, 1, **_UNKNOWN))
-                    hatched = True
-                    continue
-                style = {"facecolor": shades(scale(number)), "edgecolor": "white", "linewidth": 1}
-                axes.add_patch(Rectangle(corner, 1, 1, **style))
-                axes.text(
-                    corner[0] + 0.5, row + 0.5, f"{number:g}", ha="center", va="center",
-                    fontsize=size, color="white" if number > 1.8 else BLACK,
-                )  # fmt: skip
-    axes.set_xlim(0, 4 * len(knees) + 3 * gap)
-    axes.set_ylim(len(parameters), 0)
-    axes.set_xticks(*zip(*ticks, strict=True), rotation=90, fontsize=7)
-    rows = np.arange(len(parameters)) + 0.5
-    axes.set_yticks(rows, [_parameter_words(name) for name in parameters], fontsize=7.5)
-    without_frame(axes)
-    place = figure.add_axes((0.885, below, 0.015, 1 - below - 0.3 / height))
-    bar = figure.colorbar(ScalarMappable(scale, shades), cax=place, ticks=[0, 1, 2, 3])
+    parameters, names = found.parameters, [verbatim(knee.name) for knee in found.knees]
+    below = 0.38 + 0.055 * max(len(knee.name) for knee in found.knees)
+    height = 0.235 * len(parameters) + below + 0.37
+    apart, unknown = 0.35 * 0.67 * WIDTH / (4 * len(names) + 1.05), None
+    figure, panels = grid(1, 4, height, left=0.2 * WIDTH, right=0.13 * WIDTH, bottom=below,
+                          apart=(apart, 0.0), sharey=True)  # fmt: skip
+    words, shades = [*map(_parameter_words, parameters)], matplotlib.colormaps["YlGnBu"]
+    for axes, (outcome, label) in zip(panels[0], _OUTCOMES.items(), strict=True):
+        scores = [[knee.score(name, outcome) for knee in found.knees] for name in parameters]
+        cells = draw_matrix(axes, scores, shades, (0, 3.4), "{:g}".format, lambda x: x > 1.8, words,
+                            names, size=7)  # fmt: skip
+        axes.tick_params(axis="x", rotation=90)
+        axes.set_title(label, fontsize=8, loc="center")
+        for row, column in np.argwhere(np.isnan(scores)):
+            unknown = hatched(axes, (column, row), 1, 1, "////")
+    place = figure.add_axes((0.885, below / height, 0.015, 1 - (below + 0.3) / height))
+    bar = figure.colorbar(cells, cax=place)
     bar.ax.set_ylim(0, 3)
-    bar.ax.set_yticklabels(["0 none", "1 small", "2 medium", "3 large"], fontsize=7)
+    bar.set_ticks([0, 1, 2, 3], labels=["0 none", "1 small", "2 medium", "3 large"], fontsize=7)
     bar.ax.tick_params(length=2)
     bar.outline.set_visible(False)
-    if hatched:
-        figure.legend(
-            [Rectangle((0, 0), 1, 1, **_UNKNOWN)], ["not in this knee, or not compared"],
-            loc="lower left", bbox_to_anchor=(0.01, 0.02), fontsize=7, borderaxespad=0,
-            handlelength=1.4,
-        )  # fmt: skip
+    if unknown is not None:
+        figure_legend(figure, {"not in this knee, or not compared": unknown}, loc="lower left",
+                      bbox_to_anchor=(0.01, 0.02), fontsize=7, borderaxespad=0, handlelength=1.4)
     return figure

@@ -23,7 +23,7 @@ from kneejax.inference import (
     sensitivity_maps,
     sweep,
 )
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent, which
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent, which
 from kneejax.papers.patella_on_path import on_path
 from kneejax.report.look import Answer, Table
 from kneejax.studies import calibrate, read_study
@@ -133,40 +133,30 @@ def reproduce(
 
     swept = seen(dataclasses.replace(swept, sweeps=tuple(map(seen, swept.sweeps))))
     measured = np.c_[flexion, in_convention(measured[:, 1:], flexion, CONVENTION)]
-    found = Paper1Study(
-        swept, measured, study.first_weights, cruciates, dict(zip(LIGAMENTS, own, strict=True)),
-        calibration,
-    )  # fmt: skip
-    doubts = [
-        f"Procedure {fit.procedure}: {message(fit)}." for fit in calibration.fits if not fit.success
-    ]
+    maps = dict(zip(LIGAMENTS, own, strict=True))
+    found = Paper1Study(swept, measured, study.first_weights, cruciates, maps, calibration)
+    doubts = [f"Procedure {x.procedure}: {message(x)}." for x in calibration.fits if not x.success]
     if (swept.status > 0).any():
         doubts.insert(0, "The knee's own motion is not balanced, stable and on fitted surfaces.")
+    caption = "As Figure {} of the paper: {} over its range, the others by Table 1."
     figures = {
-        one.name.replace(".", "-"): (
-            sweep_figure(swept, one.name, measured),
-            f"As Figure {number} of the paper: {one.name} over its range, the others by Table 1.",
-        )
-        for number, one in enumerate(swept.sweeps, 3)
+        name.replace(".", "-"): (sweep_figure(swept, name, measured), caption.format(k, name))
+        for k, name in enumerate((one.name for one in swept.sweeps), 3)
     }
-    maps = {"PCL": found.own["PCL"], "LCL": found.own["LCL"], "ACL-PCL": found.cruciates}
-    figures |= {f"map-{name}": map_figure(one) for name, one in maps.items()}
-    settings = {
-        "study": STUDY, "knee": study.knee.name, "patella": patella, "grid": list(_GRID),
-        "values_of_a_sweep": _VALUES,
-    }  # fmt: skip
+    drawn = {"PCL": maps["PCL"], "LCL": maps["LCL"], "ACL-PCL": cruciates}
+    figures |= {f"map-{name}": map_figure(one) for name, one in drawn.items()}
+    settings = {"study": STUDY, "knee": study.knee.name, "patella": patella, "grid": [*_GRID],
+                "values_of_a_sweep": _VALUES}  # fmt: skip
     noise = study.synthetic.noise_mm if study.synthetic else 0.0
     words = {"knee": study.knee.name, "patella": _PATELLAS[patella], "noise": noise}
-    counts = Table.plain(
-        ["procedure", "evaluations", "published_search_steps", "published_model_calls"],
-        [
-            [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
-            for fit in calibration.fits
-            for name, published in TABLE_2.items()
-            if name.split(".")[0] == fit.procedure
-        ],
-    )
-    tables = {"evaluations": counts}
+    columns = "procedure", "evaluations", "published_search_steps", "published_model_calls"
+    counts = [
+        [name, fit.evaluations["residual" if name == fit.procedure else name], *published]
+        for fit in calibration.fits
+        for name, published in TABLE_2.items()
+        if name.split(".")[0] == fit.procedure
+    ]
+    tables = {"evaluations": Table.plain(columns, counts)}
     return answered(1, claims(found), figures, tables, settings, doubts, words)
 
 
@@ -196,11 +186,12 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
     most = _largest(means["ACL"]) == "anterior"
     before = found.outside("PCL.stiffness", flexion < 60.0, "anterior", "lateral")
     least = {name: _largest(one, -1.0) == "superior" for name, one in means.items()}
-    turns = {name: [*found.means(f"{name}.stiffness", _ROTATIONS).values()] for name in LIGAMENTS}
+    turns = {name: (*found.means(f"{name}.stiffness", _ROTATIONS).values(),) for name in LIGAMENTS}
     lateral = all(_largest(means[name]) == "lateral" for name in ("MCL", "LCL"))
     collateral = np.minimum(turns["MCL"], turns["LCL"])
     rotations = bool((collateral > np.maximum(turns["ACL"], turns["PCL"])).all())
-    shown = "; ".join(f"{name} {a:.2f}/{b:.2f} degrees" for name, (a, b) in turns.items())
+    shown = in_words(turns, "{} {:.2f}/{:.2f} degrees", "; ")
+    effects = {name: _displacements(one) for name, one in means.items()}
     # Mean effect on displacements of stiffness above 4000 N, as a share of the whole sweep's.
     columns, late = [FREE_COORDINATES.index(c) for c in _DISPLACEMENTS], {}
     for name in LIGAMENTS:
@@ -208,27 +199,18 @@ def _stiffness(found: Paper1Study) -> dict[str, Finding]:
         part, whole = (np.nanmean(effect(one, x)[:, columns]) for x in (4000.0, -np.inf))
         late[name] = float(part / whole)
     return {
-        "1.1": Finding(
-            {"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
-            f"{beyond:.1%} above 40 degrees; {_in_words(means['ACL'])}",
-            "" if beyond < NONE else _acting(found),
-        ),
-        "1.2": Finding(
-            {"from 60 degrees": before < NONE, "displacements": least["PCL"]},
-            f"below 60 degrees {before:.1%} at most; {_in_words(means['PCL'])}",
-        ),
+        "1.1": Finding({"up to 40 degrees": beyond < NONE, "most on anterior-posterior": most},
+                       f"{beyond:.1%} above 40 degrees; {effects['ACL']}",
+                       "" if beyond < NONE else _acting(found)),
+        "1.2": Finding({"from 60 degrees": before < NONE, "displacements": least["PCL"]},
+                       f"below 60 degrees {before:.1%} at most; {effects['PCL']}"),
         "1.3": Finding(
             {"medial-lateral": lateral, "rotations": rotations},
-            f"MCL: {_in_words(means['MCL'])}; LCL: {_in_words(means['LCL'])}; "
-            f"adduction/internal rotation: {shown}",
+            f"MCL: {effects['MCL']}; LCL: {effects['LCL']}; adduction/internal rotation: {shown}",
         ),
-        "1.4": Finding(
-            least, "; ".join(f"{name}: {_in_words(one)}" for name, one in means.items())
-        ),
-        "1.5": Finding(
-            {name: share < _ALMOST for name, share in late.items()},
-            ", ".join(f"{name} {share:.0%}" for name, share in late.items()),
-        ),
+        "1.4": Finding(least, in_words(effects, "{}: {}", "; ")),
+        "1.5": Finding({name: share < _ALMOST for name, share in late.items()},
+                       in_words(late, "{} {:.0%}")),
     }
 
 
@@ -261,15 +243,13 @@ def _reference_strain(found: Paper1Study) -> dict[str, Finding]:
         span = f"{kept.min():.3f} to {kept.max():.3f}" if kept.size else "nowhere"
         parts.append(f"{name} sound {span}, {lost:.0%} unsound outside")
     return {
-        "1.6": Finding(
-            all(strain > stiffness for strain, stiffness in sizes.values()),
-            ", ".join(f"{name} {a:.1f} against {b:.1f} mm" for name, (a, b) in sizes.items()),
-        ),
+        "1.6": Finding(all(strain > stiffness for strain, stiffness in sizes.values()),
+                       in_words(sizes, "{} {:.1f} against {:.1f} mm")),
         "1.7": Finding(
             {"ACL over the whole range": weakest[low] > NONE,
              "distal-proximal": _largest(means, -1.0) == "superior", "PCL late": below < _ALMOST},
             f"ACL weakest at {weakest[low]:.0%} of the largest ({low.replace('_', ' ')}); "
-            f"{_in_words(means)}; PCL below 40 degrees {below:.0%} at most",
+            f"{_displacements(means)}; PCL below 40 degrees {below:.0%} at most",
         ),
         "1.8": Finding(
             all(inside) and all(outside), "; ".join(parts), "" if all(outside) else None
@@ -307,16 +287,12 @@ def _maps(found: Paper1Study) -> dict[str, Finding]:
     together = min(fit.objective for fit in found.calibration.fits)
     lowest = _largest(best, -1.0)
     return {
-        "1.9": Finding(
-            all(straight.values()),
-            ", ".join(f"{n} {tilt:.0f} degrees, {x:.1f} times" for n, (tilt, x) in valleys.items()),
-            numbers={"parts": which(straight)},
-        ),
-        "1.10": Finding(
-            more,
-            ", ".join(f"{name} {ratio:.1f} times" for name, ratio in ratios.items()),
-            "" if all(more.values()) else _acting(found),
-        ),
+        "1.9": Finding(all(straight.values()),
+                       in_words(valleys, "{} {:.0f} degrees, {:.1f} times"),
+                       numbers={"parts": which(straight)}),
+        "1.10": Finding(more,
+                        in_words(ratios, "{} {:.1f} times"),
+                        "" if all(more.values()) else _acting(found)),
         "1.11": Finding(
             best[lowest] > 10.0 * together,
             f"lowest alone: {best[lowest]:.4g} by {lowest}; all together {together:.4g}",
@@ -333,8 +309,8 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
     widths = np.array([e.upper - e.lower for e in fits["III"].estimates])
     apart = {p: float(np.max(np.abs(values[p] - values["III"]) / widths)) for p in ("I", "II")}
     near = max(apart.values()) < 0.1
-    counts = ", ".join(f"{p} {count[p]}" for p in count)
-    objectives = ", ".join(f"{p} {fits[p].objective:.4g}" for p in count)
+    counts = in_words(count, "{} {}")
+    objectives = in_words({p: fits[p].objective for p in count}, "{} {:.4g}")
     truth = found.calibration.truth
     answer = [e for e in found.calibration.fit.estimates if e.name in truth]
     covered = sum(not (truth[e.name] < e.low or truth[e.name] > e.high) for e in answer)
@@ -349,7 +325,7 @@ def _procedures(found: Paper1Study) -> dict[str, Finding]:
         "1.13": Finding(None, f"evaluations with exact Jacobian: {counts}"),
         "1.14": Finding(
             None,
-            "; ".join(f"{e.name} {e.value:.4g}" for e in fits["III"].estimates)
+            in_words({e.name: e.value for e in fits["III"].estimates}, "{} {:.4g}", "; ")
             + f"; {covered} of {len(answer)} 95 % limits hold what made the data",
         ),
     }  # fmt: skip
@@ -360,8 +336,8 @@ def _largest(numbers: Mapping[str, float], sign: float = 1.0) -> str:
     return max(numbers, key=lambda name: sign * numbers[name])
 
 
-def _in_words(means: Mapping[str, float]) -> str:
-    return ", ".join(f"{_DISPLACEMENTS[c]} {value:.2f} mm" for c, value in means.items())
+def _displacements(means: Mapping[str, float]) -> str:
+    return in_words({_DISPLACEMENTS[c]: value for c, value in means.items()}, "{} {:.2f} mm")
 
 
 def _acting(found: Paper1Study) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 from kneejax.experiments import lab_tests, load_curves, mechanics_of
 from kneejax.files import load_knee
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
 from kneejax.papers.paper2_grafts import Octagon, insertions, octagon_study
 from kneejax.parameters import cut, select
 from kneejax.report.look import BLACK, BLUE, ORANGE, VERMILLION, Answer, Table, styled
@@ -224,7 +224,7 @@ def claims(found: LachmanStudy, grafts: Octagon | None = None) -> tuple[Claim, .
 def _displacement(found: LachmanStudy) -> dict[str, Finding]:
     """Claims 2.1 to 2.4 and 2.7: displacement under 100 N, and what resists it without the ACL."""
     test, before = found.calibrated["deficient"], found.printed["deficient"]
-    scanned = ", ".join(f"{by:.3g}: {one}" for by, one in sorted(found.deficient.items()))
+    scanned = in_words(dict(sorted(found.deficient.items())), "{:.3g}: {}")
     pulls = [sum(float(t[0]) for t in one.tension.values()) for one in (before, test)]
     one, two = (found.calibrated[state].end for state in ("one bundle", "two bundles"))
     both = {"printed": found.printed, "calibrated": found.calibrated}
@@ -240,22 +240,16 @@ def _displacement(found: LachmanStudy) -> dict[str, Finding]:
             numbers={"pull": pulls[1], "pull_before": pulls[0], "needed": FULL_N / MEASURED_MM,
                      "along": test.along, "along_before": before.along},
         ),
-        "2.2": Finding(
-            abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
-            f"{found.calibrated['one bundle']}; with the printed strains "
-            f"{found.printed['one bundle']}",
-        ),
+        "2.2": Finding(abs(one - ONE_BUNDLE_MM) < NEAR_PART * ONE_BUNDLE_MM,
+                       f"{found.calibrated['one bundle']}; with the printed strains "
+                       f"{found.printed['one bundle']}"),
         "2.3": Finding(
             abs(one - two) < LITTLE * one, f"{one:.1f} mm with one, {two:.1f} mm with both"
         ),
-        "2.4": Finding(
-            all(not np.isfinite(b.end) or b.end > 2.0 * a for a, b in apart.values()),
-            "; ".join(f"{kind}: {a:.1f} mm, without {b}" for kind, (a, b) in apart.items()),
-        ),
-        "2.7": Finding(
-            set(order[:2]) == set(RISES),
-            ", ".join(f"{name} {rises[name]:+.0f} N" for name in order[:4]),
-        ),
+        "2.4": Finding(all(not np.isfinite(b.end) or b.end > 2.0 * a for a, b in apart.values()),
+                       in_words(apart, "{}: {:.1f} mm, without {}", "; ")),
+        "2.7": Finding(set(order[:2]) == set(RISES),
+                       in_words({name: rises[name] for name in order[:4]}, "{} {:+.0f} N")),
     }  # fmt: skip
 
 
@@ -281,13 +275,11 @@ def _length(found: LachmanStudy) -> dict[str, Finding]:
     parts = {by: one.end / own - 1.0 for by, one in found.longer.items()}
     known = [abs(x) for x in parts.values() if np.isfinite(x)]
     holds = len(known) == len(parts) and min(known) > LITTLE
-    moved = ", ".join(f"{by:+.0%}: {x.neutral - rest:+.2f} mm" for by, x in found.longer.items())
-    placed = ", ".join(
-        f"{by:+.0%}: {(x.neutral - rest + x.end) / own - 1.0:+.0%}"
-        for by, x in found.longer.items()
-    )
-    ours = ", ".join(f"{by:+.0%}: {found.longer[by]} ({x:+.0%})" for by, x in parts.items())
-    numbers = {"moved": moved, "placed": placed, "own": own}
+    away = {by: x.neutral - rest for by, x in found.longer.items()}
+    placed = {by: (away[by] + x.end) / own - 1.0 for by, x in found.longer.items()}
+    ours = in_words({by: (x, parts[by]) for by, x in found.longer.items()}, "{:+.0%}: {} ({:+.0%})")
+    numbers = {"moved": in_words(away, "{:+.0%}: {:+.2f} mm"),
+               "placed": in_words(placed, "{:+.0%}: {:+.0%}"), "own": own}  # fmt: skip
     return {"2.8": Finding(holds, f"{own:.2f} mm; {ours}", numbers=numbers)}
 
 

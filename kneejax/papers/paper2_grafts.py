@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
 
 import numpy as np
 
 from kneejax import planning
 from kneejax.geometry import FEMUR, TIBIA
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Finding
+from kneejax.papers.claims import Finding, in_words
 from kneejax.report.look import Table
 
 #: The motion of section 4.3, in steps of our own, and the test of 4.2.
@@ -90,23 +89,18 @@ def octagon_study(knee: Knee) -> Octagon:
                    float(double.try_out(places.ravel()).laxity_mm[0, 0]))  # fmt: skip
 
 
-def numberings(totals: np.ndarray) -> Iterator[np.ndarray]:
-    """The sixteen ways to number the corners of an octagon, `(8,)` each."""
-    for sense in (totals, totals[::-1]):
-        yield from (np.roll(sense, by) for by in range(8))
-
-
 def insertions(found: Octagon | None) -> dict[str, Finding]:
     """Claims 2.9 and 2.12 to 2.14; without the package that compares curves none can be judged."""
     if found is None:
         missing = Finding(None, "-", "needs dtaidistance: pip install 'kneejax[planning]'")
         return dict.fromkeys(("2.9", "2.12", "2.13", "2.14"), missing)
 
-    def holds(totals: np.ndarray) -> bool:
-        order = np.argsort(totals) + 1
-        return bool(np.isfinite(totals).all()) and (
-            order[0] == 8 and order[1] == 1 and set(order[-2:]) == {3, 4}
-        )
+    def fits(totals: np.ndarray) -> bool:
+        """Whether one of the sixteen ways to number the corners gives the paper's order."""
+        ways = (np.roll(x, by) for x in (totals, totals[::-1]) for by in range(8))
+        orders = ([*np.argsort(x) + 1] for x in ways)
+        known = bool(np.isfinite(totals).all())
+        return known and any(x[:2] == [8, 1] and {*x[-2:]} == {3, 4} for x in orders)
 
     def listed(totals: np.ndarray) -> str:
         return ", ".join(f"{x:.2f}" if np.isfinite(x) else "no balance" for x in totals)
@@ -120,22 +114,16 @@ def insertions(found: Octagon | None) -> dict[str, Finding]:
     names = [found.ligaments[k].replace("graft", "aACL") for k in widest]
     return {
         "2.9": Finding(
-            any(map(holds, numberings(moved))),
+            fits(moved),
             f"from front and medial through the lateral side: {listed(moved)}. A hamstring graft "
             f"in place of both bundles, under 80 N: {listed(planned)}",
-            numbers={"fits": "does" if any(map(holds, numberings(planned))) else "does not"},
+            numbers={"fits": "does" if fits(planned) else "does not"},
         ),
-        "2.12": Finding(
-            0.5 * theirs < own < 2.0 * theirs,
-            f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
-            numbers={"corner": np.argmin(moved) + 1},
-        ),
-        "2.13": Finding(
-            set(names) == set(TELLING),
-            ", ".join(f"{n} {spread[k]:.2f}" for n, k in zip(names, widest, strict=True)),
-        ),
-        "2.14": Finding(
-            abs(found.two - found.one) < LITTLE * found.one,
-            f"{found.one:.2f} mm with one, {found.two:.2f} mm with both",
-        ),
+        "2.12": Finding(0.5 * theirs < own < 2.0 * theirs,
+                        f"{own:.1f} times; of the retensioned graft {retensioned:.1f}",
+                        numbers={"corner": np.argmin(moved) + 1}),
+        "2.13": Finding(set(names) == set(TELLING),
+                        in_words(dict(zip(names, spread[widest], strict=True)), "{} {:.2f}")),
+        "2.14": Finding(abs(found.two - found.one) < LITTLE * found.one,
+                        f"{found.one:.2f} mm with one, {found.two:.2f} mm with both"),
     }  # fmt: skip

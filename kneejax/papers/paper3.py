@@ -11,17 +11,17 @@ from kneejax.experiments import lab_tests, laxity, load_curves, mechanics_of
 from kneejax.files import bundled_measurements, load_knee
 from kneejax.files.tables.tables import read_rows
 from kneejax.mechanics import Knee
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
 from kneejax.papers.paper3_leg import (
     BODY_KG,
     HEIGHT_M,
     OTHER,
-    RaisedLeg,
     leg_findings,
     leg_table,
     raise_leg,
     raised_leg_figure,
 )
+from kneejax.papers.rigid_leg import RigidLeg
 from kneejax.report.look import BLACK, BLUE, GREY, VERMILLION, WIDTH, Answer, Table, styled
 from kneejax.report.panels import grid
 from kneejax.statics import Status
@@ -163,7 +163,7 @@ def laxity_study(
     )  # fmt: skip
 
 
-def claims(found: LaxityStudy, raised: RaisedLeg) -> tuple[Claim, ...]:
+def claims(found: LaxityStudy, raised: RigidLeg) -> tuple[Claim, ...]:
     """Judge the claims of paper 3.
 
     Args:
@@ -182,28 +182,20 @@ def _drawer(found: LaxityStudy) -> dict[str, Finding]:
     lax = max(span[x] for x in MIDDLE_DEG)
     soft = [x for x in EXTREME_DEG if not span[x] > lax]
     ratios = {x: found.stiffness_ratio(x) for x in MIDDLE_DEG}
-    neutral, pulls, shares = int(np.argmin(np.abs(found.moved_mm))), [], {}
-    for x in MIDDLE_DEG:
-        acl, pcl = (found.tension[name][found.row(x), neutral] for name in ("ACL", "PCL"))
-        pulls.append(f"{x:g} degrees ACL {acl:.0f} N, PCL {pcl:.0f} N")
-    for x in EXTREME_DEG:
-        bears = [found.tension[name][found.row(x)] > BEARS_N for name in ("ACL", "PCL")]
-        shares[x] = float(np.mean(np.any(bears, axis=0)))
+    neutral = int(np.argmin(np.abs(found.moved_mm)))
+    both = np.stack([found.tension[name] for name in ("ACL", "PCL")])
+    pulls = {x: (*both[:, found.row(x), neutral],) for x in MIDDLE_DEG}
+    shares = {x: float(np.mean((both[:, found.row(x)] > BEARS_N).any(axis=0))) for x in EXTREME_DEG}
     return {
-        "3.1": Finding(
-            not soft,
-            ", ".join(f"{x:g} degrees {span[x]:.0f} N" for x in sorted(span)),
-            numbers={"where": " and ".join(f"{x:g}" for x in soft)},
-        ),
+        "3.1": Finding(not soft,
+                       in_words(dict(sorted(span.items())), "{:g} degrees {:.0f} N"),
+                       numbers={"where": " and ".join(f"{x:g}" for x in soft)}),
         "3.2": Finding(
             all(ratio < SMALL for ratio in ratios.values()),
-            ", ".join(f"{x:g} degrees {ratio:.0%}" for x, ratio in ratios.items()),
-            numbers={"pulls": "; ".join(pulls)},
+            in_words(ratios, "{:g} degrees {:.0%}"),
+            numbers={"pulls": in_words(pulls, "{:g} degrees ACL {:.0f} N, PCL {:.0f} N", "; ")},
         ),
-        "3.3": Finding(
-            min(shares.values()) >= NEARLY_ALL,
-            ", ".join(f"{x:g} degrees {share:.0%}" for x, share in shares.items()),
-        ),
+        "3.3": Finding(min(shares.values()) >= NEARLY_ALL, in_words(shares, "{:g} degrees {:.0%}")),
     }  # fmt: skip
 
 
@@ -212,14 +204,13 @@ def _torsion(found: LaxityStudy) -> dict[str, Finding]:
     known = np.isfinite(found.total_deg)
     least = np.argmin(np.where(known, found.total_deg, np.inf)) == 0 and known[0]
     grows = bool((np.diff(found.total_deg[known]) > 0.0).all())
-    turned = "total, degrees: " + ", ".join(
-        f"{x:g}: {y:.0f}" if np.isfinite(y) else f"{x:g}: not held"
-        for x, y in zip(found.torsion_deg, found.total_deg, strict=True)
-    )
+    total = [f"{y:.0f}" if np.isfinite(y) else "not held" for y in found.total_deg]
+    shown = in_words(dict(zip(found.torsion_deg, total, strict=True)), "{:g}: {}")
+    turned = f"total, degrees: {shown}"
     reasons = []
     if not known.all():
-        held = zip(found.torsion_deg[~known], found.held_Nm[~known], strict=True)
-        each = ", ".join(f"{x:g} degrees {low:.1f} to {high:.1f}" for x, (low, high) in held)
+        held = zip(found.torsion_deg[~known], map(tuple, found.held_Nm[~known]), strict=True)
+        each = in_words(dict(held), "{:g} degrees {:.1f} to {:.1f}")
         reasons.append(
             f"the knee gives way, N m: {each}. Nothing but twelve straight lines and flat plateaux "
             "resists torsion; the paper says that its own is larger than real knees' in flexion, "

@@ -5,16 +5,14 @@ from __future__ import annotations
 import dataclasses
 from typing import TYPE_CHECKING
 
-import jax.numpy as jnp
 import numpy as np
 
-from kneejax.experiments import Shank, evaluate
-from kneejax.geometry import BODIES, COLUMNS, PATELLA, TIBIA, State
-from kneejax.mechanics import Knee, add_lane_axis
-from kneejax.papers.claims import Finding
+from kneejax.experiments import Shank
+from kneejax.geometry import BODIES, COLUMNS, PATELLA
+from kneejax.mechanics import Knee
+from kneejax.papers.claims import Finding, in_words
 from kneejax.papers.rigid_leg import RigidLeg, rigid_leg
 from kneejax.papers.rigid_patella import rigid_patella_of
-from kneejax.parameters import fibre_rows
 from kneejax.report.look import Table, styled
 from kneejax.report.panels import draw_named, flexion_axis, legend_above, panel_grid
 
@@ -36,106 +34,55 @@ OTHER = (
 )
 
 
-@dataclasses.dataclass(frozen=True)
-class RaisedLeg:
-    """A held leg, and its forces.
-
-    Attributes:
-        leg: as it was found.
-        tension: group of ligaments or ligament -> its tension, `(poses,)`, N.
-        shear: part -> what it does to the tibia forwards along the tibia's own axis, `(poses,)`, N.
-    """
-
-    leg: RigidLeg
-    tension: dict[str, np.ndarray]
-    shear: dict[str, np.ndarray]
-
-    @property
-    def held(self) -> np.ndarray:
-        """Where a quadriceps that pulls holds the leg, `(poses,)`."""
-        return self.leg.quadriceps_N > 0.0
-
-    def where_held(self, values: np.ndarray) -> np.ndarray:
-        """The same, NaN where the quadriceps would have to push."""
-        return np.where(self.held, values, np.nan)
-
-    @property
-    def doubts(self) -> list[str]:
-        """Where the leg has no balance, and where a facet would have to hold on to the groove."""
-        lost, off = np.isnan(self.leg.quadriceps_N), (self.leg.contact_N < 0.0).any(axis=1)
-        doubtful = {"No held leg was found": lost,
-                    "The patella touches one facet only": self.held & off}  # fmt: skip
-        return [
-            f"{what} at {', '.join(f'{x:g}' for x in self.leg.flexion_deg[where])} degrees."
-            for what, where in doubtful.items()
-            if where.any()
-        ]
-
-
-def raise_leg(knee: Knee, with_patella: Knee) -> RaisedLeg:
+def raise_leg(knee: Knee, with_patella: Knee) -> RigidLeg:
     """Raise the leg of a person of 75 kg and 1.75 m.
 
     Args:
         knee: of two bones; a line that stands for the patella is left out.
         with_patella: the same with its patella, through whose surfaces those of paper 3 are laid.
     """
-    alone = dataclasses.replace(knee, lines=())
-    start, shank = with_patella.other_bones[PATELLA], Shank.of_person(BODY_KG, HEIGHT_M)
-    leg = rigid_leg(alone, rigid_patella_of(with_patella), start, LEG_DEG, shank)
-    found = evaluate(alone, leg.tibia)
-    lanes, state = add_lane_axis(alone.ligaments), State({TIBIA: leg.tibia})
-    own = np.asarray(found.tension).T
-    ways = leg.tibia.placement.turn_back(tuple(jnp.asarray(lanes.unit_pulls(state))))
-    forward = own * np.asarray(ways[0])
-    names = alone.ligaments.names
-    each = [*(group for group, _ in alone.groups), *names]
-    tension = {name: own[fibre_rows(alone, name)].sum(axis=0) for name in each}
-    shear = {
-        "patellar tendon": leg.tendon_force[:, 0],
-        "contact": np.asarray(found.contact_force)[:, :, 0].sum(axis=1),
-        "weight": leg.weight_force[:, 0],
-        **{name: forward[k] for k, name in enumerate(names)},
-    }
-    return RaisedLeg(leg, tension, shear)
+    alone, patella = dataclasses.replace(knee, lines=()), rigid_patella_of(with_patella)
+    shank = Shank.of_person(BODY_KG, HEIGHT_M)
+    return rigid_leg(alone, patella, with_patella.other_bones[PATELLA], LEG_DEG, shank)
 
 
-def leg_table(raised: RaisedLeg) -> Table:
+def leg_table(leg: RigidLeg) -> Table:
     """A row a pose; empty where the quadriceps does not pull."""
-    leg, pulls = raised.leg, {f"{name}_N": x for name, x in raised.tension.items()}
     return Table.of({
         "flexion_deg": leg.flexion_deg, "quadriceps_N": leg.quadriceps_N, "tendon_N": leg.tendon_N,
         ("medial_facet_N", "lateral_facet_N"): leg.contact_N,
         "patellofemoral_N": leg.patellofemoral_N, "arm_mm": leg.arm_mm,
         tuple(COLUMNS[1:]): leg.tibia.to_table()[:, 1:],
-        tuple(x.column for x in BODIES[PATELLA].values()): leg.patella, **pulls,
-        **{f"{name}_anterior_N": x for name, x in raised.shear.items()},
+        tuple(x.column for x in BODIES[PATELLA].values()): leg.patella,
+        **{f"{name}_N": x for name, x in leg.tension.items()},
+        **{f"{name}_anterior_N": x for name, x in leg.shear.items()},
     })  # fmt: skip
 
 
-def leg_findings(found: RaisedLeg) -> dict[str, Finding]:
+def leg_findings(found: RigidLeg) -> dict[str, Finding]:
     """Claims 3.6 to 3.13."""
     return _forces(found) | _patella(found) | _tibia(found)
 
 
-def _every_third(found: RaisedLeg, values: np.ndarray, form: str) -> str:
-    rows = zip(found.leg.flexion_deg[::3], values[::3], found.held[::3], strict=True)
-    return ", ".join(f"{x:g}: {y:{form}}" if on else f"{x:g}: none" for x, y, on in rows)
+def _every_third(found: RigidLeg, values: np.ndarray, form: str) -> str:
+    shown = [format(y, form) if on else "none" for y, on in zip(values, found.held, strict=True)]
+    return in_words(dict(zip(found.flexion_deg[::3], shown[::3], strict=True)), "{:g}: {}")
 
 
-def _forces(found: RaisedLeg) -> dict[str, Finding]:
+def _forces(found: RigidLeg) -> dict[str, Finding]:
     """Claims 3.6 to 3.8: quadriceps, and tendon and contact relative to it."""
-    leg, flexion = found.leg, found.leg.flexion_deg
+    flexion = found.flexion_deg
     at_0, at_90 = (int(np.argmin(np.abs(flexion - x))) for x in (0.0, 90.0))
-    pull = np.maximum(leg.quadriceps_N, 0.0)
+    pull = np.maximum(found.quadriceps_N, 0.0)
     middle = pull[(flexion >= 20.0) & (flexion <= 60.0)]
     steady = middle.max() / middle.min() - 1.0 < STEADY
     gone = pull[at_90] < NONE * middle.mean()
     falls_by = 1.0 - middle.min() / middle.max()
-    tendon = found.where_held(leg.tendon_N / leg.quadriceps_N)
+    tendon = found.where_held(found.tendon_N / found.quadriceps_N)
     peak, start = float(flexion[np.nanargmax(tendon)]), float(tendon[at_0])
     falls = np.diff(tendon[flexion >= 30.0])
     falls = (falls[np.isfinite(falls)] < 0.0).all()
-    ratio = found.where_held(leg.patellofemoral_N / leg.quadriceps_N)
+    ratio = found.where_held(found.patellofemoral_N / found.quadriceps_N)
     last, grows = ratio[found.held][-1], (np.diff(ratio[found.held]) > 0.0).all()
     return {
         "3.6": Finding(
@@ -144,54 +91,44 @@ def _forces(found: RaisedLeg) -> dict[str, Finding]:
             "" if steady else f"from 20 to 60 degrees it falls by {falls_by:.0%}, with the moment "
             f"of the leg, which halves there; the arm does not fall along with it. {OTHER}",
         ),
-        "3.7": Finding(
-            start > 1.0 and 10.0 <= peak <= 30.0 and falls,
-            _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start},
-        ),
-        "3.8": Finding(
-            0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
-            _every_third(found, ratio, ".2f"),
-        ),
+        "3.7": Finding(start > 1.0 and 10.0 <= peak <= 30.0 and falls,
+                       _every_third(found, tendon, ".2f"), numbers={"peak": peak, "start": start}),
+        "3.8": Finding(0.4 <= ratio[0] <= 0.6 and 1.0 <= last <= 1.2 and grows,
+                       _every_third(found, ratio, ".2f")),
     }  # fmt: skip
 
 
-def _patella(found: RaisedLeg) -> dict[str, Finding]:
+def _patella(found: RigidLeg) -> dict[str, Finding]:
     """Claims 3.9 and 3.10: flexion of the patella, moment arm."""
-    knee, patella = found.leg.flexion_deg, found.leg.patella[:, 0]
+    knee, patella = found.flexion_deg, found.patella[:, 0]
     last = float(patella[int(np.argmin(np.abs(knee - 90.0)))])
-    arm = found.where_held(found.leg.arm_mm)
+    arm = found.where_held(found.arm_mm)
     at, size = float(knee[np.nanargmax(arm)]), float(np.nanmax(arm))
     return {
-        "3.9": Finding(
-            (np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
-            ", ".join(f"{x:g}: {y:.0f}" for x, y in zip(knee[::3], patella[::3], strict=True)),
-            numbers={"last": last},
-        ),
-        "3.10": Finding(
-            25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
-            "mm at degrees: " + _every_third(found, found.leg.arm_mm, ".0f"),
-            numbers={"size": size, "at": at},
-        ),
+        "3.9": Finding((np.diff(patella) < np.diff(knee)).mean() >= 0.8 and 60.0 <= last <= 70.0,
+                       in_words(dict(zip(knee[::3], patella[::3], strict=True)), "{:g}: {:.0f}"),
+                       numbers={"last": last}),
+        "3.10": Finding(25.0 <= at <= 45.0 and 45.0 <= size <= 55.0,
+                        "mm at degrees: " + _every_third(found, found.arm_mm, ".0f"),
+                        numbers={"size": size, "at": at}),
     }  # fmt: skip
 
 
-def _tibia(found: RaisedLeg) -> dict[str, Finding]:
+def _tibia(found: RigidLeg) -> dict[str, Finding]:
     """Claims 3.11 to 3.13: cruciates, motion of the tibia, forces along its anterior axis."""
-    flexion, on = found.leg.flexion_deg, found.held
+    flexion, on = found.flexion_deg, found.held
     acl, pcl = (found.tension[name] > BEARS_N for name in ("ACL", "PCL"))
     first = flexion[on & pcl].min() if (on & pcl).any() else np.inf
     curves = (_every_third(found, found.tension[name], ".0f") for name in ("ACL", "PCL"))
-    table = np.asarray(found.leg.tibia.to_table())
+    table = np.asarray(found.tibia.to_table())
     moved = (table - table[0])[on]
     inwards, forwards, varus = moved[:, 2].max(), moved[:, 3].max(), np.abs(moved[:, 1]).max()
     total = np.abs(sum(found.shear.values())).max()
     size = max(np.abs(part).max() for part in found.shear.values())
     tendon = float(found.shear["patellar tendon"][int(np.argmin(np.abs(flexion)))])
     return {
-        "3.11": Finding(
-            acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
-            "ACL {}; PCL {} N".format(*curves), numbers={"first": first},
-        ),
+        "3.11": Finding(acl[flexion <= 55.0].all() and 45.0 <= first <= 65.0,
+                        "ACL {}; PCL {} N".format(*curves), numbers={"first": first}),
         "3.12": Finding(
             10.0 <= inwards <= 25.0 and 4.0 <= forwards <= 10.0 and varus < 5.0,
             f"inwards by {inwards:.0f} degrees, forwards by {forwards:.1f} mm, varus or valgus "
@@ -205,15 +142,15 @@ def _tibia(found: RaisedLeg) -> dict[str, Finding]:
 
 
 @styled
-def raised_leg_figure(found: RaisedLeg) -> Figure:
+def raised_leg_figure(found: RigidLeg) -> Figure:
     """Draw pull, ratios of forces, moment arm, patella, cruciates and the shear on the tibia.
 
     In the layout of the paper's Figures 12 to 19. Where the quadriceps would have to push nothing
     is drawn but the patella.
     """
     figure, panels = panel_grid(3, 2, 7.6, "")
-    leg, flexion, seen = found.leg, found.leg.flexion_deg, found.where_held
-    ratios = {"patellar tendon": leg.tendon_N, "patellofemoral contact": leg.patellofemoral_N}
+    flexion, seen = found.flexion_deg, found.where_held
+    ratios = {"patellar tendon": found.tendon_N, "patellofemoral contact": found.patellofemoral_N}
     shear = {name: seen(x) for name, x in found.shear.items()}
     # The six largest parts by themselves.
     largest = sorted(shear, key=lambda name: -np.nanmax(np.abs(shear[name])))[:6]
@@ -221,10 +158,10 @@ def raised_leg_figure(found: RaisedLeg) -> Figure:
     rest = [force for name, force in shear.items() if name not in largest]
     parts |= {"all others": sum(rest)} if rest else {}
     drawn = {
-        "Quadriceps force, N": {"": seen(leg.quadriceps_N)},
-        "Force by quadriceps force": {k: seen(x / leg.quadriceps_N) for k, x in ratios.items()},
-        "Moment arm, mm": {"": seen(leg.arm_mm)},
-        "Patella, deg": dict(zip(("flexion", "rotation", "tilt"), leg.patella.T, strict=False)),
+        "Quadriceps force, N": {"": seen(found.quadriceps_N)},
+        "Force by quadriceps force": {k: seen(x / found.quadriceps_N) for k, x in ratios.items()},
+        "Moment arm, mm": {"": seen(found.arm_mm)},
+        "Patella, deg": dict(zip(("flexion", "rotation", "tilt"), found.patella.T, strict=False)),
         "Ligament force, N": {name: seen(found.tension[name]) for name in ("ACL", "PCL")},
         "Force on the tibia, forwards, N": parts | {"sum": sum(shear.values())},
     }

@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence, Sized
+from collections.abc import Mapping, Sequence, Sized
 from functools import partial
 
 import numpy as np
 
 from kneejax.files import load_knee
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
-from kneejax.papers.fibre_changes import (
-    ATTACHMENT,
-    HORNS,
-    MODULUS,
-    PRESTRETCH,
-    synthetic_knee,
-)
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
+from kneejax.papers.fibre_changes import ATTACHMENT, HORNS, MODULUS, PRESTRETCH, synthetic_knee
 from kneejax.papers.knee_comparison import LIMITS, KneeComparison, KneeStudy, compare_knees
 from kneejax.papers.knee_comparison_report import comparison_answer, ramp_figure, score_figure
 from kneejax.papers.varus_valgus import VALGUS, VARUS
@@ -90,13 +84,11 @@ def _prestretch(found: KneeComparison) -> dict[str, Finding]:
     counts = {o: sum(_span(found, x, o) > _SIMILAR for x in parameters) for o in LIMITS}
     return {
         "4.1": _matters(found, PRESTRETCH),
-        "4.3": Finding(
-            min(ranges.values()) >= 0.5,
-            ", ".join(f"{name} {_short(x)}" for name, x in ranges.items()),
-        ),
+        "4.3": Finding(min(ranges.values()) >= 0.5,
+                       in_words({name: _short(x) for name, x in ranges.items()}, "{} {}")),
         "4.4": Finding(
             min(counts.values()) >= 2,
-            "ligaments: " + ", ".join(f"{_NAMES[o]} {count}" for o, count in counts.items()),
+            "ligaments: " + in_words({_NAMES[o]: x for o, x in counts.items()}, "{} {}"),
         ),
         "4.5": _alike(found, f"MCL.{PRESTRETCH}", (PRESSURE, ROTATION)),
         "4.6": _one_direction(found, "LCL", VARUS, VALGUS),
@@ -117,7 +109,7 @@ def _modulus(found: KneeComparison) -> dict[str, Finding]:
         "4.2": _matters(found, MODULUS),
         "4.8": Finding(
             max(spans.values()) > _SIMILAR,
-            ", ".join(f"{ligament} spans {_short(span)}" for ligament, span in spans.items()),
+            in_words({name: _short(span) for name, span in spans.items()}, "{} spans {}"),
         ),
         "4.9": _alike(found, f"MCL.{MODULUS}", (ROTATION, PRESSURE, PLACE)),
         "4.10": Finding(len(above) <= 1, _counted(above, pairs, "pairs above 2")),
@@ -138,24 +130,18 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
     spans = {name: [_span(found, name, o) for o in LIMITS] for name in found.parameters}
     ends = [name for name, each in spans.items() if each[0] > _SIMILAR]
     specific = [name for name, each in spans.items() if max(_known(each)) > _SIMILAR]
-    slack, tensions = 0, []
-    for knee in found.knees:
-        varus, valgus = knee.tension_N[VARUS], knee.tension_N[VALGUS]
-        slack += valgus["LCL"] < _SLACK * varus["LCL"] and varus["MCL"] < _SLACK * valgus["MCL"]
-        tensions.append(
-            f"{knee.name} LCL {valgus['LCL']:.0f} N in valgus, {varus['LCL']:.0f} in varus, MCL "
-            f"{varus['MCL']:.0f} in varus, {valgus['MCL']:.0f} in valgus"
-        )
+    sides = (VALGUS, "LCL"), (VARUS, "LCL"), (VARUS, "MCL"), (VALGUS, "MCL")
+    pulls = {knee.name: tuple(knee.tension_N[way][x] for way, x in sides) for knee in found.knees}
+    slack = sum(a < _SLACK * b and c < _SLACK * d for a, b, c, d in pulls.values())
+    shown = "{} LCL {:.0f} N in valgus, {:.0f} in varus, MCL {:.0f} in varus, {:.0f} in valgus"
     return {
-        "4.11": Finding(
-            len(above) <= len(pairs) / 8 if pairs else None,
-            _counted(above, pairs, "pairs above 2"), numbers={"lines": without},
-        ),
+        "4.11": Finding(len(above) <= len(pairs) / 8 if pairs else None,
+                        _counted(above, pairs, "pairs above 2"), numbers={"lines": without}),
         "4.12": Finding(bool(ends), _counted(ends, spans, "parameters")),
         "4.13": Finding(
             len(specific) > len(spans) / 2, f"{len(specific)} of {len(spans)} parameters"
         ),
-        "4.14": Finding(slack > len(found.knees) / 2, "; ".join(tensions)),
+        "4.14": Finding(slack > len(found.knees) / 2, in_words(pulls, shown, "; ")),
         "4.15": _go_together(found),
         "4.17": _horns(found),
     }  # fmt: skip
@@ -163,58 +149,51 @@ def _across_parameters(found: KneeComparison) -> dict[str, Finding]:
 
 def _horns(found: KneeComparison) -> Finding:
     """Claim 4.17: the stiffness of meniscal horns, of knees that have any."""
-    scores = {
-        knee.name: [knee.score(name, outcome) for outcome in LIMITS]
-        for knee in found.knees for name in _of(knee, HORNS)
-    }  # fmt: skip
+    scores = {knee.name: [knee.score(name, outcome) for outcome in LIMITS]
+              for knee in found.knees for name in _of(knee, HORNS)}  # fmt: skip
     if not scores:
         return Finding(None, "-", "None of these knees has menisci with horns.")
-    shown = (f"{name} {'/'.join(map(_short, each))}" for name, each in scores.items())
     return Finding(
         max(x for each in scores.values() for x in each) <= _SMALL,
-        "scores on convergence/rotation/pressure/place: " + "; ".join(shown),
+        "scores on convergence/rotation/pressure/place: " + _slashed(scores),
     )
 
 
 def _matters(found: KneeComparison, quantity: str) -> Finding:
     """Claims 4.1 and 4.2: some ligament in some direction, in every knee, on all three outcomes."""
-    best: dict[str, list[float]] = {}
-    for knee in found.knees:
-        every = {outcome: [np.nan] for outcome in (ROTATION, PRESSURE, PLACE)}
-        for one in knee.influences:
-            if one.parameter in _of(knee, quantity) and one.outcome in every:
-                every[one.outcome] += one.scores.values()
-        best[knee.name] = [max(_known(scores)) for scores in every.values()]
-    shown = (f"{name} {'/'.join(map(_short, scores))}" for name, scores in best.items())
-    return Finding(
-        all(min(scores) >= _MATTERS for scores in best.values()),
-        "highest scores on rotation/pressure/place: " + "; ".join(shown),
-    )
+    best = {
+        knee.name: [
+            max(_known([x for p in _of(knee, quantity) for x in knee.scores(p, outcome).values()]))
+            for outcome in (ROTATION, PRESSURE, PLACE)
+        ]
+        for knee in found.knees
+    }
+    return Finding(all(min(scores) >= _MATTERS for scores in best.values()),
+                   "highest scores on rotation/pressure/place: " + _slashed(best))  # fmt: skip
 
 
 def _alike(found: KneeComparison, parameter: str, outcomes: Sequence[str]) -> Finding:
     """Claims 4.5 and 4.9: the scores of the knees lie near each other."""
-    spans = [_span(found, parameter, o) for o in outcomes]
+    spans = {o: _span(found, parameter, o) for o in outcomes}
+    known = np.isfinite([*spans.values()]).all()
     return Finding(
-        max(spans) <= _SIMILAR if np.isfinite(spans).all() else None,
-        ", ".join(f"{_NAMES[o]} spans {_short(x)}" for o, x in zip(outcomes, spans, strict=True)),
+        max(spans.values()) <= _SIMILAR if known else None,
+        in_words({_NAMES[o]: _short(x) for o, x in spans.items()}, "{} spans {}"),
     )
 
 
 def _one_direction(found: KneeComparison, ligament: str, more: str, less: str) -> Finding:
     """Claims 4.6 and 4.7: prestretch acts on rotation in one direction more."""
     parameter = f"{ligament}.{PRESTRETCH}"
-    each = ((knee.name, knee.influence(parameter, ROTATION)) for knee in found.knees)
-    known = {name: one for name, one in each if one}
+    known = {knee.name: (knee.averages(parameter, ROTATION), knee.scores(parameter, ROTATION))
+             for knee in found.knees if parameter in knee.parameters}  # fmt: skip
     shown = [
-        f"{name} {_short(one.average[more])} deg ({_short(one.scores[more])}) against "
-        f"{_short(one.average[less])} deg ({_short(one.scores[less])})"
-        for name, one in known.items()
+        f"{name} {_short(average[more])} deg ({_short(scores[more])}) against "
+        f"{_short(average[less])} deg ({_short(scores[less])})"
+        for name, (average, scores) in known.items()
     ]
-    return Finding(
-        all(one.average[more] > one.average[less] for one in known.values()),
-        "; ".join(shown) + f"; scores in brackets, {more} first",
-    )
+    return Finding(all(average[more] > average[less] for average, _ in known.values()),
+                   "; ".join(shown) + f"; scores in brackets, {more} first")  # fmt: skip
 
 
 def _go_together(found: KneeComparison) -> Finding:
@@ -253,6 +232,10 @@ def _known(numbers: Sequence[float]) -> list[float]:
 
 def _short(number: float) -> str:
     return "-" if np.isnan(number) else f"{number:.2f}".rstrip("0").rstrip(".")
+
+
+def _slashed(scores: Mapping[str, Sequence[float]]) -> str:
+    return in_words({x: "/".join(map(_short, each)) for x, each in scores.items()}, "{} {}", "; ")
 
 
 def _counted(some: Sequence[str], every: Sized, what: str) -> str:

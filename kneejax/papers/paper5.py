@@ -10,7 +10,7 @@ from kneejax.files import load_knee
 from kneejax.joints import MEASURES, UnsuitableMotions
 from kneejax.papers import paper5_study as study
 from kneejax.papers import paper5_tables as printed
-from kneejax.papers.claims import Claim, Finding, Stages, answered, judged, silent
+from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
 from kneejax.papers.paper5_study import DONOR, Paper5Study
 from kneejax.papers.paper5_tables import ANGLES, EOS, HINGE, MOVING_AXIS, NAMES, measures_row
 from kneejax.parameters import UnsuitableData
@@ -67,7 +67,7 @@ def reproduce(stages: Stages = silent) -> Answer:
         "midpoint_sd_mm": study.MIDPOINT_SD_MM, "centre_sd_mm": study.CENTRE_SD_MM,
         "sizes": study.SIZES, "assumed_correlations": study.CORRELATIONS,
         "cohorts_each": study.COHORTS, "shown_cohort": shown, "seed": found.seed,
-        "facet_centres_mm": found.points.facets, "epicondyles_mm": found.points.epicondyles,
+        "facet_centres_mm": found.facets, "epicondyles_mm": found.epicondyles,
     }  # fmt: skip
     words = {"donor": DONOR, "draws": study.DRAWS, "cohorts": study.COHORTS}
     return answered(5, claims(found), figures, tables, settings, (), words)
@@ -99,11 +99,9 @@ def _joints(found: Paper5Study) -> dict[str, Finding]:
             ours <= 1e-9 and tables <= 0.01 + 1e-9, f"ours {ours:.0e}; printed {tables:.2f}"
         ),
         "5.14": Finding(found.stays_fixed < 1e-9, f"{found.stays_fixed:.0e} mm"),
-        "5.20": Finding(
-            closer.all() and (hinge < measured).sum() > 2,
-            f"EOS {measures_row(measured)}; moving axis {measures_row(axis)}; "
-            f"hinge {measures_row(hinge)}",
-        ),
+        "5.20": Finding(closer.all() and (hinge < measured).sum() > 2,
+                        f"EOS {measures_row(measured)}; moving axis {measures_row(axis)}; "
+                        f"hinge {measures_row(hinge)}"),
     }
 
 
@@ -117,10 +115,8 @@ def _moving_means(found: Paper5Study) -> dict[str, Finding]:
     within = ((rows >= low - errors) & (rows <= high + errors)).all(axis=0)
     findings = {}
     for j, one in enumerate(MEASURES):
-        spans = ", ".join(
-            f"{angle} deg: {x:.2f} ({least:.2f} to {most:.2f})"
-            for angle, x, least, most in zip(ANGLES, ours[:, j], low[:, j], high[:, j], strict=True)
-        )
+        every = map(tuple, np.stack([ours[:, j], low[:, j], high[:, j]], axis=1))
+        spans = in_words(dict(zip(ANGLES, every, strict=True)), "{} deg: {:.2f} ({:.2f} to {:.2f})")
         depends = "the answer depends on axis points that were not published"
         findings[f"5.{15 + j}"] = (
             Finding(None, f"{spans} {one.unit}", depends) if within[j] and not near[j] else
@@ -143,19 +139,17 @@ def _cohorts(found: Paper5Study) -> dict[str, Finding]:
         tests = [first.test("AP", i) for i in range(int(first.compared.sum()))]
         pairs = [pair for x in tests if x for pair in x.pairs if pair.first == "measured"]
         significant[rho] = [x.p <= first.alpha and x.difference > 0.0 for x in pairs]
-        epsilons[rho] = [test.epsilon for test in first.tests if test is not None]
+        own = [test.epsilon for test in first.tests if test is not None]
+        epsilons[rho] = min(own), max(own)
     every = [all(x) for x in significant.values()]
-    spread = "; ".join(f"{rho:g}: {min(e):.2f} to {max(e):.2f}" for rho, e in epsilons.items())
     return {
-        "5.21": Finding(
-            True if always else False if never else None,
-            "; ".join(f"correlation {rho:g}: {measures_row(x, '.0%')}" for rho, x in share.items()),
-        ),
-        "5.22": Finding(
-            True if all(every) else None if any(every) else False,
-            "; ".join(f"correlation {rho:g}: {sum(x)} of 6" for rho, x in significant.items()),
-            numbers={"epsilons": spread},
-        ),
+        "5.21": Finding(True if always else False if never else None,
+                        in_words({rho: measures_row(x, ".0%") for rho, x in share.items()},
+                                 "correlation {:g}: {}", "; ")),
+        "5.22": Finding(True if all(every) else None if any(every) else False,
+                        in_words({rho: sum(x) for rho, x in significant.items()},
+                                 "correlation {:g}: {} of 6", "; "),
+                        numbers={"epsilons": in_words(epsilons, "{:g}: {:.2f} to {:.2f}", "; ")}),
     }
 
 

@@ -55,27 +55,12 @@ CORRELATIONS, COHORTS = (0.25, 0.5, 0.75), 20
 
 
 @dataclasses.dataclass(frozen=True)
-class AxisPoints:
-    """Where the axes of a femur run, in its anatomical frame.
-
-    The frame is paper 5's: origin midway between the epicondyles, Y the long axis, Z lateral in the
-    plane of Y and the epicondyles.
-
-    Attributes:
-        facets: extension and flexion facet centres, medial and lateral, shape `(2, 2, 3)`, mm.
-        epicondyles: medial and lateral, shape `(2, 3)`, mm.
-    """
-
-    facets: np.ndarray
-    epicondyles: np.ndarray
-
-
-@dataclasses.dataclass(frozen=True)
 class Paper5Study:
     """What the claims are judged by.
 
     Attributes:
-        points: the stand-in for the axis points.
+        facets: the stand-in for the axis points, see `axis_points`.
+        epicondyles: likewise.
         moving_axis: facets -> clinical measures of the moving axis on the printed mean poses, at
             the five flexions, shape `(5, 5)`.
         spread: the same of drawn axis points, shape `(DRAWS, 5, 5)`.
@@ -88,7 +73,8 @@ class Paper5Study:
         seed: of all that is drawn.
     """
 
-    points: AxisPoints
+    facets: np.ndarray
+    epicondyles: np.ndarray
     moving_axis: dict[str, np.ndarray]
     spread: np.ndarray
     hinge: np.ndarray
@@ -113,16 +99,16 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
     """
     is_tested(printed.SUBJECTS)  # or pingouin is missing: better known before the work
     rng = np.random.default_rng(seed)
-    stand_ins = {name: axis_points(knee, name) for name in FACETS}
-    points, mean = stand_ins["contact"], printed.MEAN[printed.EOS]
-    own = {name: measures_of(moving_axis, one.facets[None], ENDS, mean[None, ENDS])[0]
+    stand_ins = {name: axis_points(knee, name)[0] for name in FACETS}
+    (facets, epicondyles), mean = axis_points(knee), printed.MEAN[printed.EOS]
+    own = {name: measures_of(moving_axis, one[None], ENDS, mean[None, ENDS])[0]
            for name, one in stand_ins.items()}  # fmt: skip
     drawn = np.array([_drawn(stand_ins, rng) for _ in range(DRAWS)])
     spread = measures_of(moving_axis, drawn, ENDS, np.tile(mean[ENDS], (DRAWS, 1, 1)))
     tilt, hinged = _printed_hinge()
     # The axis 17 degrees beyond its two calibration poses.
     ends = printed.REACHED_DEG[ENDS]
-    joint = moving_axis(points.facets, Pose.from_table(poses_from_clinical(ends, mean[ENDS])))
+    joint = moving_axis(facets, Pose.from_table(poses_from_clinical(ends, mean[ENDS])))
     at, beyond = (
         np.asarray(joint.axis_points(np.deg2rad(ends + off))[0])
         for off in (0.0, np.array([-17.0, 17.0]))
@@ -132,10 +118,10 @@ def paper5_study(knee: Knee, seed: int = 5) -> Paper5Study:
         for rho in CORRELATIONS
     }
     stays_fixed = float(np.abs(beyond - at).max())
-    return Paper5Study(points, own, spread, hinged, tilt, stays_fixed, cohorts, seed)
+    return Paper5Study(facets, epicondyles, own, spread, hinged, tilt, stays_fixed, cohorts, seed)
 
 
-def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
+def axis_points(knee: Knee, facets: str = "contact") -> tuple[np.ndarray, np.ndarray]:
     """Facet centres and epicondyles of a knee, read off its surfaces and ligaments.
 
     Centres are those of `kneejax.joints.condyle_axes`, from points of the fitted condyles. (The
@@ -148,7 +134,9 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
         facets: a key of `FACETS`.
 
     Returns:
-        The points. The long axis is taken to be the femur's Y.
+        Extension and flexion facet centres, medial and lateral, `(2, 2, 3)`, and the medial and
+        lateral epicondyle, `(2, 3)`, mm. The frame is paper 5's: origin midway between the
+        epicondyles, Y the long axis, taken to be the femur's, Z lateral in the plane of both.
     """
     extension_deg, flexion_deg = FACETS[facets]
     centres = condyle_axes(*condyle_points(knee), extension_deg, flexion_deg).points
@@ -160,7 +148,7 @@ def axis_points(knee: Knee, facets: str = "contact") -> AxisPoints:
     turn = np.arctan2(across[0], across[2])
     c, s = np.cos(turn), np.sin(turn)
     axes = np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
-    return AxisPoints((centres - origin) @ axes.T, (epicondyles - origin) @ axes.T)
+    return (centres - origin) @ axes.T, (epicondyles - origin) @ axes.T
 
 
 def measures_of(
@@ -183,11 +171,11 @@ def measures_of(
     return clinical_measures(_tables(make, jnp.asarray(points), jnp.asarray(poses)))
 
 
-def _drawn(stand_ins: dict[str, AxisPoints], rng: np.random.Generator) -> np.ndarray:
+def _drawn(stand_ins: dict[str, np.ndarray], rng: np.random.Generator) -> np.ndarray:
     """Facet centres of somebody like the donor: another size, other centres, other landmarks."""
     own = list(stand_ins.values())[rng.integers(len(stand_ins))]
     sagittal = np.array([1.0, 1.0, 0.0])
-    centres = own.facets * rng.uniform(*SIZES)
+    centres = own * rng.uniform(*SIZES)
     centres = centres + MIDPOINT_SD_MM * rng.normal(size=3) * sagittal
     return centres + CENTRE_SD_MM * rng.normal(size=centres.shape) * sagittal
 
@@ -228,7 +216,7 @@ def _printed_hinge() -> tuple[float, np.ndarray]:
     return float(found.x), motion(float(found.x))
 
 
-def _cohort(stand_ins: dict[str, AxisPoints], tilt_deg: float, rho: float, rng: np.random.Generator,
+def _cohort(stand_ins: dict[str, np.ndarray], tilt_deg: float, rho: float, rng: np.random.Generator,
             tested: bool) -> Comparison:  # fmt: skip
     """Ten synthetic subjects with the printed means and standard deviations.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from kneejax.joints import MEASURES
-from kneejax.papers.claims import Finding, claimed
+from kneejax.papers.claims import Finding, claimed, in_words
 
 SUBJECTS = 10
 ALPHA = 0.01
@@ -65,7 +65,7 @@ def table_findings() -> dict[str, Finding]:
 
 def measures_row(values: np.ndarray, form: str = ".2f") -> str:
     """Five numbers with the names of their clinical measures, for a row of the report."""
-    return ", ".join(f"{name} {value:{form}}" for name, value in zip(NAMES, values, strict=True))
+    return in_words(dict(zip(NAMES, values, strict=True)), f"{{}} {{:{form}}}")
 
 
 def _averages() -> dict[str, Finding]:
@@ -128,17 +128,13 @@ def _statistics() -> dict[str, Finding]:
     pooled = {model: pooled_r2(model) for model in R2}
     apart = max(float(np.abs(pooled[model] - r2).max()) for model, r2 in R2.items())
     return {
-        "5.4": Finding(
-            off <= 0.005 and bounds <= 0.02,
-            f"largest difference of p {off:.4f}, of a bound {bounds:.3f}",
-        ),
-        "5.5": Finding(
-            wrong == 0, f"{int(small.sum())} p up to 0.01; {45 - wrong} of 45 agree"
-        ),
+        "5.4": Finding(off <= 0.005 and bounds <= 0.02,
+                       f"largest difference of p {off:.4f}, of a bound {bounds:.3f}"),
+        "5.5": Finding(wrong == 0, f"{int(small.sum())} p up to 0.01; {45 - wrong} of 45 agree"),
         "5.6": Finding(adjusted == 10, f"{adjusted} of 10 agree"),
         "5.7": Finding(
             apart <= 0.03,
-            "; ".join(f"{model} {measures_row(r2)}" for model, r2 in pooled.items()),
+            in_words({model: measures_row(r2) for model, r2 in pooled.items()}, "{} {}", "; "),
             f"largest difference {apart:.3f}",
         ),
     }  # fmt: skip
@@ -185,7 +181,7 @@ def _models() -> dict[str, Finding]:
         ),
         "5.10": Finding(
             follows and (turns[HINGE] * eos < 0).all(),
-            "; ".join(f"{motion} AA {x[0]:+.2f}, IE {x[1]:+.2f}" for motion, x in turns.items()),
+            in_words({x: tuple(y) for x, y in turns.items()}, "{} AA {:+.2f}, IE {:+.2f}", "; "),
         ),
         "5.11": Finding(
             off[1.0] <= 0.2,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import equinox as eqx
 import jax
@@ -10,8 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from kneejax.experiments import passive_flexion
-from kneejax.experiments.extensor import at_rest
+from kneejax.experiments import at_rest, passive_flexion
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, ZERO, Pair, Placement, Pose, State, Vector
 from kneejax.mechanics import Knee, Wrench, add_lane_axis, ligament_law
 from kneejax.statics import converged
@@ -49,7 +49,7 @@ class Strands(eqx.Module):
 
     def lines(self, other: Placement, place: Array) -> Vector:
         """From the patella to the other bone, femur axes, each `(n, ...)`, mm."""
-        return other.apply(_rows(self.on_other)) - _rows(_along(self.on_path, place)[0])
+        return other.apply(_rows(self.on_other)) - _rows(_along(self.on_path, place))
 
     def tension(self, length: Array) -> Array:
         """Of each, N."""
@@ -59,18 +59,6 @@ class Strands(eqx.Module):
         """Of all together, N mm."""
         strain = length / self.slack_length - 1.0
         return jnp.sum(ligament_law.energy(strain, *self._law, self.slack_length), axis=0)
-
-    def pull(self, other: Placement, place: Array) -> tuple[Array, Array]:
-        """First and second derivative of the energy of all by the place."""
-        line, (rate, bend) = self.lines(other, place), map(_rows, _along(self.on_path, place)[1:])
-        length = line.norm()
-        longer = -(line @ rate) / length
-        tension = self.tension(length)
-        strain = length / self.slack_length - 1.0
-        stiffness = ligament_law.stiffness_at(strain, *self._law) / self.slack_length
-        turning = (rate @ rate - line @ bend - longer * longer) / length
-        slope = jnp.sum(tension * longer, axis=0)
-        return slope, jnp.sum(stiffness * longer * longer + tension * turning, axis=0)
 
     @property
     def _law(self) -> tuple[Array, Array, Array]:
@@ -112,10 +100,8 @@ class PatellaOnPath(eqx.Module):
     def energy(self, state: State) -> Array:
         """Of quadriceps, tendon and retinacula, N mm."""
         tibia = state.between(self.bodies)
-        place = self._place(tibia)
-        pulled = self.tension * _along(self.quadriceps, place)[0]
-        tendon, held = self.tendon.lines(tibia, place), self.retinacula.lines(_FEMUR, place)
-        return pulled + self.tendon.energy(tendon.norm()) + self.retinacula.energy(held.norm())
+        pulled, tendon, held = self._lengths(tibia, self._place(tibia))
+        return self.tension * pulled + self.tendon.energy(tendon) + self.retinacula.energy(held)
 
     def wrench(self, state: State) -> Wrench:
         """Of the tendon on the tibia, about its origin in femur axes."""
@@ -135,16 +121,25 @@ class PatellaOnPath(eqx.Module):
         first, last = self.ends[0], self.ends[1]
         return first + 0.5 * (1.0 + self._place(state.between(self.bodies))) * (last - first)
 
-    def tendon_N(self, state: State) -> Array:
-        """Size of the tendon's pull on the tibia, N."""
-        return self.wrench(state).force.norm()
+    def _lengths(self, tibia: Placement, place: Array) -> tuple[Array, Array, Array]:
+        """Of the quadriceps, the tendon's fibres and those of the retinacula, mm."""
+        fibres = (self.tendon, tibia), (self.retinacula, _FEMUR)
+        tendon, held = (strands.lines(bone, place).norm() for strands, bone in fibres)
+        return _along(self.quadriceps, place), tendon, held
 
     def _slope(self, tibia: Placement, place: Array) -> tuple[Array, Array]:
         """First and second derivative of the energy along the path: at its beginning the tendon
         pulls more than the quadriceps, at its end less."""
-        _, rate, bend = _along(self.quadriceps, place)
-        tendon, held = self.tendon.pull(tibia, place), self.retinacula.pull(_FEMUR, place)
-        return self.tension * rate + tendon[0] + held[0], self.tension * bend + tendon[1] + held[1]
+        onwards = (jnp.ones_like(place),)
+
+        def slope(at: Array) -> Array:
+            (_, tendon, held), longer = jax.jvp(lambda x: self._lengths(tibia, x), (at,), onwards)
+            tendon, held = self.tendon.tension(tendon), self.retinacula.tension(held)
+            return self.tension * longer[0] + jnp.sum(tendon * longer[1], axis=0) + jnp.sum(
+                held * longer[2], axis=0
+            )
+
+        return jax.jvp(slope, (place,), onwards)
 
     def _place(self, tibia: Placement) -> Array:
         """Where the patella balances, from -1 to 1 along the path.
@@ -176,15 +171,9 @@ class PatellaOnPath(eqx.Module):
 _FEMUR = Placement(None, ZERO)
 
 
-def _along(coefficients: Array, place: Array) -> tuple[Array, Array, Array]:
-    """A polynomial, lowest power first, and its derivatives, by Horner's rule."""
-    value = coefficients[-1] + 0.0 * place
-    rate = bend = jnp.zeros_like(value)
-    for row in coefficients[-2::-1]:
-        bend = bend * place + 2.0 * rate
-        rate = rate * place + value
-        value = value * place + row
-    return value, rate, bend
+def _along(coefficients: Array, place: Array) -> Array:
+    """A polynomial, lowest power first, by Horner's rule."""
+    return functools.reduce(lambda value, row: value * place + row, coefficients[::-1])
 
 
 def _rows(points: Array) -> Vector:

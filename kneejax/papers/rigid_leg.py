@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
-from kneejax.experiments import Motion, Shank, passive_flexion
-from kneejax.geometry import FREE_COORDINATES, Pose, State, scales
+from kneejax.experiments import Shank, evaluate, passive_flexion
+from kneejax.geometry import FREE_COORDINATES, TIBIA, Pose, State, scales
 from kneejax.mechanics import Knee, Load, add_lane_axis
 from kneejax.numerics import compiled, traced
 from kneejax.papers.rigid_patella import SCALES, RigidPatella
+from kneejax.parameters import fibre_rows
 from kneejax.statics import force_along
 
 #: Before the unknowns of the patella: the tibia's free coordinates, and the pull, N.
@@ -33,7 +36,8 @@ _NEAR_FORCES = (0.2, 0.4, 1.0)
 
 @dataclasses.dataclass(frozen=True)
 class RigidLeg:
-    """A leg held by its quadriceps over a rigid patella; arrays begin with the pose.
+    """A leg held by its quadriceps over a rigid patella, and its forces; arrays begin with the
+    pose.
 
     Attributes:
         flexion_deg: `(poses,)`.
@@ -45,8 +49,8 @@ class RigidLeg:
             have to hold on to the groove, so that the two rigid contacts are none.
         patellofemoral_N: their resultant, `(poses,)`.
         arm_mm: how fast the extension moment grows with the pull, `(poses,)`.
-        tendon_force: on the tibia in the tibia's axes, `(poses, 3)`, N.
-        weight_force: likewise of the leg's weight.
+        tension: group of ligaments or ligament -> its tension, `(poses,)`, N.
+        shear: part -> what it does to the tibia forwards along the tibia's own axis, `(poses,)`, N.
         unknowns: all that was solved for, see `held_by_rigid_patella`.
     """
 
@@ -58,9 +62,27 @@ class RigidLeg:
     contact_N: np.ndarray
     patellofemoral_N: np.ndarray
     arm_mm: np.ndarray
-    tendon_force: np.ndarray
-    weight_force: np.ndarray
+    tension: dict[str, np.ndarray]
+    shear: dict[str, np.ndarray]
     unknowns: np.ndarray
+
+    @property
+    def held(self) -> np.ndarray:
+        """Where a quadriceps that pulls holds the leg, `(poses,)`."""
+        return self.quadriceps_N > 0.0
+
+    def where_held(self, values: np.ndarray) -> np.ndarray:
+        """The same, NaN where the quadriceps would have to push."""
+        return np.where(self.held, values, np.nan)
+
+    @property
+    def doubts(self) -> list[str]:
+        """Where the leg has no balance, and where a facet would have to hold on to the groove."""
+        off = self.held & (self.contact_N < 0.0).any(axis=1)
+        doubtful = {"No held leg was found": np.isnan(self.quadriceps_N),
+                    "The patella touches one facet only": off}  # fmt: skip
+        return [f"{what} at {', '.join(f'{x:g}' for x in self.flexion_deg[where])} degrees."
+                for what, where in doubtful.items() if where.any()]  # fmt: skip
 
 
 def rigid_leg(
@@ -80,20 +102,14 @@ def rigid_leg(
     """
     flexion, weight = jnp.deg2rad(jnp.asarray(flexion_deg, float)), shank.load()
     begin = _beginnings(knee, patella, start, flexion_deg, weight)
-    found, slope = _searched(knee, patella, weight, flexion, begin)
-    table = np.asarray(found)
+    unknowns, slope = _searched(knee, patella, weight, flexion, begin)
+    table = np.asarray(unknowns)
     pull, own = table[:, _PULL], table[:, _FIRST:]
-    tibia = State.of({"flexion": flexion}, found[:, :_TIBIA].T).tibia
-    there = Pose(*(found[:, _FIRST + k] for k in range(6)))
+    tibia = State.of({"flexion": flexion}, unknowns[:, :_TIBIA].T).tibia
+    there = Pose(*(unknowns[:, _FIRST + k] for k in range(6)))
     attached = jnp.stack(tuple(tibia.placement.apply(tuple(patella.tibial_attachment))))
     along = np.asarray(patella.tendon(there.placement, attached))
     tendon = pull * own[:, 12]
-    force = tuple(jnp.asarray(tendon * along / np.linalg.norm(along, axis=0)))
-    down = tuple(jnp.asarray(x) + 0 * tibia.flexion for x in np.asarray(weight.force))
-    on_tibia, of_weight = (
-        np.stack([np.asarray(x) for x in tibia.placement.turn_back(one)], axis=1)
-        for one in (force, down)
-    )
     normals = [facet.frame.placement.turn((0.0, 1.0, 0.0)) for facet in patella.facets]
     pressed = own[:, 10:12, None] * np.array([[float(x) for x in one] for one in normals])
     # The arm, all else balanced: row `_TIBIA` of the derivative is the moment about the flexion
@@ -102,10 +118,25 @@ def rigid_leg(
     others, kept = every != _PULL, every != _TIBIA
     moves = np.linalg.solve(slope[:, kept][:, :, others], slope[:, kept, _PULL, None])[..., 0]
     grows = slope[:, _TIBIA, _PULL] - np.einsum("ij,ij->i", slope[:, _TIBIA, others], moves)
+
+    def forwards(force: Iterable[ArrayLike]) -> np.ndarray:
+        return np.asarray(tibia.placement.turn_back(tuple(map(jnp.asarray, force)))[0])
+
+    found, fibres = evaluate(knee, tibia), knee.ligaments.names
+    tension = np.asarray(found.tension).T
+    pulls = tension * forwards(add_lane_axis(knee.ligaments).unit_pulls(State({TIBIA: tibia})))
+    shear = {
+        "patellar tendon": forwards(tendon * along / np.linalg.norm(along, axis=0)),
+        "contact": np.asarray(found.contact_force)[:, :, 0].sum(axis=1),
+        "weight": forwards(x + 0.0 * flexion for x in weight.force),
+        **dict(zip(fibres, pulls, strict=True)),
+    }
+    each = {name: tension[fibre_rows(knee, name)].sum(axis=0)
+            for name in (*(group for group, _ in knee.groups), *fibres)}  # fmt: skip
     return RigidLeg(
         np.asarray(flexion_deg, float), tibia, np.asarray(there.to_table()), pull, tendon,
         pull[:, None] * own[:, 10:12], pull * np.linalg.norm(pressed.sum(axis=1), axis=1),
-        grows / scales(["flexion"])[0], on_tibia, of_weight, table,
+        grows / scales(["flexion"])[0], each, shear, table,
     )  # fmt: skip
 
 
@@ -198,7 +229,7 @@ def _beginnings(
     on the tibia's passive motion."""
     # A first pull: of a tibia that only flexes about its own origin.
     turn = np.deg2rad(flexion_deg)
-    bent = State({"tibia": Pose(jnp.asarray(turn), *[jnp.zeros(len(turn))] * 5)})
+    bent = State({TIBIA: Pose(jnp.asarray(turn), *[jnp.zeros(len(turn))] * 5)})
     carried = np.maximum(np.asarray(weight.work(bent, ("flexion",))[0]) / _ARM_MM, 1.0)
     passive = passive_flexion(knee, flexion_deg)
     attached = np.stack(
@@ -217,5 +248,5 @@ def _beginnings(
     own, along = np.array(rows), np.array(ways)
     along *= (carried * own[:, 12] / np.linalg.norm(along, axis=1))[:, None]
     tendon = Load(along, np.zeros_like(along), np.tile(patella.tibial_attachment, (len(along), 1)))
-    loaded: Motion = passive_flexion(knee, flexion_deg, [weight, tendon])
+    loaded = passive_flexion(knee, flexion_deg, [weight, tendon])
     return jnp.asarray(np.c_[np.asarray(loaded.equilibrium.q).T, carried, own])

@@ -6,7 +6,6 @@ import dataclasses
 import functools
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -163,23 +162,9 @@ def varus_valgus(knee: Knee, ramp: VarusValgusRamp, vary=None, values: Any = Non
     return VarusValgus(ramp, found)
 
 
-class PeakPressure(eqx.Module):
-    """Peak contact pressure at poses.
-
-    Attributes:
-        pressure: mean over the part of the touching area where it is highest, MPa,
-            `(poses, contacts)`; 0 without contact.
-        center: mean place of that part in the tibia's frame, mm, `(poses, contacts, 3)`; NaN
-            without contact.
-    """
-
-    pressure: Array
-    center: Array
-
-
 def peak_pressure(
     knee: Knee, poses: Pose, contact_points: Array, share: float = 0.1, lanes: Knee | None = None
-) -> PeakPressure:
+) -> tuple[Array, Array]:
     """Mean pressure over the highest tenth of each touching area, and where that is.
 
     A finite element model averages the tenth of its faces with the highest pressure. Here a tenth
@@ -195,7 +180,8 @@ def peak_pressure(
         lanes: the knee with a lane for each pose, where contacts differ from pose to pose.
 
     Returns:
-        One row per pose, one column per contact.
+        The pressure, MPa, `(poses, contacts)`, 0 without contact; and the mean place of that part
+        of the area in the tibia's frame, mm, `(poses, contacts, 3)`, NaN without contact.
 
     Source: paper 4, section 2.4.1.
     """
@@ -204,7 +190,9 @@ def peak_pressure(
 
 
 @compiled()
-def _peak_pressure(lanes: Knee, poses: Pose, contact_points: Array, share: Array) -> PeakPressure:
+def _peak_pressure(
+    lanes: Knee, poses: Pose, contact_points: Array, share: Array
+) -> tuple[Array, Array]:
     row, peaks = 0, []
     for contact in lanes.contacts:
         if contact.has_patch:
@@ -225,9 +213,9 @@ def _peak_pressure(lanes: Knee, poses: Pose, contact_points: Array, share: Array
         peaks.append(_highest(jnp.where(depth > 0, pressure, 0.0), area, place, share))
     if not peaks:
         nothing = jnp.zeros((*jnp.shape(poses.flexion), 0))
-        return PeakPressure(nothing, nothing[..., None] * jnp.ones(3))
+        return nothing, nothing[..., None] * jnp.ones(3)
     pressure, center = (jnp.stack(x, axis=-1) for x in zip(*peaks, strict=True))
-    return PeakPressure(pressure, jnp.moveaxis(center, 0, -1))
+    return pressure, jnp.moveaxis(center, 0, -1)
 
 
 def _highest(pressure: Array, area: Array, place: Vector, share: Array) -> tuple[Array, Array]:

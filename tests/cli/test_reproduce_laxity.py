@@ -12,7 +12,6 @@ from kneejax.papers.claims import VERDICTS
 from kneejax.papers.paper2 import Lachman, LachmanStudy
 from kneejax.papers.paper2_grafts import TOTALS, Octagon
 from kneejax.papers.paper3 import TORSION_DEG, LaxityStudy
-from kneejax.papers.paper3_leg import RaisedLeg
 from kneejax.papers.rigid_leg import RigidLeg
 from kneejax.planning import Outcome
 from kneejax.statics import Status
@@ -59,13 +58,12 @@ def octagon_of():
 def raised():
     """A leg at some flexions, the quadriceps slack at the last."""
     x = np.array([0.0, 20.0, 40.0, 60.0, 90.0])
-    pull, three = np.array([300.0, 200.0, 200.0, 200.0, -1.0]), np.zeros((5, 3))
-    leg = RigidLeg(
-        x, Pose.from_table(np.c_[x, np.zeros((5, 5))]), np.zeros((5, 6)), pull, pull,
-        np.ones((5, 2)), pull, 40.0 + 0 * x, three, three, np.zeros((5, 19)),
-    )  # fmt: skip
+    pull = np.array([300.0, 200.0, 200.0, 200.0, -1.0])
     parts = {name: x for name in ("patellar tendon", "contact", "weight", "a", "b", "c")}
-    return RaisedLeg(leg, {"ACL": x, "PCL": x}, parts)
+    return RigidLeg(
+        x, Pose.from_table(np.c_[x, np.zeros((5, 5))]), np.zeros((5, 6)), pull, pull,
+        np.ones((5, 2)), pull, 40.0 + 0 * x, {"ACL": x, "PCL": x}, parts, np.zeros((5, 19)),
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("paper", ["2", "3"])

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments import TENDON, activity, cycle_of
-from kneejax.experiments.activity import _instants
-from kneejax.experiments.activity._activity import muscles_over
+from kneejax.experiments import TENDON, _instants, activity, cycle_of
+from kneejax.experiments._activity import muscles_over
 from kneejax.mechanics import LegRecord, Load, Muscles
 from kneejax.parameters import cut
 from kneejax.statics import Status

@@ -19,7 +19,8 @@ from kneejax.experiments import (
     leg_raise_by_length,
     raised_leg,
 )
-from kneejax.experiments.extensor import held_leg, weight_of
+from kneejax.experiments._extensor import held_leg
+from kneejax.experiments._extensor_mechanism import weight_of
 from kneejax.mechanics import add_lane_axis
 from kneejax.report.extensor import extensor_figure, extensor_table, shear_figure
 from kneejax.report.in_time import raised_leg_answer
@@ -197,7 +198,7 @@ def test_derivatives_under_a_given_length_are_exact(knee, central_difference):
 def test_a_balance_elsewhere_than_expected_is_walked_to(knee, monkeypatch):
     shank = kj.Shank.of_person(75.0, 1.75)
     near = kj.leg_raise(knee, FLEXION, shank)
-    monkeypatch.setattr("kneejax.experiments.extensor._extensor._MISSED_MM", -1.0)
+    monkeypatch.setattr("kneejax.experiments._extensor._MISSED_MM", -1.0)
     far = kj.leg_raise(knee, FLEXION, shank)
     assert far.walked.all() and not near.walked.any()
     np.testing.assert_allclose(far.quadriceps_N, near.quadriceps_N, rtol=1e-9)

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 import kneejax as kj
+from kneejax.experiments import _instants, activity, lab_tests, load_curves, second_balances
 from kneejax.experiments import _motion as second
-from kneejax.experiments import activity, lab_tests, load_curves, second_balances
 from kneejax.experiments._branches import SecondBalances, changed_in_steps
-from kneejax.experiments.activity import _instants
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.mechanics import LegRecord, Muscles
 from kneejax.parameters import cut
@@ -111,8 +110,8 @@ def test_the_balance_on_the_path_from_the_unloaded_knee_is_reported(two_wells, k
         return near(knee, None, None, at, begin["q"][None], begin["contact_points"][None])
 
     monkeypatch.setattr(_instants, "balance_one", one)
-    found = _instants.Instants.of(knee, load_cases(load))
-    x, other = found.nodes["q"][:, ANTERIOR], found.other[:, ANTERIOR]
+    found, beside = _instants.Instants.of(knee, load_cases(load))
+    x, other = found.nodes["q"][:, ANTERIOR], beside.found["q"][:, ANTERIOR]
     assert np.sign(x).tolist() == np.sign(load).tolist()
     assert np.sign(other).tolist() == (-np.sign(load)).tolist()
 

@@ -7,12 +7,10 @@ import numpy as np
 from kneejax.papers.fibre_changes import Change
 from kneejax.papers.knee_comparison import (
     LIMITS,
-    Influence,
     KneeComparison,
     KneeStudy,
     OneAtATime,
     Outcome,
-    score,
 )
 from kneejax.papers.varus_valgus import DIRECTIONS, VarusValgus
 from kneejax.statics import Equilibria, Status
@@ -32,30 +30,32 @@ AVERAGES = {
 }
 
 
-def influence(parameter, outcome, varus, valgus):
-    average = {"varus": varus, "valgus": valgus}
-    return Influence(
-        parameter, outcome, average, {k: score(outcome, x) for k, x in average.items()}
-    )
+def outcome(run, row, change, values, none=False):
+    """What one change did in one direction; `values` in the order of `LIMITS`."""
+    sign = DIRECTIONS[run.ramp.direction]
+    peak = np.array([[3.0 + 0.01 * row, 2.0], [3.0, 2.0]])
+    center = np.array([[[1.0, -28, -20], [2, -27, 22]], [[1, -28, -20], [2, -27, 21]]])
+    if none:
+        peak[0] = center[0] = np.nan
+    return Outcome(
+        change, run.ramp.direction, float(run.moment_reached_Nm[row]), *values[:2],
+        np.nan if none else 40.0 * sign, peak, center, *values[2:], run.ending[row],
+    )  # fmt: skip
 
 
 def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **changed):
     """A knee; `changed` replaces averages of a ligament, e.g. `LCL=((0.0, 0.0), ...)`."""
-    averages = AVERAGES | changed
-    influences, changes = [], []
-    for ligament, pairs in averages.items():
+    changes, averages = [], []
+    for ligament, pairs in (AVERAGES | changed).items():
         for quantity, values in _VALUES.items():
             scale = factor * (3.0 if quantity == "prestretch" else 1.0)
             changes += [Change(ligament, quantity, value) for value in values]
-            influences += [
-                influence(f"{ligament}.{quantity}", outcome, scale * pair[0], scale * pair[1])
-                for outcome, pair in zip(LIMITS, pairs, strict=True)
-            ]
+            averages += [scale * np.array(pairs)] * len(values)
         if attachments:
             changes += [Change(ligament, "attachment", value) for value in (1.0, 2.0, 3.0)]
-            influences += [influence(f"{ligament}.attachment", o, 0.1, 0.1) for o in LIMITS]
+            averages += [np.full((len(LIMITS), 2), 0.1)] * 3
     runs, outcomes = {}, []
-    for direction, sign in DIRECTIONS.items():
+    for direction in DIRECTIONS:
         ramp = SETTINGS.ramp(direction)
         count = len(changes) + 1
         slope = 0.15 + 0.002 * np.arange(count)[:, None]
@@ -69,21 +69,13 @@ def study(name, *, factor=1.0, attachments=True, tension=None, lost=False, **cha
         balances = Equilibria(q, nothing, status, steps, reached, status, reached)
         run = VarusValgus(ramp, balances)
         runs[direction] = run
-        for row, change in enumerate(changes, 1):
-            none = lost and row == 1
-            peak = np.full(2, np.nan) if none else np.array([3.0 + 0.01 * row, 2.0])
-            center = np.full((2, 3), np.nan) if none else np.array([[1.0, -28, -20], [2, -27, 22]])
-            outcomes.append(
-                Outcome(
-                    change, direction, float(run.moment_reached_Nm[row]), 0.0, 0.1,
-                    np.nan if none else 40.0 * sign, peak, np.array([3.0, 2.0]), center,
-                    np.array([[1.0, -28, -20], [2.0, -27, 21]]), 1.0, 0.5, run.ending[row],
-                )
-            )  # fmt: skip
+        for row, (change, own) in enumerate(zip(changes, averages, strict=True), 1):
+            values = own[:, [*DIRECTIONS].index(direction)].tolist()
+            outcomes.append(outcome(run, row, change, values, none=lost and row == 1))
     doubts = ("unchanged, it holds 30 of 40 N m in varus",) if lost else ()
     return KneeStudy(
         name, ("medial", "lateral"), tuple(changes), runs, tension or TENSION, tuple(outcomes),
-        tuple(influences), doubts, 12.0,
+        doubts, 12.0,
     )  # fmt: skip
 
 

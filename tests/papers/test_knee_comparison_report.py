@@ -8,6 +8,7 @@ from markupsafe import escape
 
 from kneejax.papers import knee_comparison_report as report
 from kneejax.papers.claims import CANNOT_BE_JUDGED, answered
+from kneejax.papers.knee_comparison import LIMITS
 from kneejax.papers.paper4 import claims
 from kneejax.report.look import picture_svg, write_page
 from tests.papers.compared_knees import comparison, study
@@ -34,7 +35,7 @@ def test_ramps_are_drawn_for_the_knees_that_have_the_parameter(parameter, count)
 def test_tables_have_a_row_for_everything_under_their_headers():
     found = comparison()
     changes = sum(len(knee.changes) for knee in found.knees)
-    scores = sum(len(knee.influences) for knee in found.knees)
+    scores = sum(len(LIMITS) * len(knee.parameters) for knee in found.knees)
     held = sum(int(run.held.sum()) for knee in found.knees for run in knee.runs.values())
     tables = report.comparison_answer(found).tables
     counts = (2 * changes, 4 * changes, scores, held)

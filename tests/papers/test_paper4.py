@@ -8,7 +8,7 @@ from kneejax.papers.claims import CANNOT_BE_JUDGED, NOT_REPRODUCED, REPRODUCED, 
 from kneejax.papers.fibre_changes import Change
 from kneejax.papers.knee_comparison import LIMITS
 from kneejax.papers.paper4 import claims
-from tests.papers.compared_knees import AVERAGES, comparison, influence, study
+from tests.papers.compared_knees import AVERAGES, comparison, outcome, study
 
 
 def verdicts(*knees):
@@ -63,12 +63,11 @@ def test_what_could_not_be_compared_cannot_be_judged():
 
 
 def test_horns_of_menisci_have_a_small_influence_or_more():
-    def horns(pressure):
-        one = study("a")
-        influences = (influence("menisci.horn_stiffness", o, pressure, 0.1) for o in LIMITS)
-        change = Change("menisci", "horn_stiffness", 180.0)
+    def horns(average):
+        one, change = study("a"), Change("menisci", "horn_stiffness", 180.0)
+        more = (outcome(run, 1, change, [average] * len(LIMITS)) for run in one.runs.values())
         return dataclasses.replace(
-            one, changes=(*one.changes, change), influences=(*one.influences, *influences)
+            one, changes=(*one.changes, change), outcomes=(*one.outcomes, *more)
         )
 
     assert verdicts(study("a"))["4.17"] == CANNOT_BE_JUDGED

@@ -79,13 +79,13 @@ def test_verdicts_on_the_means_follow_the_motion(found):
 @pytest.mark.parametrize("facets", FACETS)
 def test_the_stand_in_stands_as_a_femur_does(facets):
     """Extension centres before and above the flexion centres; epicondyles level with the origin."""
-    points = axis_points(kj.load_knee(DONOR), facets)
-    extension, flexion = points.facets
+    centres, epicondyles = axis_points(kj.load_knee(DONOR), facets)
+    extension, flexion = centres
     assert (extension[:, 0] > flexion[:, 0]).all() and (extension[:, 1] > flexion[:, 1]).all()
-    distances = np.linalg.norm(points.facets[:, 1] - points.facets[:, 0], axis=1)
+    distances = np.linalg.norm(centres[:, 1] - centres[:, 0], axis=1)
     assert distances[0] == pytest.approx(distances[1])
-    assert points.epicondyles.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
-    assert points.epicondyles[:, 0] == pytest.approx(np.zeros(2), abs=1e-12)
+    assert epicondyles.mean(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert epicondyles[:, 0] == pytest.approx(np.zeros(2), abs=1e-12)
 
 
 def test_synthetic_subjects_have_the_printed_means_and_spreads_and_the_assumed_correlation(rng):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.experiments.extensor import tendon_of
+from kneejax.experiments._extensor_mechanism import tendon_of
 from kneejax.geometry import COORDINATES, Pose, State
 from kneejax.mechanics import add_lane_axis, generalised_force
 from kneejax.papers.patella_on_path import PatellaOnPath, Strands, on_path
@@ -45,7 +45,7 @@ def test_a_patella_on_a_straight_path_pulls_as_far_as_the_tendon_runs_along_it(a
     place = float(path.arc_length(state)[0])
     across, along = anterior - 50.0, -60.0 - (30.0 - place)
     cosine = abs(along) / np.hypot(across, along)
-    assert float(path.tendon_N(state)[0]) == pytest.approx(PULL_N / cosine, rel=1e-12)
+    assert float(path.wrench(state).force.norm()[0]) == pytest.approx(PULL_N / cosine, rel=1e-12)
 
 
 @pytest.mark.parametrize("stiffness_N", [1e4, 1e5, 1e6])
@@ -53,7 +53,7 @@ def test_a_tendon_stretches_as_its_law_says(stiffness_N):
     """In the toe by the root of pull over stiffness: a stiff tendon keeps its length."""
     path, state = add_lane_axis(straight(stiffness_N)), tibia_at(40.0)
     length = np.hypot(-10.0, -60.0 - (30.0 - float(path.arc_length(state)[0])))
-    tension = float(path.tendon_N(state)[0])
+    tension = float(path.wrench(state).force.norm()[0])
     strain = np.sqrt(2.0 * LAW[0][0] * tension / stiffness_N)
     assert length == pytest.approx(50.0 * (1.0 + strain), abs=2e-4)
 
@@ -108,6 +108,7 @@ def test_a_patella_on_its_path_moves_the_knee_as_the_patella_in_balance_does():
     assert np.abs(line - table)[:, 2].max() > 5.0
     there = kj.evaluate(three, balanced.equilibrium.state, balanced.equilibrium.contact_points)
     own = np.asarray(tendon_of(three, there))[some] / pull
-    tendon = np.asarray(add_lane_axis(knee.lines[0]).tendon_N(ridden.equilibrium.state)) / pull
+    wrench = add_lane_axis(knee.lines[0]).wrench(ridden.equilibrium.state)
+    tendon = np.asarray(wrench.force.norm()) / pull
     middle = (flexion[some] >= 10.0) & (flexion[some] <= 80.0)
     assert tendon[middle] == pytest.approx(own[middle], abs=0.03)

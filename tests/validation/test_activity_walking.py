@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from kneejax.experiments import activity, evaluate
-from kneejax.experiments.activity._activity import _of_ligaments, muscles_over
+from kneejax.experiments._activity import _of_ligaments, muscles_over
 from kneejax.files import load_knee_file, read_activity, read_storage
 from kneejax.files.opensim.acting import crossing, on_bodies
 from kneejax.files.opensim.exact import Rigid

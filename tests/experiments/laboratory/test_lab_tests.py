@@ -9,8 +9,7 @@ import pytest
 from scipy.integrate import simpson
 
 import kneejax as kj
-from kneejax.experiments import READY
-from kneejax.experiments.laboratory import LAXITY_COLUMNS
+from kneejax.experiments import LAXITY_COLUMNS, READY
 from kneejax.geometry import State
 from kneejax.mechanics import add_lane_axis, load_called
 from kneejax.parameters import select

@@ -8,8 +8,8 @@ import pytest
 import yaml
 
 import kneejax as kj
+from kneejax.experiments._extensor import at_rest, pulled_at
 from kneejax.experiments._motion import followed
-from kneejax.experiments.extensor._extensor import at_rest, pulled_at
 from kneejax.files import InputProblem, write_rows
 from kneejax.geometry import BODIES, COLUMNS, PATELLA, free_of
 from kneejax.inference.fit import Problem, fit_lanes

@@ -55,19 +55,12 @@ class Instants:
     near: Equilibrium | None = None
     # Fields of the balances, and `reached` as in `Motion`; arrays begin with the instant.
     nodes: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)
-    # Coordinates of a second stable balance, `(n, free)`; NaN where none is known.
-    other: np.ndarray = dataclasses.field(default_factory=lambda: np.empty((0, 0)))
 
     @classmethod
-    def of(
-        cls,
-        knee: Knee,
-        load_cases: LoadCases,
-        near: Equilibrium | None = None,
-        before: Knee | None = None,
-    ) -> Instants:
-        """Find them all: of a knee without a lane axis, its numbers known; `before` is the knee
-        that balances at `near`."""
+    def of(cls, knee: Knee, load_cases: LoadCases, near: Equilibrium | None = None,
+           before: Knee | None = None) -> tuple[Instants, SecondBalances]:  # fmt: skip
+        """Find them all, and second ones: of a knee without a lane axis, its numbers known;
+        `before` is the knee that balances at `near`."""
         count = len(load_cases)
         found = cls(knee, jax.tree.map(np.asarray, load_cases.of(knee)), near)
         anchors = np.unique(np.linspace(0, count - 1, min(count, _ANCHORS)).round().astype(int))
@@ -79,12 +72,11 @@ class Instants:
         if len(lost):
             found._by_own_path(lost)
         second = SecondBalances(knee, found.load_cases, found.nodes)
-        found.other = second.found["q"]
         if near is not None and before is not None:
             found._from_before(before, second)
         elif near is None:
             found._from_unloaded(anchors, second)
-        return found
+        return found, second
 
     def motion(self, knee: Knee, load_cases: LoadCases) -> Motion:
         """All of them as one motion of a knee and load cases of equal numbers, of which derivatives

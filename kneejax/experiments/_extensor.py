@@ -19,8 +19,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.experiments.extensor._mechanism import (
+from kneejax.experiments._extensor_mechanism import (
     TENDON,
     ByPull,
     Shank,
@@ -30,15 +29,8 @@ from kneejax.experiments.extensor._mechanism import (
     tendon_rows,
     weight_of,
 )
-from kneejax.geometry import (
-    FEMUR,
-    FEMUR_AND_TIBIA,
-    OTHER_COLUMNS,
-    PATELLA,
-    TIBIA,
-    State,
-    scales,
-)
+from kneejax.experiments._motion import Motion, again, expected, followed
+from kneejax.geometry import FEMUR, FEMUR_AND_TIBIA, OTHER_COLUMNS, PATELLA, TIBIA, State, scales
 from kneejax.mechanics import QUADRICEPS, Knee, Load, add_lane_axis, pull_of
 from kneejax.numerics import Named, compiled, numpy_for, traced
 from kneejax.statics import LoadCases, converged
@@ -116,8 +108,8 @@ def held_leg(knee: Knee, flexion: Array, weight: Load) -> Held:
 
 def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
     rest = float(at_rest(knee))
-    # A leg that hangs from a slack quadriceps may have no balance: begin where it carries.
-    # As if the tibia only bent.
+    # A leg that hangs from a slack quadriceps may have no balance: begin where it carries, as if
+    # the tibia only bent.
     bent = dataclasses.replace(knee.reference_pose, flexion=jnp.deg2rad(flexion))
     bending = np.asarray(weight.work(State({TIBIA: bent}), ("flexion",))[0])
     first = np.clip(bending / _ARM_MM, rest, STRONGEST_N)
@@ -129,9 +121,8 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
         lost = ~np.isfinite(moment)
         good = np.where(lost, good, pull)
         slope = np.where(np.isfinite(slope) & (slope > 0.0), slope, _ARM_MM)
-        back = np.where(
-            np.isfinite(good), 0.5 * (pull + good), np.minimum(_MORE * pull, _MOST * first)
-        )
+        more = np.minimum(_MORE * pull, _MOST * first)
+        back = np.where(np.isfinite(good), 0.5 * (pull + good), more)
         further = np.clip(np.where(lost, back, pull - moment / slope), rest, STRONGEST_N)
         goes_on = (lost | (np.abs(moment) > _ENOUGH_NMM)) & (np.abs(further - pull) > 1e-12 * pull)
         if not goes_on.any():
@@ -155,11 +146,8 @@ def _moved(
     astray = (step != 0.0) & ~(away <= _MISSED_MM)
     if astray.any():
         walked = followed(before.knee, load_cases)
-        equilibrium, reached = jax.tree.map(
-            lambda new, old: jnp.where(astray, new, old),
-            (walked.equilibrium, walked.reached),
-            (motion.equilibrium, motion.reached),
-        )
+        new, old = ((x.equilibrium, x.reached) for x in (walked, motion))
+        equilibrium, reached = jax.tree.map(lambda x, y: jnp.where(astray, x, y), new, old)
         motion = again(before.knee, load_cases, equilibrium, reached)
     return motion, astray
 
@@ -363,16 +351,12 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
     def where(x: Array) -> Array:
         return jnp.asarray(xp.where(holds, x, np.nan))
 
+    bends = xp.asarray(_moment(weight, motion.equilibrium.state)) / 1000.0
     return Extensor(
-        motion,
-        mechanics,
-        pull,
-        where(tendon_of(motion.knee, mechanics)),
+        motion, mechanics, pull, where(tendon_of(motion.knee, mechanics)),
         where(forces[:, np.array(on_patella, int)].sum(axis=1)),
-        where(xp.asarray(moment) / 1000.0),
-        where(xp.asarray(_moment(weight, motion.equilibrium.state)) / 1000.0),
-        walked,
-    )
+        where(xp.asarray(moment) / 1000.0), where(bends), walked,
+    )  # fmt: skip
 
 
 @compiled(effort="least")

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kneejax.experiments.laboratory._curves import Curves
+from kneejax.experiments._curves import Curves
 from kneejax.geometry import FREE_COORDINATES, OTHER_COLUMNS
 from kneejax.mechanics import AXES, GROOD_SUNTAY, NAMED_LOADS
 from kneejax.numerics import WrongValue
 
 if TYPE_CHECKING:
-    from kneejax.experiments.in_time import Frames
+    from kneejax.experiments._frames import Frames
 
 #: What measured numbers are counted from -> what that means.
 COUNTED_FROM = {
@@ -118,9 +118,9 @@ class MeasuredTest:
             {name: np.asarray(sizes, float) for name, sizes in every.items()}
             for every in (self.loads, self.readings, self.tensions)
         )
-        given = {"flexion_deg": flexion, "loads": loads, "observed": observed,
-                 "readings": readings, "tensions": tensions, "cut": tuple(self.cut)}  # fmt: skip
-        self.__dict__.update(given)
+        weight = None if self.weight is None else np.asarray(self.weight, float)
+        self.__dict__.update(flexion_deg=flexion, loads=loads, observed=observed, weight=weight,
+                             readings=readings, tensions=tensions, cut=tuple(self.cut))
         unknown = [name for name in (*loads, *self.constant) if name not in NAMED_LOADS]
         if unknown:
             raise WrongValue("loads", repr(unknown[0]), f"of {', '.join(NAMED_LOADS)}")
@@ -128,8 +128,11 @@ class MeasuredTest:
         shape = len(flexion), 5
         if observed.shape != shape:
             raise WrongValue("observed", str(observed.shape), str(shape))
-        self._check_rows({f"{field}.{name}": sizes for field in ("loads", "tensions")
-                          for name, sizes in given[field].items()})  # fmt: skip
+        columns = {"loads": loads, "tensions": tensions, "readings": readings}
+        rows = {f"{field}.{x}": y for field, every in columns.items() for x, y in every.items()}
+        for name, sizes in (rows | ({} if weight is None else {"weight": weight})).items():
+            if sizes.shape != flexion.shape:
+                raise WrongValue(name, str(sizes.shape), str(flexion.shape))
         if self.axes not in AXES:
             raise WrongValue("axes", repr(self.axes), f"one of {', '.join(AXES)}")
         if self.counted_from not in COUNTED_FROM:
@@ -140,11 +143,10 @@ class MeasuredTest:
         if self.counted_from == "intact" and not self.cut:
             raise WrongValue("counted_from", "intact", "cut too, or unloaded")
         self._check_readings()
-        if self.weight is not None:
-            self.__dict__["weight"] = weight = np.asarray(self.weight, float)
-            self._check_rows({"weight": weight})
-            if not (np.isfinite(weight).all() and (weight >= 0).all() and weight.any()):
-                raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
+        if weight is not None and not (
+            np.isfinite(weight).all() and (weight >= 0).all() and weight.any()
+        ):
+            raise WrongValue("weight", "not finite, negative or all zero", "0 or more")
         if self.frames is not None:
             seen = len(self.frames.time_s)
             if seen != len(flexion):
@@ -153,28 +155,20 @@ class MeasuredTest:
                 raise WrongValue("frames", f"{name} too", "loads and coordinates alone")
         self._check_information()
 
-    def _check_rows(self, columns: Mapping[str, np.ndarray]) -> None:
-        for name, sizes in columns.items():
-            if sizes.shape != self.flexion_deg.shape:
-                raise WrongValue(name, str(sizes.shape), str(self.flexion_deg.shape))
-
     def _check_readings(self) -> None:
-        for name, sizes in self.readings.items():
+        for name in self.readings:
             part, _, kind = name.rpartition(".")
             if name not in OTHER_COLUMNS and (not part or kind not in READINGS):
                 known = ", ".join([*(f"PART.{kind}" for kind in READINGS), *OTHER_COLUMNS])
                 raise WrongValue("readings", repr(name), f"of {known}")
-            self._check_rows({f"readings.{name}": sizes})
             if np.isnan(self.sd_of(name)):
                 sd = f"sd_{reading_unit(name) or 'strain'}"
                 raise WrongValue(sd, "not stated", f"how well {name} is known")
             if name.endswith(".strain") and self.counted_from.startswith("offset"):
                 raise WrongValue(
-                    f"readings.{name}",
-                    f"counted from {self.counted_from}",
-                    "unloaded or absolute, since unknown constants are of the bones' coordinates "
-                    "alone",
-                )
+                    f"readings.{name}", f"counted from {self.counted_from}", "unloaded or "
+                    "absolute, since unknown constants are of the bones' coordinates alone",
+                )  # fmt: skip
 
     def _check_loads(self, flexion: np.ndarray, acting: Sequence[np.ndarray]) -> None:
         """Some load acts or something was read of the knee's parts, or the motion needs none; and
@@ -206,12 +200,11 @@ class MeasuredTest:
                     where = f" at {self.flexion_deg[rows[0]]:g} degrees"
                     where = where if self.counted_from == "offset_each_flexion" else ""
                     raise WrongValue(
-                        "counted_from",
-                        f"{name} under one load{where}",
+                        "counted_from", f"{name} under one load{where}",
                         f"readings under two loads or more for each constant of "
                         f"{self.counted_from}, which otherwise absorbs them; flexions within "
                         f"{self.within_deg:g} degrees (within_deg) share one",
-                    )
+                    )  # fmt: skip
         left = partner != np.arange(len(partner))
         beside = any(name not in seen for name in self.readings)
         if not beside and all(np.isnan(values[left]).all() for values in seen.values()):
@@ -311,25 +304,22 @@ class MeasuredTest:
         at = f"{driving[near]:g} at {self.flexion_deg[near]:g} degrees"
         other = f"the nearest is row {near + 1}, {at}"
         other = other if driving[near] < 0 else "no row has a load of the opposite sense"
+        found = f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees"
         raise WrongValue(
-            f"row {row + 1}",
-            f"{self.driven_by} {driving[row]:g} at {self.flexion_deg[row]:g} degrees",
+            f"row {row + 1}", found,
             f"a row under the opposite load, within {100 * _PAIRED:g} % of it and "
             f"{self.within_deg:g} degree{'s' * (self.within_deg != 1.0)} of its flexion "
             f"(within_deg), since it is counted from opposite; {other}",
-        )
+        )  # fmt: skip
 
     def _least(self, own: np.ndarray, driving: np.ndarray) -> int:
         """Row of the neutral pose among the rows of one flexion."""
         zero, largest = own[np.argmin(np.abs(driving[own]))], np.abs(driving[own]).max()
         if abs(driving[zero]) > _NEARLY_ZERO * largest:
-            raise WrongValue(
-                f"row {zero + 1}",
-                f"{self.driven_by} {driving[zero]:g} is the least load at "
-                f"{self.flexion_deg[zero]:g} degrees",
-                f"a row under less than a tenth of {largest:g}, since least_load is what others "
-                "are counted from",
-            )
+            load, at = f"{self.driven_by} {driving[zero]:g}", f"{self.flexion_deg[zero]:g}"
+            expected = f"a row under less than a tenth of {largest:g}, since least_load is what"
+            raise WrongValue(f"row {zero + 1}", f"{load} is the least load at {at} degrees",
+                             f"{expected} others are counted from")  # fmt: skip
         return int(zero)
 
     @classmethod
@@ -361,14 +351,10 @@ class MeasuredTest:
             for name in test.full or (test.driven_by,)
         }
         return cls(
-            test.name,
-            np.repeat(test.flexion_deg, int(under.sum())),
-            loads,
-            observed,
-            constant=dict(test.constant),
-            point_mm=test.point_mm,
+            test.name, np.repeat(test.flexion_deg, int(under.sum())), loads, observed,
+            constant=dict(test.constant), point_mm=test.point_mm,
             **{"counted_from": curves.counted_from} | given,
-        )
+        )  # fmt: skip
 
 
 def reading_unit(reading: str) -> str:

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from kneejax.dynamics import Account, LoadCurve, MovingKnee, Trajectory, move_within, rising
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._extensor import at_rest
 from kneejax.experiments._motion import Motion, passive_flexion
-from kneejax.experiments.extensor import at_rest
 from kneejax.geometry import COORDINATES, State, coordinates_of, prescribed_of, scales
 from kneejax.mechanics import QUADRICEPS, load_of
 from kneejax.numerics import Named, WrongValue
@@ -92,18 +92,12 @@ class Transient(Named):
 
 
 def transient(
-    moving: MovingKnee,
-    flexion_deg: float,
-    time_s: ArrayLike,
-    *,
-    load_s: ArrayLike = (0.0,),
+    moving: MovingKnee, flexion_deg: float, time_s: ArrayLike, *, load_s: ArrayLike = (0.0,),
     sizes: Mapping[str, ArrayLike] | None = None,
     led: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
-    offset: Mapping[str, float] | None = None,
-    flexion_is_free: bool = False,
-    most_mm: float = MOST_ERROR_MM,
-    progress: Callable[[int], None] | None = None,
-) -> Transient:
+    offset: Mapping[str, float] | None = None, flexion_is_free: bool = False,
+    most_mm: float = MOST_ERROR_MM, progress: Callable[[int], None] | None = None,
+) -> Transient:  # fmt: skip
     """Load, lead or let go a knee that is in balance.
 
     It begins at rest where it balances at a flexion under its own loads, its weight and the loads
@@ -129,51 +123,38 @@ def transient(
         ValueError: times that do not rise; a column that is no coordinate; a start without balance.
 
     Example:
-        >>> from kneejax.experiments.in_time import leg_of_person
+        >>> from kneejax.experiments import leg_of_person
         >>> leg_of_person(75.0, 1.75).mass_kg.round(3).item()
         4.575
     """
     times, load_s, sizes = np.asarray(time_s, float), np.asarray(load_s, float), sizes or {}
-    begin = beginning(
+    start, loads, held = beginning(
         moving, flexion_deg, times[0], load_s=load_s, sizes=sizes, led=led, offset=offset,
         flexion_is_free=flexion_is_free,
     )  # fmt: skip
-    found = move_within(
-        most_mm, moving, begin.start, times, loads=begin.loads, held=begin.held, progress=progress
-    )
+    found = move_within(most_mm, moving, start, times, loads=loads, held=held, progress=progress)
     rest, far = None, float("nan")
-    if not flexion_is_free and set(begin.held) == {"flexion"}:
+    if not flexion_is_free and set(held) == {"flexion"}:
         names = coordinates_of(moving.knee.bodies)
         rest = _balance(moving, flexion_deg, sizes, load_s, times[-1])
         off = np.asarray(found.q[-1]) - np.asarray(rest.equilibrium.state.at(names))[:, 0]
         far = float(np.abs(off / np.array(scales(names))).max())
-    at = {k: np.interp(times, load_s, np.broadcast_to(v, load_s.shape)) for k, v in sizes.items()}
-    return described(found, at, rest, far)
-
-
-@dataclasses.dataclass(frozen=True)
-class Beginning:
-    """Where a motion begins, and what acts and is held from there on; as `kj.move` takes it."""
-
-    start: np.ndarray  # all coordinates, rad and mm
-    loads: LoadCurve
-    held: Mapping[str, Callable]  # coordinate -> its way over time
+    return described(found, _at(times, load_s, sizes), rest, far)
 
 
 def beginning(
-    moving: MovingKnee,
-    flexion_deg: float,
-    start_s: float,
-    *,
-    load_s: ArrayLike = (0.0,),
+    moving: MovingKnee, flexion_deg: float, start_s: float, *, load_s: ArrayLike = (0.0,),
     sizes: Mapping[str, ArrayLike] | None = None,
     led: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
-    offset: Mapping[str, float] | None = None,
-    flexion_is_free: bool = False,
-) -> Beginning:
+    offset: Mapping[str, float] | None = None, flexion_is_free: bool = False,
+) -> tuple[np.ndarray, LoadCurve, dict[str, Callable]]:  # fmt: skip
     """Where a motion begins: in balance, or moved from there by an offset.
 
     Arguments as those of `transient`, with `start_s`, the time of the start.
+
+    Returns:
+        All coordinates, rad and mm; what acts from there on; and coordinate -> its way over time,
+        of what is held. As `kj.move` takes them.
 
     Raises:
         ValueError: as `transient`.
@@ -193,15 +174,13 @@ def beginning(
     for column, (at_s, values) in (led or {}).items():
         ((name, way),) = prescribed_of({column: values}).items()
         held[name] = smooth_way(at_s, np.asarray(way), start[names.index(name)])
-    return Beginning(start, curve, held)
+    return start, curve, held
 
 
 def described(
-    found: Trajectory,
-    sizes: Mapping[str, np.ndarray],
-    rest: Motion | None = None,
+    found: Trajectory, sizes: Mapping[str, np.ndarray], rest: Motion | None = None,
     from_rest_mm: float = float("nan"),
-) -> Transient:
+) -> Transient:  # fmt: skip
     """A motion with its forces and energies, by what `Transient` says of them."""
     knee = found.moving.knee
     contact_points = jnp.nan_to_num(found.contact_points) if knee.patch_count else None
@@ -222,9 +201,12 @@ def smooth_way(time_s: ArrayLike, values: np.ndarray, start: float) -> Callable:
 
 def _balance(moving: MovingKnee, flexion_deg: float, sizes, load_s, at_s) -> Motion:
     """Where the knee balances under what acts at a time."""
-    acting = {
-        k: float(np.interp(at_s, load_s, np.broadcast_to(v, load_s.shape)))
-        for k, v in sizes.items()
-    }
+    acting = {name: float(size) for name, size in _at(at_s, load_s, sizes).items()}
     loads = [*moving.weights, *([load_of(**acting)] if acting else [])]
     return passive_flexion(moving.knee, [flexion_deg], loads)
+
+
+def _at(at_s, load_s: np.ndarray, sizes: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+    """Load -> its size at some times."""
+    return {name: np.interp(at_s, load_s, np.broadcast_to(size, load_s.shape))
+            for name, size in sizes.items()}  # fmt: skip

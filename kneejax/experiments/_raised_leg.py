@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from kneejax.dynamics import MovingKnee, move_within
-from kneejax.experiments.extensor import Extensor, Shank, at_rest, leg_raise
-from kneejax.experiments.in_time._transient import MOST_ERROR_MM, Transient, described, smooth_way
+from kneejax.experiments._extensor import Extensor, at_rest, leg_raise
+from kneejax.experiments._extensor_mechanism import Shank
+from kneejax.experiments._transient import MOST_ERROR_MM, Transient, described, smooth_way
 from kneejax.geometry import TIBIA, coordinate, coordinates_of, table_units
 from kneejax.mechanics import QUADRICEPS, Mass
 from kneejax.numerics import Named, WrongValue
@@ -94,14 +95,10 @@ class RaisedLeg(Named):
 
 
 def raised_leg(
-    moving: MovingKnee,
-    flexion_deg: ArrayLike,
-    time_s: ArrayLike,
-    *,
-    lengths: tuple[ArrayLike, ArrayLike] | None = None,
-    most_mm: float = MOST_ERROR_MM,
+    moving: MovingKnee, flexion_deg: ArrayLike, time_s: ArrayLike, *,
+    lengths: tuple[ArrayLike, ArrayLike] | None = None, most_mm: float = MOST_ERROR_MM,
     progress: Callable[[int], None] | None = None,
-) -> RaisedLeg:
+) -> RaisedLeg:  # fmt: skip
     """Raise a leg by a motor on its quadriceps.
 
     By itself the motor shortens the quadriceps from its length where the leg is held at the first

@@ -12,8 +12,8 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._lab_test import LabTest
 from kneejax.experiments._motion import Motion, followed, passive_flexion, with_flips
-from kneejax.experiments.laboratory._lab_test import LabTest
 from kneejax.geometry import CLINICAL, COLUMNS, COORDINATES, table_units
 from kneejax.mechanics import Knee
 from kneejax.numerics import Named, numpy_for
@@ -117,7 +117,8 @@ class Curves(Named):
     @property
     def neutral(self) -> Array:
         """What is observed without the test's load, `(flexions,)`, mm or degrees."""
-        return _taken(_observed(self.test, self.motion), self._unloaded)
+        unloaded = self.nodes[:, int(np.argmin(np.abs(self.part)))]
+        return _taken(_observed(self.test, self.motion), unloaded)
 
     @property
     def searched(self) -> np.ndarray:
@@ -138,22 +139,14 @@ class Curves(Named):
         Returns:
             `Status` values, `(flexions, loads)`.
         """
-        each = zip(self.searched, self.nodes, strict=True)
-        return np.stack([with_flips(status, _at(mechanics, rows)) for status, rows in each])
-
-    @property
-    def _unloaded(self) -> np.ndarray:
-        return self.nodes[:, int(np.argmin(np.abs(self.part)))]
+        along = (jax.tree.map(lambda x, at=rows: _taken(x, at), mechanics) for rows in self.nodes)
+        return np.stack([*map(with_flips, self.searched, along)])
 
 
 def _observed(test: LabTest, motion: Motion) -> Array:
     """What a test observes at every row of a motion, mm or degrees."""
     column = list(COORDINATES).index(test.observed)
     return _taken(motion.to_table(CLINICAL), (slice(None), column))
-
-
-def _at(mechanics: Mechanics, rows: np.ndarray) -> Mechanics:
-    return jax.tree.map(lambda x: _taken(x, rows), mechanics)
 
 
 def _taken(x: Array, rows: Any) -> Array:
@@ -248,9 +241,6 @@ def load_curves(
         motion = followed(knee, LoadCases(prescribed, acting, later=later))
     rows = np.split(np.arange(len(curve)), np.cumsum([each.size for each in parts])[:-1])
     own = np.split(np.arange(len(flexion)), np.cumsum([len(each) for each in parts])[:-1])
-    return tuple(
-        Curves(test, motion, nodes.reshape(each.shape), part, back[1:], before, neutrals)
-        for test, nodes, each, (part, back), neutrals in zip(
-            tests, rows, parts, paths, own, strict=True
-        )
-    )
+    every = zip(tests, rows, parts, paths, own, strict=True)
+    return tuple(Curves(test, motion, nodes.reshape(each.shape), part, back[1:], before, neutrals)
+                 for test, nodes, each, (part, back), neutrals in every)  # fmt: skip

@@ -85,6 +85,7 @@ def weight_of(force_N: np.ndarray, point_mm: np.ndarray) -> Load:
     return Load(np.asarray(force_N, float), point=np.asarray(point_mm, float), name=WEIGHT)
 
 
+#: What pulls on the tibia for the quadriceps, among what acts.
 TENDON = "patellar tendon"
 
 
@@ -153,13 +154,11 @@ def _of_one_newton(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) 
 @compiled()
 def _by_pull(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium) -> ByPull:
     """By the implicit rule, to be differentiated."""
-    (rows, _), (slope, q) = jax.jvp(
-        *_pulled(
-            knee,
-            load_cases,
-            lambda lanes: differentiable(lanes, load_cases.prescribed, equilibrium),
-        )
-    )
+
+    def balance(lanes: Knee) -> Equilibrium:
+        return differentiable(lanes, load_cases.prescribed, equilibrium)
+
+    (rows, _), (slope, q) = jax.jvp(*_pulled(knee, load_cases, balance))
     return ByPull(rows[-1], slope[-1], q)
 
 

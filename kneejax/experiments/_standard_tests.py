@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from kneejax.experiments.laboratory._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
-from kneejax.experiments.laboratory._measured_test import MeasuredTest
+from kneejax.experiments._lab_test import MOVED_BY_MACHINE, LabTest, load_cycle
+from kneejax.experiments._measured_test import MeasuredTest
 from kneejax.geometry import COORDINATES, FREE_COORDINATES, coordinate
 from kneejax.mechanics import NAMED_LOADS
 from kneejax.numerics import WrongValue
@@ -37,44 +37,28 @@ class Ready:
 #: Name of a test -> what it is.
 READY = {
     "drawer": Ready("the tibia is drawn forwards", {"anterior_N": 1.0}, "anterior"),
-    "lachman": Ready(
-        "the same, nearly straight", {"anterior_N": 1.0}, "anterior", flexion_deg=(20.0,)
-    ),
-    "torsion": Ready(
-        "the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0
-    ),
-    "varus-valgus": Ready(
-        "the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0
-    ),
-    "compression": Ready(
-        "the tibia is pressed against the femur", {"compression_N": 1.0}, "superior", 500.0
-    ),
-    "distraction": Ready(
-        "the tibia is pulled away from the femur", {"compression_N": -1.0}, "superior", 50.0
-    ),
-    "pivot": Ready(
-        "valgus, with half as much internal torque", {"varus_Nm": -1.0, "internal_Nm": 0.5},
-        "anterior", 10.0,
-    ),
+    "lachman": Ready("the same, nearly straight", {"anterior_N": 1.0}, "anterior",
+                     flexion_deg=(20.0,)),
+    "torsion": Ready("the tibia is turned inwards", {"internal_Nm": 1.0}, "internal_rotation", 5.0),
+    "varus-valgus": Ready("the tibia is turned into varus", {"varus_Nm": 1.0}, "adduction", 10.0),
+    "compression": Ready("the tibia is pressed against the femur", {"compression_N": 1.0},
+                         "superior", 500.0),
+    "distraction": Ready("the tibia is pulled away from the femur", {"compression_N": -1.0},
+                         "superior", 50.0),
+    "pivot": Ready("valgus, with half as much internal torque",
+                   {"varus_Nm": -1.0, "internal_Nm": 0.5}, "anterior", 10.0),
 }  # fmt: skip
 #: Tests of which an envelope consists, with their part of the moment that is asked for.
 _ENVELOPE = {"drawer": 1.0, "varus-valgus": 1.0, "torsion": 0.5}
 
 
 def lab_tests(
-    name: str,
-    flexion_deg: Iterable[float] | None = None,
-    *,
-    force_N: float | None = None,
-    moment_Nm: float | None = None,
-    displacement_mm: float | None = None,
-    rotation_deg: float | None = None,
-    held: Iterable[str] = (),
-    both: bool = False,
-    steps: int = 20,
-    constant: Mapping[str, float] | None = None,
+    name: str, flexion_deg: Iterable[float] | None = None, *, force_N: float | None = None,
+    moment_Nm: float | None = None, displacement_mm: float | None = None,
+    rotation_deg: float | None = None, held: Iterable[str] = (), both: bool = False,
+    steps: int = 20, constant: Mapping[str, float] | None = None,
     point_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> tuple[LabTest, ...]:
+) -> tuple[LabTest, ...]:  # fmt: skip
     """The tests of a name; all but an envelope are one.
 
     Args:

@@ -10,17 +10,11 @@ import numpy as np
 from jax import Array
 
 from kneejax.experiments._evaluate import Mechanics, evaluate
+from kneejax.experiments._extensor import at_rest
+from kneejax.experiments._extensor_mechanism import TENDON
+from kneejax.experiments._instants import Instants
 from kneejax.experiments._motion import Motion
-from kneejax.experiments.activity._instants import Instants
-from kneejax.geometry import (
-    FEMUR_AND_TIBIA,
-    FREE_COORDINATES,
-    PATELLA,
-    TIBIA,
-    Pose,
-    State,
-    table_units,
-)
+from kneejax.geometry import FEMUR_AND_TIBIA, PATELLA, TIBIA, Pose, State
 from kneejax.mechanics import (
     QUADRICEPS,
     ConstantTensionLine,
@@ -42,8 +36,6 @@ from kneejax.statics import LoadCases, converged
 #: Engineering 43, 2015; Apache-2.0); constant beyond.
 FLEXION_DEG = np.arange(0.0, 91.0, 10.0)
 TENDON_BY_QUADRICEPS = np.array([1.13, 1.04, 0.86, 0.77, 0.68, 0.59, 0.50, 0.52, 0.55, 0.60])
-#: What pulls on the tibia for the quadriceps, among what acts.
-TENDON = "patellar tendon"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,14 +134,12 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
         record = record.with_heads_on_patella()
     muscles, pulls, every = muscles_over(knee, record), [], knee.muscles
     if PATELLA in knee.bodies:
-        assert every is not None
-        rest = jnp.sum(every.tension[np.array(every.quadriceps)])
-        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - rest))
+        pulls.append(pull_of(QUADRICEPS, record.quadriceps_N - at_rest(knee)))
     if muscles.names:
         # In the knee they are at rest; each instant pulls.
-        at_rest = jax.tree.map(lambda x: x[..., 0], muscles)
-        at_rest = dataclasses.replace(at_rest, tension=0.0 * at_rest.tension)
-        every = at_rest if every is None else every.with_more(at_rest)
+        slack = jax.tree.map(lambda x: x[..., 0], muscles)
+        slack = dataclasses.replace(slack, tension=0.0 * slack.tension)
+        every = slack if every is None else every.with_more(slack)
         ends = jnp.stack([muscles.femoral_attachment, muscles.tibial_attachment], axis=1)
         pulls.append(Pull(muscles.tension.T, muscles.names, jnp.moveaxis(ends, -1, 0)))
     nothing = np.zeros((len(record.time_s), 6))
@@ -161,17 +151,14 @@ def activity(knee: Knee, record: LegRecord, near: Activity | None = None) -> Act
     body = dataclasses.replace(body, lines=(), muscles=every)
     other = None if near is None else jax.lax.stop_gradient(near.motion.equilibrium)
     before = None if near is None else jax.lax.stop_gradient(near.motion.knee)
-    found = Instants.of(*jax.lax.stop_gradient((body, load_cases)), other, before)
+    found, second = Instants.of(*jax.lax.stop_gradient((body, load_cases)), other, before)
     motion = found.motion(body, load_cases)
     table = np.asarray(jax.lax.stop_gradient(motion.to_table()))
     tibia = np.where(np.isnan(table), record.pose, table)
     pulls = np.asarray(_on_tibia(jax.lax.stop_gradient(muscles), tibia))
     acting = record.acting | dict(zip(muscles.names, np.moveaxis(pulls, -1, 1), strict=True))
-    second = np.full(record.pose.shape, np.nan)
-    second[:, 1:] = found.other[:, : len(FREE_COORDINATES)] * table_units(FREE_COORDINATES)
-    second[:, 0] = np.where(np.isnan(second[:, 1]), np.nan, record.pose[:, 0])
     mechanics = evaluate(motion.knee, motion.equilibrium.state, motion.equilibrium.contact_points)
-    return Activity(record, motion, mechanics, acting, second)
+    return Activity(record, motion, mechanics, acting, second.poses(record.pose[:, 0]))
 
 
 def muscles_over(knee: Knee, record: LegRecord) -> Muscles:

@@ -17,8 +17,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.experiments._motion import Motion, again, expected, followed
-from kneejax.experiments.extensor._extensor import (
+from kneejax.experiments._extensor import (
     Extensor,
     at_rest,
     described,
@@ -26,7 +25,8 @@ from kneejax.experiments.extensor._extensor import (
     needs_patella,
     pulled_at,
 )
-from kneejax.experiments.extensor._mechanism import Shank, weight_of
+from kneejax.experiments._extensor_mechanism import Shank, weight_of
+from kneejax.experiments._motion import Motion, again, expected, followed
 from kneejax.geometry import scales
 from kneejax.mechanics import Cable, Knee, Load, add_lane_axis
 from kneejax.numerics import Named, WrongValue, compiled, lanes_for, traced
@@ -100,16 +100,12 @@ def drawn_to(
             lambda new, old, part=part: new + part * (new - old),
             (here.equilibrium.q, here.pull), (before.equilibrium.q, before.pull),
         )  # fmt: skip
-        near = OnCable(
-            dataclasses.replace(here.equilibrium, q=ahead[0]), jnp.maximum(ahead[1], 0.0)
-        )
-        before, here = here, balanced(knee, load_cases, rest + way, near)
+        near = dataclasses.replace(here.equilibrium, q=ahead[0]), jnp.maximum(ahead[1], 0.0)
+        before, here = here, balanced(knee, load_cases, rest + way, OnCable(*near))
         away = np.abs(np.asarray(here.equilibrium.q - ahead[0]) / units).max(axis=0)
         lost |= (way != last) & ~(away <= _MISSED_MM)
-    equilibrium = dataclasses.replace(
-        here.equilibrium, q=jnp.where(lost, jnp.nan, here.equilibrium.q)
-    )
-    return OnCable(equilibrium, jnp.where(lost, jnp.nan, here.pull))
+    q, pull = (jnp.where(lost, jnp.nan, x) for x in (here.equilibrium.q, here.pull))
+    return OnCable(dataclasses.replace(here.equilibrium, q=q), pull)
 
 
 def with_derivatives(knee: Knee, load_cases: LoadCases, length: Array, found: OnCable) -> OnCable:
@@ -309,13 +305,10 @@ def _driven(
     pull = jnp.where(jnp.isfinite(equilibrium.q[0]), cable, 0.0) + at_rest(own)
     bent = jnp.where(jnp.isfinite(bent), bent, 0.0)
     expectation = equilibrium.q[first:], equilibrium.contact_points
-    near = expected(own, pulled_at(own, bent, pull, acting), *expectation)
-    motion = near
+    motion = near = expected(own, pulled_at(own, bent, pull, acting), *expectation)
     if traced(knee, flexion, found):
-        pulls = found.pull + at_rest(knee)
-        motion = again(
-            knee, pulled_at(knee, flexion, pulls, acting), near.equilibrium, near.reached
-        )
+        load_cases = pulled_at(knee, flexion, found.pull + at_rest(knee), acting)
+        motion = again(knee, load_cases, near.equilibrium, near.reached)
     holds = jnp.isfinite(equilibrium.q[0]) & converged(near.status)
     status = jnp.where(holds, equilibrium.status, jnp.maximum(equilibrium.status, near.status))
     motion = dataclasses.replace(motion, status=status, stable=equilibrium.stable)

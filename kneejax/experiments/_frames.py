@@ -43,7 +43,7 @@ class Frames:
         ValueError: times that do not rise or outlast the period, or fewer rows than harmonics need.
 
     Example:
-        >>> from kneejax.experiments.in_time import leg_of_person
+        >>> from kneejax.experiments import leg_of_person
         >>> times = np.linspace(0.0, 1.9, 20)
         >>> bent = 30.0 - 20.0 * np.cos(np.pi * times)
         >>> frames = Frames(times, bent, leg_of_person(75.0, 1.75), period_s=2.0)

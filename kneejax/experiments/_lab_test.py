@@ -69,23 +69,21 @@ class LabTest:
         for field, names in (("full", self.full), ("constant", self.constant)):
             unknown = [name for name in names if name not in NAMED_LOADS]
             if unknown:
-                known = ", ".join(NAMED_LOADS)
-                raise WrongValue(field, repr(unknown[0]), f"one of {known}")
+                raise WrongValue(field, repr(unknown[0]), f"one of {', '.join(NAMED_LOADS)}")
         if bool(self.full) == (self.displacement is not None):
             raise WrongValue("full", str(dict(self.full)), "a load, or a displacement instead")
         if self.observed not in COORDINATES or self.observed == "flexion":
-            known = ", ".join(list(COORDINATES)[1:])
+            known = ", ".join([*COORDINATES][1:])
             raise WrongValue("observed", repr(self.observed), f"one of {known}")
         if not self.flexion_deg or not self.path:
             empty = "path" if self.flexion_deg else "flexion_deg"
             raise WrongValue(empty, "nothing", "a number at least")
         if self.displacement is not None and self.observed not in MOVED_BY_MACHINE:
-            known = ", ".join(MOVED_BY_MACHINE)
-            raise WrongValue("displacement", f"of {self.observed}", f"one of {known}")
+            wrong, known = f"of {self.observed}", ", ".join(MOVED_BY_MACHINE)
+            raise WrongValue("displacement", wrong, f"one of {known}")
         for name in self.held:
             if name not in HELD:
-                known = ", ".join(HELD)
-                raise WrongValue("held", repr(name), f"of {known}")
+                raise WrongValue("held", repr(name), f"of {', '.join(HELD)}")
             if name == self.observed or load_called(name) in self.full:
                 raise WrongValue("held", repr(name), "no coordinate that the test itself moves")
 

@@ -6,15 +6,10 @@ import dataclasses
 
 import numpy as np
 
-from kneejax.experiments._branches import (
-    GUESSED,
-    SecondBalances,
-    changed_in_steps,
-    guesses,
-)
+from kneejax.experiments._branches import GUESSED, SecondBalances, changed_in_steps, guesses
+from kneejax.experiments._curves import Curves
 from kneejax.experiments._motion import balanced_near
-from kneejax.experiments.laboratory._curves import Curves
-from kneejax.geometry import COLUMNS, FREE_COORDINATES, coordinate, table_units
+from kneejax.geometry import COLUMNS, coordinate
 from kneejax.mechanics import Knee, load_called
 from kneejax.numerics import Named, needs_numbers
 from kneejax.statics import Status, balance_one, converged
@@ -157,9 +152,8 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
         which a machine moves or holds the tibia.
     """
     motion, nodes = curves.motion, curves.nodes
-    answer = np.full((*nodes.shape, len(COLUMNS)), np.nan)
     if curves.test.machine:
-        return answer
+        return np.full((*nodes.shape, len(COLUMNS)), np.nan)
     part, lines = curves.part, np.arange(nodes.size).reshape(nodes.shape)
     zero = int(np.abs(part).argmin())
     ends = sorted({int(part.argmin()), zero, int(part.argmax())})
@@ -187,8 +181,5 @@ def second_balances(curves: Curves, before: Knee) -> np.ndarray:
         if found is not None:
             second.add(rows[good], found)
     second.follow(lines)
-    poses = second.found["q"].reshape(*nodes.shape, -1)[..., : len(FREE_COORDINATES)]
-    answer[..., 1:] = poses * table_units(FREE_COORDINATES)
-    flexion = np.array(curves.test.flexion_deg)[:, None]
-    answer[..., 0] = np.where(np.isnan(answer[..., 1]), np.nan, flexion)
-    return answer
+    flexion = np.repeat(curves.test.flexion_deg, nodes.shape[1])
+    return second.poses(flexion).reshape(*nodes.shape, len(COLUMNS))
