@@ -8,9 +8,8 @@ from collections.abc import Mapping
 import jax
 import numpy as np
 
-from kneejax.experiments import counts_like_poses
+from kneejax.experiments import counts_like_poses, with_flips
 from kneejax.experiments import evaluate as evaluate_mechanics
-from kneejax.experiments import with_flips
 from kneejax.geometry import COLUMNS, COORDINATES, FREE_COORDINATES, TIBIA
 from kneejax.inference.calibration._question import CalibrationProblem
 from kneejax.inference.calibration._result import (
