@@ -46,7 +46,8 @@ class Load(eqx.Module):
             `grood_suntay` the components lie along the floating axis, the tibia's long axis and
             the femur's transverse axis (`kneejax.geometry.grood_suntay_axes`), wherever the
             tibia is. Loads by name are of this kind: `load_of`.
-        point_in: the bone in whose frame the point is given, and to which it is fixed.
+        point_in: the bone in whose frame the point is given, and to which it is fixed; where none
+            is named, the one on which it acts.
         name: what reports call it.
         bone: on which it acts.
 
@@ -56,31 +57,16 @@ class Load(eqx.Module):
         'grood_suntay'
     """
 
-    force: Array
-    moment: Array
-    point: Array
-    axes: str = eqx.field(static=True)
-    point_in: str = eqx.field(static=True)
-    name: str = eqx.field(static=True)
-    bone: str = eqx.field(static=True)
+    force: Array = numbers(default=(0.0, 0.0, 0.0))
+    moment: Array = numbers(default=(0.0, 0.0, 0.0))
+    point: Array = numbers(default=(0.0, 0.0, 0.0))
+    axes: str = eqx.field(static=True, default=FEMUR)
+    point_in: str = eqx.field(static=True, default="")
+    name: str = eqx.field(static=True, default="load")
+    bone: str = eqx.field(static=True, default=TIBIA)
 
-    def __init__(
-        self,
-        force: ArrayLike = (0.0, 0.0, 0.0),
-        moment: ArrayLike = (0.0, 0.0, 0.0),
-        point: ArrayLike = (0.0, 0.0, 0.0),
-        axes: str = FEMUR,
-        point_in: str | None = None,
-        name: str = "load",
-        bone: str = TIBIA,
-    ):
-        self.force = jnp.asarray(force, float)
-        self.moment = jnp.asarray(moment, float)
-        self.point = jnp.asarray(point, float)
-        self.axes = axes
-        self.point_in = bone if point_in is None else point_in
-        self.name = name
-        self.bone = bone
+    def __post_init__(self):
+        self.point_in = self.point_in or self.bone
 
     def __check_init__(self):
         bones = (FEMUR, self.bone)

@@ -14,7 +14,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
 from kneejax.geometry import (
     FEMUR_AND_TIBIA,
@@ -25,6 +24,7 @@ from kneejax.geometry import (
     Placement,
     TautPath,
     Vector,
+    numbers,
     path_points,
     taut,
 )
@@ -51,11 +51,11 @@ class Course(eqx.Module):
     """Several fibres with via points on the same bones and the same obstacle.
 
     Attributes:
-        via: points in order from the first bone to the second, `(points, fibres, 3, ...)`, mm, each
-            in its bone's frame.
-        obstacle: what every piece goes around; None if nothing is in the way.
         rows: the fibres' rows among all.
+        via: points in order from the first bone to the second, `(points, fibres, 3, ...)`, mm, each
+            in its bone's frame; none by default.
         via_bones: bone of each via point.
+        obstacle: what every piece goes around; None if nothing is in the way.
         obstacle_bone: bone that carries the obstacle.
         bodies: the two bones.
 
@@ -65,29 +65,16 @@ class Course(eqx.Module):
         ((0, 1), (1, 2, 3))
     """
 
-    via: Array
-    obstacle: Obstacle | None
-    rows: tuple[int, ...] = eqx.field(static=True)
-    via_bones: tuple[str, ...] = eqx.field(static=True)
-    obstacle_bone: str = eqx.field(static=True)
-    bodies: Pair = eqx.field(static=True)
+    rows: tuple[int, ...] = eqx.field(static=True, converter=tuple)
+    via: Array = numbers(default=None)
+    via_bones: tuple[str, ...] = eqx.field(static=True, default=(), converter=tuple)
+    obstacle: Obstacle | None = None
+    obstacle_bone: str = eqx.field(static=True, default=TIBIA)
+    bodies: Pair = eqx.field(static=True, default=FEMUR_AND_TIBIA)
 
-    def __init__(
-        self,
-        rows: tuple[int, ...] | list[int],
-        via: ArrayLike | None = None,
-        via_bones: tuple[str, ...] | list[str] = (),
-        obstacle: Obstacle | None = None,
-        obstacle_bone: str = TIBIA,
-        bodies: Pair = FEMUR_AND_TIBIA,
-    ):
-        self.rows = tuple(rows)
-        self.via_bones = tuple(via_bones)
-        shape = (len(self.via_bones), len(self.rows), 3)
-        self.via = jnp.zeros(shape) if via is None else jnp.asarray(via, float)
-        self.obstacle = obstacle
-        self.obstacle_bone = obstacle_bone
-        self.bodies = bodies
+    def __post_init__(self):
+        if self.via is None:
+            self.via = jnp.zeros((len(self.via_bones), len(self.rows), 3))
 
     def __check_init__(self):
         for bone in {*self.via_bones, *([self.obstacle_bone] if self.obstacle else [])}:
