@@ -167,8 +167,8 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
             more["negative"] = ()
         kind, word = plain_type(field.annotation), str
         if completing:  # names of the package's data, choices or files are offered
-            bundled, paths = marks(field, _command.Bundled), (kind, *map(plain_type, get_args(kind)))
-            word = Path if bundled or Path in paths[:2] else str
+            bundled = marks(field, _command.Bundled)
+            word = Path if bundled or Path in (kind, *map(plain_type, get_args(kind)[:1])) else str
             more["choices"] = choices_of(kind) or None
             if bundled and not more["choices"]:
                 from kneejax.files import bundled_files
@@ -183,10 +183,9 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
                            consume_multiple=(1, None) if marks(field, _command.Several) else False,
                            **more)  # fmt: skip
         hint = word if marks(field, Split) else _hint(kind, word)
-        parameters.append(inspect.Parameter(
-            name, inspect.Parameter.POSITIONAL_ONLY if marks(field, Place)
-            else inspect.Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[hint | None, option],
-        ))  # fmt: skip
+        places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
+        place, hint = places[not marks(field, Place)], Annotated[hint | None, option]
+        parameters.append(inspect.Parameter(name, place, default=None, annotation=hint))
     parameters.sort(key=lambda one: one.kind)
     call.__signature__ = inspect.Signature(parameters)  # pyright: ignore[reportFunctionMemberAccess]
     call.__annotations__ = {one.name: one.annotation for one in parameters}

@@ -4,7 +4,7 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 #: Exit status of what Ctrl-C stopped, as shells have it.
@@ -27,29 +27,26 @@ class Printed:
 
     def write(self, text: str) -> int:
         """As of any stream."""
-        if self.problem is None:
-            try:
-                self._stream.write(text)
-            except OSError as problem:
-                self._fail(problem)
+        self._try(self._stream.write, text)
         return len(text)
 
     def flush(self) -> None:
         """Likewise."""
-        if self.problem is None:
-            try:
-                self._stream.flush()
-            except OSError as problem:
-                self._fail(problem)
+        self._try(self._stream.flush)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _fail(self, problem: OSError) -> None:
-        self.problem = problem
-        # Python flushes once more when it ends, and would complain.
-        with contextlib.suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+    def _try(self, act: Callable[..., Any], *given: str) -> None:
+        if self.problem is not None:
+            return
+        try:
+            act(*given)
+        except OSError as problem:
+            self.problem = problem
+            # Python flushes once more when it ends, and would complain.
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
 def open_standard_streams() -> bool:
