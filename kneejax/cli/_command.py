@@ -36,11 +36,7 @@ class Form:
     """How a value is written, where its type does not say so: `NAME=LOW:HIGH`."""
 
     form: str
-
-
-@dataclasses.dataclass(frozen=True)
-class Several:
-    """An option that takes several words at one mention; otherwise it is given once for each."""
+    several: bool = False  # words at one mention; otherwise it is given once for each
 
 
 @dataclasses.dataclass(frozen=True)

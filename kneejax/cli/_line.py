@@ -13,7 +13,7 @@ from pydantic.fields import FieldInfo
 
 from kneejax import __version__
 from kneejax.cli import _command
-from kneejax.cli._command import Command, Group, Place, Written, is_given, marks, shown_name
+from kneejax.cli._command import Command, Form, Group, Place, Written, is_given, marks, shown_name
 from kneejax.cli._words import Split, choices_of, plain_type
 from kneejax.files import InputProblem
 from kneejax.quantities import nearest_name
@@ -175,12 +175,13 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
 
                 more["choices"] = tuple(bundled_files(bundled[-1].kind))
         # What stands for a value in help: its form, or its type.
-        form = next((x.form for x in field.metadata if isinstance(x, _command.Form | Split)), "")
+        form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
         known = {float: "NUMBER", int: "N", Path: "FILE"}.get(kind)
+        several = any(one.several for one in marks(field, Form))
         other = "NxM" if marks(field, Split) else known or (field.alias or "").upper()
         option = Parameter(name=shown_name(field), help=_help(model, field), show_default=False,
                            metavar=re.sub(r",.*", "", form) or other,
-                           consume_multiple=(1, None) if marks(field, _command.Several) else False,
+                           consume_multiple=(1, None) if several else False,
                            **more)  # fmt: skip
         hint = word if marks(field, Split) else _hint(kind, word)
         places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY

@@ -15,7 +15,6 @@ from kneejax.cli._command import (
     Form,
     Only,
     Place,
-    Several,
     Written,
     option_name,
     shown_name,
@@ -178,7 +177,7 @@ class Sensitivity(
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
     body: ClassVar = "kneejax.cli._studies:sensitivity"
 
-    knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = meaning(
+    knees: Annotated[list[Knee], Bundled("knees"), Form("KNEE", several=True)] = meaning(
         "compare knees instead: varus and valgus moments, scores of paper 4; each a " f"{KNEE}", []
     )
 
