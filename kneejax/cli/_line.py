@@ -2,7 +2,6 @@
 
 import inspect
 import platform
-import re
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_origin
@@ -176,13 +175,11 @@ def _function(model: type[Command], completing: bool) -> Callable[..., None]:
                 more["choices"] = tuple(bundled_files(bundled[-1].kind))
         # What stands for a value in help: its form, or its type.
         form = next((x.form for x in field.metadata if isinstance(x, Form | Split)), "")
-        known = {float: "NUMBER", int: "N", Path: "FILE"}.get(kind)
-        several = any(one.several for one in marks(field, Form))
-        other = "NxM" if marks(field, Split) else known or (field.alias or "").upper()
+        usual = {float: "NUMBER", int: "N", Path: "FILE"}.get(kind, (field.alias or "").upper())
+        if any(one.several for one in marks(field, Form)):
+            more["consume_multiple"] = (1, None)
         option = Parameter(name=shown_name(field), help=_help(model, field), show_default=False,
-                           metavar=re.sub(r",.*", "", form) or other,
-                           consume_multiple=(1, None) if several else False,
-                           **more)  # fmt: skip
+                           metavar=form.partition(",")[0] or usual, **more)  # fmt: skip
         hint = word if marks(field, Split) else _hint(kind, word)
         places = inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.KEYWORD_ONLY
         place, hint = places[not marks(field, Place)], Annotated[hint | None, option]
