@@ -75,9 +75,8 @@ def try_out(out: Path, *, folder: bool) -> None:
 
 
 def check_room(out: Path, needed_mb: float, what: str) -> None:
-    """Refuse a disk that is too full for what shall be written, whose folder may not be there yet.
-    """
-    place = next(one for one in (out, *out.parents) if one.exists())
+    """Refuse a disk that is too full for what shall be written."""
+    place = next(one for one in (out, *out.parents) if one.exists())  # it may not be there yet
     free_mb = shutil.disk_usage(place).free / 1e6
     if free_mb < needed_mb:
         expected = f"at least {needed_mb:.3g} MB free for {what}; there are {free_mb:.3g} MB"

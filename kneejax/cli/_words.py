@@ -30,12 +30,7 @@ class Split:
 
 
 def plain_type(annotation: Any) -> Any:
-    """A type without None and without what is noted beside it.
-
-    Example:
-        >>> plain_type(float | None)
-        <class 'float'>
-    """
+    """A type without None and without what is noted beside it: `float` of `float | None`."""
     if hasattr(annotation, "__metadata__"):
         return plain_type(annotation.__origin__)
     if get_origin(annotation) in (Union, types.UnionType):
