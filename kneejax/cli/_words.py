@@ -132,8 +132,5 @@ def expected_of(field: FieldInfo, error: Mapping[str, Any]) -> str:
         return f"{number} " + " and ".join(f"{_LIMITS[x]} {limits[x]}" for x in limits)
     if get_origin(kind) is tuple and error["type"] in ("missing", "too_short", "too_long"):
         return f"{len(get_args(kind))} numbers"
-    if kind in (float, int):
-        return number
-    if kind is Path or kind is str:
-        return "a text"
-    return "true or false" if kind is bool else "a value of another kind"
+    known = {float: number, int: number, Path: "a text", str: "a text", bool: "true or false"}
+    return known.get(kind, "a value of another kind")
