@@ -26,48 +26,48 @@ class CommandLine:
 
     Attributes:
         commands: words -> model.
-        app: the program as cyclopts knows it.
     """
 
-    def __init__(
-        self, groups: Mapping[str, Sequence[type[Command]]], above: Mapping[str, str],
-        example: str = "", completing: bool = False,
-    ):  # fmt: skip
-        """Collect them: heading -> its commands, in the order of the help; and first word of
-        several -> what these do ("" -> the program). `completing` is for a shell, to which names
-        and files are offered."""
+    def __init__(self, groups: Mapping[str, Sequence[type[Command]]], above: Mapping[str, str],
+                 example: str = ""):  # fmt: skip
+        """Collect them: heading -> its commands, in the order of the help, and first word of
+        several -> what these do ("" -> the program)."""
         self.commands = {one.command: one for every in groups.values() for one in every}
-        self.app = _app("kneejax", "kneejax COMMAND ...", above[""], example, version=version_text)
-        self._parents = {"": self.app}
-        for number, (title, models) in enumerate(groups.items()):
+        self._groups, self._above, self._example = groups, above, example
+
+    def app(self, completing: bool = False) -> App:
+        """The program as cyclopts knows it; with names and files to offer, for `completing`."""
+        top = _app("kneejax", "kneejax COMMAND ...", self._above[""], self._example,
+                   version=version_text)  # fmt: skip
+        parents = {"": top}
+        for number, (title, models) in enumerate(self._groups.items()):
             heading = Heading(title, sort_key=number)
             for model in models:
                 first, _, word = model.command.rpartition(" ")
-                if first not in self._parents:
-                    usage = f"kneejax {first} COMMAND ..."
-                    parent = _app(first, usage, above[first], model.example, group=heading)
-                    self.app.command(parent)
-                    self._parents[first] = parent
+                if first not in parents:
+                    usage, sentence = f"kneejax {first} COMMAND ...", self._above[first]
+                    parents[first] = _app(first, usage, sentence, model.example, group=heading)
+                    top.command(parents[first])
                 one = _app(word, _usage(model), inspect.getdoc(model) or "", model.example,
                            group=() if first else heading)  # fmt: skip
                 one.default(_function(model, completing))
-                self._parents[first].command(one)
+                parents[first].command(one)
+        return top
 
     def read(self, words: Sequence[str]) -> Command | None:
         """The command of the words after `kneejax`; None where help or the version were printed."""
-        words = [_hyphens(word) for word in words]
-        chain, _, rest = self.app.parse_commands(words)
-        name = " ".join(word for word in chain if not word.startswith("-"))
-        options = [word for word in words if word.startswith("-")]
-        below = [word for word in self._parents.get(name, ()) if not word.startswith("-")]
-        if below and rest and name == " ".join(chain) and not rest[0].startswith("-"):
-            known = below if name else ["--help", "--version", *below]
-            raise InputProblem(name or "command", "name", rest[0],
-                               f"one of {', '.join(below)}", known)  # fmt: skip
+        app, words = self.app(), [_hyphens(word) for word in words]
+        chain, apps, rest = app.parse_commands(words)
+        named = [word for word in chain if not word.startswith("-")]
+        name, options = " ".join(named), [word for word in words if word.startswith("-")]
+        below = [word for word in apps[len(named)] if not word.startswith("-")]
+        if below and rest and len(named) == len(chain) and not rest[0].startswith("-"):
+            known, place = below if name else ["--help", "--version", *below], name or "command"
+            raise InputProblem(place, "name", rest[0], f"one of {', '.join(below)}", known)
         if below and name and not options:
             raise InputProblem(name, "command", "missing", f"one of {', '.join(below)}")
         try:
-            function, bound, _ = self.app.parse_args(words, exit_on_error=False, print_error=False)
+            function, bound, _ = app.parse_args(words, exit_on_error=False, print_error=False)
         except CycloptsError as problem:
             if not below:
                 raise _refused(problem, self.commands[name]) from None

@@ -131,8 +131,7 @@ def rerun(asked: Rerun) -> int:
 
 def completion(asked: Completion) -> int:
     """Print the script by which a shell completes commands, options, bundled names and files."""
-    every = options.COMMANDS, options.ABOVE, options.EXAMPLE
-    script = CommandLine(*every, completing=True).app.generate_completion(shell=asked.shell)
+    script = line().app(completing=True).generate_completion(shell=asked.shell)
     # In the place of the name of a bundled knee or study, a file may be meant.
     print(script.replace("complete -F _kneejax", "complete -o default -F _kneejax"))
     return 0
