@@ -6,12 +6,11 @@ and a call in Python: `Simulate(experiment="drawer", force_N=100)`.
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import pydantic
 from pydantic.fields import FieldInfo
@@ -24,30 +23,26 @@ if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
 
 
-@dataclasses.dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """An argument without a name, given by its place."""
 
     name: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Form:
+class Form(NamedTuple):
     """How a value is written, where its type does not say so: `NAME=LOW:HIGH`."""
 
     form: str
     several: bool = False  # words at one mention; otherwise it is given once for each
 
 
-@dataclasses.dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """The heading under which help shows an option."""
 
     title: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Only:
+class Only(NamedTuple):
     """An option that means something only where a condition holds; elsewhere it is refused.
 
     Attributes:
@@ -61,27 +56,23 @@ class Only:
     shown: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class Bundled:
+class Bundled(NamedTuple):
     """A name of the package's data, or a file."""
 
     kind: str
     others: bool = False  # whether folders and patterns may stand in its place
 
 
-@dataclasses.dataclass(frozen=True)
-class File:
+class File(NamedTuple):
     """A file that must exist, and what it is."""
 
     kind: str
 
 
-@dataclasses.dataclass(frozen=True)
 class Parameters:
     """Names of parameters of the command's knee, with what they are set to."""
 
 
-@dataclasses.dataclass(frozen=True)
 class Angles:
     """Angles of flexion: first:last:step or a,b,c."""
 

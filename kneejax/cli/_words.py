@@ -1,12 +1,11 @@
 """Words of a command line as values of a field's type, and what the type expects in words."""
 
-import dataclasses
 import math
 import re
 import types
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
@@ -19,8 +18,7 @@ _LIMITS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"
 SIDES = {"r": "right", "l": "left", "right": "r", "left": "l"}
 
 
-@dataclasses.dataclass(frozen=True)
-class Split:
+class Split(NamedTuple):
     """Numbers in one word: `41x61`, `3/20`, `0:1.5`; a single one counts twice if that may be."""
 
     by: str
