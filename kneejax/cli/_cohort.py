@@ -96,8 +96,10 @@ def _answers(studies: Sequence[Study]) -> list[Calibration | Exception]:
 def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
     """What became of each knee of a task; None where any of them is still to be computed."""
     if task.draws is not None:
-        kept = _kept_draws(task, out)
-        return None if kept is None else {task.names[0]: kept}
+        if (data := read_sealed(_draws_file(task, out), task.fingerprint)) is None:
+            return None  # nothing there, or something damaged
+        with np.load(io.BytesIO(data), allow_pickle=False) as kept:
+            return {task.names[0]: {x: kept[x] for x in ("values", "failed", "seconds")}}
     marks = {name: read_mark(out / KNEES / name) or {} for name in task.names}
     whole = all(mark.get("task") == task.fingerprint for mark in marks.values())
     return marks if whole else None
@@ -106,15 +108,6 @@ def finished(task: cohorts.Task, out: Path) -> dict[str, Mark] | None:
 def _draws_file(task: cohorts.Task, out: Path) -> Path:
     first = 0 if task.draws is None else task.draws[0]
     return out / KNEES / task.names[0] / DRAWS / f"{first:07}.draws"
-
-
-def _kept_draws(task: cohorts.Task, out: Path) -> Mark | None:
-    """What a task of a bootstrap has left; None where there is nothing, or something damaged."""
-    data = read_sealed(_draws_file(task, out), task.fingerprint)
-    if data is None:
-        return None
-    with np.load(io.BytesIO(data), allow_pickle=False) as kept:
-        return {name: kept[name] for name in ("values", "failed", "seconds")}
 
 
 def run(arguments: Calibrate) -> int:

@@ -6,12 +6,11 @@ and a call in Python: `Simulate(experiment="drawer", force_N=100)`.
 
 from __future__ import annotations
 
-import dataclasses
 import importlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NamedTuple, Self
 
 import pydantic
 from pydantic.fields import FieldInfo
@@ -24,34 +23,26 @@ if TYPE_CHECKING:
     from kneejax.cli._results_folder import ResultsFolder
 
 
-@dataclasses.dataclass(frozen=True)
-class Place:
+class Place(NamedTuple):
     """An argument without a name, given by its place."""
 
     name: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Form:
+class Form(NamedTuple):
     """How a value is written, where its type does not say so: `NAME=LOW:HIGH`."""
 
     form: str
+    several: bool = False  # words at one mention; otherwise it is given once for each
 
 
-@dataclasses.dataclass(frozen=True)
-class Several:
-    """An option that takes several words at one mention; otherwise it is given once for each."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Group:
+class Group(NamedTuple):
     """The heading under which help shows an option."""
 
     title: str
 
 
-@dataclasses.dataclass(frozen=True)
-class Only:
+class Only(NamedTuple):
     """An option that means something only where a condition holds; elsewhere it is refused.
 
     Attributes:
@@ -65,27 +56,23 @@ class Only:
     shown: str = ""
 
 
-@dataclasses.dataclass(frozen=True)
-class Bundled:
+class Bundled(NamedTuple):
     """A name of the package's data, or a file."""
 
     kind: str
     others: bool = False  # whether folders and patterns may stand in its place
 
 
-@dataclasses.dataclass(frozen=True)
-class File:
+class File(NamedTuple):
     """A file that must exist, and what it is."""
 
     kind: str
 
 
-@dataclasses.dataclass(frozen=True)
 class Parameters:
     """Names of parameters of the command's knee, with what they are set to."""
 
 
-@dataclasses.dataclass(frozen=True)
 class Angles:
     """Angles of flexion: first:last:step or a,b,c."""
 
@@ -122,36 +109,26 @@ class Command(pydantic.BaseModel):
         except pydantic.ValidationError as found:
             raise found.errors()[0].get("ctx", {})["error"] from None  # as `_checked` raised it
 
+    @pydantic.field_validator("*", mode="before")
+    @classmethod
+    def _of_words(cls, value: Any, info: pydantic.ValidationInfo) -> Any:
+        return read_value(cls.model_fields[info.field_name or ""], value)
+
     @pydantic.model_validator(mode="wrap")
     @classmethod
     def _checked(cls, given: Any, build: pydantic.ValidatorFunctionWrapHandler) -> Any:
-        """Read words where there are words, then check what goes together."""
-        if not isinstance(given, Mapping):
-            return build(given)
-        values, problems = dict(given), []
-        for name, field in cls.model_fields.items():
-            key = field.alias if field.alias in values else name
-            if key in values:
-                try:
-                    values[key] = read_value(field, values[key])
-                except InputProblem as problem:
-                    option, at = shown_name(field), problem.field
-                    place = (option, at) if at else (cls.command, option)
-                    problems.append(InputProblem(*place, problem.value, problem.expected))
-                    del values[key]
-        wrong = {problem.field for problem in problems}
+        """Check every field, then what goes together."""
         try:
-            made = build(cls.usual(values))
+            made = build(cls.usual(dict(given)))
         except pydantic.ValidationError as found:
-            problems += [x for x in cls._in_words(found) if x.field not in wrong]
+            problems = [*cls._in_words(found)]
         else:
-            if not problems:
-                problems = [*made._only_with()]
-                useless = {problem.field for problem in problems}
-                problems += [x for x in made.problems() if x.field not in useless]
+            problems = [*made._only_with()]
+            useless = {problem.field for problem in problems}
+            problems += [x for x in made.problems() if x.field not in useless]
         if problems:
             raise together(problems)
-        return made
+        return made  # pyright: ignore[reportPossiblyUnboundVariable]
 
     @classmethod
     def _in_words(cls, found: pydantic.ValidationError) -> Iterator[InputProblem]:
@@ -159,19 +136,20 @@ class Command(pydantic.BaseModel):
         known = {field.alias or name: field for name, field in cls.model_fields.items()}
         fields = known | cls.model_fields
         for error in found.errors(include_url=False):
-            name, near = str(error["loc"][0]), None
-            place, value = name, error["input"]
-            if (field := fields.get(name)) is None:
+            place, value, near = str(error["loc"][0]), error["input"], None
+            if (field := fields.get(place)) is None:
                 expected, near = f"no such option of kneejax {cls.command}", known
+                yield InputProblem(cls.command, place, value, expected, near)
+                continue
+            file, place, value = cls.command, shown_name(field), _shown(value)
+            if isinstance(refused := error.get("ctx", {}).get("error"), InputProblem):
+                value, expected = _shown(refused.value), refused.expected
+                file, place = (place, refused.field) if refused.field else (file, place)
+            elif error["type"] == "missing":
+                value, expected = "missing", field.description or "a value"
             else:
-                place, value = shown_name(field), _shown(value)
-                if isinstance(refused := error.get("ctx", {}).get("error"), InputProblem):
-                    expected = refused.expected
-                elif error["type"] == "missing":
-                    value, expected = "missing", field.description or "a value"
-                else:
-                    expected, near = expected_of(field, error), choices_of(field.annotation)
-            yield InputProblem(cls.command, place, value, expected, near)
+                expected, near = expected_of(field, error), choices_of(field.annotation)
+            yield InputProblem(file, place, value, expected, near)
 
     def _only_with(self) -> Iterator[InputProblem]:
         """Options that mean nothing here: none is silently ignored."""

@@ -39,8 +39,7 @@ def describe_knee(asked: Describe) -> int:
 
 
 def parameter_lines(knee: Knee, fibres: bool = False) -> Iterator[str]:
-    """Names of a knee's parameters with value, unit and the bounds of a fit, a line each; those of
-    single fibres of structures on demand."""
+    """A knee's parameters with value, unit and the bounds of a fit, a line each."""
     grouped = {fibre for _, members in knee.groups for fibre in members}
     owners = [name for name, _ in knee.groups]
     owners += [name for name in knee.ligaments.names if fibres or name not in grouped]

@@ -9,10 +9,8 @@ says what is left to do, and the next command does it.
 import contextlib
 import os
 import shutil
-import signal
 import sys
 import tempfile
-import threading
 import time
 import uuid
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -30,6 +28,7 @@ from kneejax._whole_files import (
     with_checksum,
     write_whole,
 )
+from kneejax.cli._streams import uninterrupted
 from kneejax.files import InputProblem
 
 #: The file of a run's settings, and its field of what was written: file -> checksum.
@@ -76,9 +75,8 @@ def try_out(out: Path, *, folder: bool) -> None:
 
 
 def check_room(out: Path, needed_mb: float, what: str) -> None:
-    """Refuse a disk that is too full for what shall be written, whose folder may not be there yet.
-    """
-    place = next(one for one in (out, *out.parents) if one.exists())
+    """Refuse a disk that is too full for what shall be written."""
+    place = next(one for one in (out, *out.parents) if one.exists())  # it may not be there yet
     free_mb = shutil.disk_usage(place).free / 1e6
     if free_mb < needed_mb:
         expected = f"at least {needed_mb:.3g} MB free for {what}; there are {free_mb:.3g} MB"
@@ -135,7 +133,7 @@ class ResultsFolder:
     def begin(self, keeps: Callable[[str], bool]) -> None:
         """Let go of the run before, where parts of this one are about to be kept: files whose name
         in the folder `keeps` says to be of this run too."""
-        with _uninterrupted():
+        with uninterrupted():
             _remove(self.out, [name for name in self._before if not keeps(name)])
         self._before, self._begun, self._made = owned(self.out), True, False
 
@@ -156,7 +154,7 @@ class ResultsFolder:
         listed |= {name: checksum((self.out / name).read_bytes()) for name in self.holds}
         # A person may edit what was asked for, not the list.
         document = {**settings, WRITTEN: with_checksum(dict(sorted(listed.items())))}
-        with _uninterrupted():
+        with uninterrupted():
             # The draft is complete from here on, and is put in its place even after a kill.
             write_whole(self._draft / FILE, json_bytes(document), at_once=True)
             _put_in_place(self.out, self._draft)
@@ -242,7 +240,7 @@ def replace_knee(folder: Path, write: Callable[[], dict[str, Any]]) -> dict[str,
         draft.mkdir(parents=True, exist_ok=True)
         (draft / MARK).write_bytes(json_bytes(with_checksum({**about, WRITTEN: listed})))
         sync([draft / MARK])
-        with _uninterrupted():
+        with uninterrupted():
             for name in (*listed, MARK):
                 _move(draft / name, folder / name)
             sync((), [folder])
@@ -316,19 +314,3 @@ def _move(path: Path, to: Path) -> None:
 
 def _name(path: Path, out: Path) -> str:
     return path.relative_to(out).as_posix()
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits: what takes milliseconds is done whole."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    pressed: list[tuple] = []
-    usual = signal.signal(signal.SIGINT, lambda *given: pressed.append(given))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, usual)
-    if pressed and callable(usual):
-        usual(*pressed[0])

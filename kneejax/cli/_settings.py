@@ -80,8 +80,7 @@ def _check_input(field: FieldInfo, value: str, folder: Path, gone: str) -> None:
 
 
 def asked_for(asked: Command) -> dict[str, Any]:
-    """A command, before it has run, and its options as JSON, defaults among them, and where it ran.
-    """
+    """A command, before it has run, and its options as JSON holds them, and where it ran."""
     return {**asked.settings(), _WORKED_IN: os.getcwd()}
 
 

@@ -1,10 +1,11 @@
-"""Where a command prints, though nobody may read it, and Ctrl-C before it has begun."""
+"""Where a command prints, though nobody may read it, and what Ctrl-C does."""
 
 import contextlib
 import os
 import signal
 import sys
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from typing import Any
 
 #: Exit status of what Ctrl-C stopped, as shells have it.
@@ -27,29 +28,26 @@ class Printed:
 
     def write(self, text: str) -> int:
         """As of any stream."""
-        if self.problem is None:
-            try:
-                self._stream.write(text)
-            except OSError as problem:
-                self._fail(problem)
+        self._try(self._stream.write, text)
         return len(text)
 
     def flush(self) -> None:
         """Likewise."""
-        if self.problem is None:
-            try:
-                self._stream.flush()
-            except OSError as problem:
-                self._fail(problem)
+        self._try(self._stream.flush)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)
 
-    def _fail(self, problem: OSError) -> None:
-        self.problem = problem
-        # Python flushes once more when it ends, and would complain.
-        with contextlib.suppress(OSError, ValueError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
+    def _try(self, act: Callable[..., Any], *given: str) -> None:
+        if self.problem is not None:
+            return
+        try:
+            act(*given)
+        except OSError as problem:
+            self.problem = problem
+            # Python flushes once more when it ends, and would complain.
+            with contextlib.suppress(OSError, ValueError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), self._stream.fileno())
 
 
 def open_standard_streams() -> bool:
@@ -74,23 +72,36 @@ def stopped_at_once() -> Iterator[None]:
     An exception would be raised wherever the import is, also where Python can only print and
     forget it.
     """
-    # Whoever has a handler of its own, or ignores Ctrl-C (nohup), keeps that.
-    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
-        yield
-        return
-
     def end(*_) -> None:
         with contextlib.suppress(OSError, ValueError):
             if sys.stderr is not None:
                 os.write(sys.stderr.fileno(), b"kneejax: stopped; no half-written files are left\n")
         os._exit(STOPPED)
 
-    try:
-        signal.signal(signal.SIGINT, end)
-    except ValueError:  # not in the main thread, which alone hears of Ctrl-C
+    # Whoever has a handler of its own, or ignores Ctrl-C (nohup), keeps that.
+    usual = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with interrupted(end) if usual else contextlib.nullcontext():
+        yield
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits: what takes milliseconds is done whole."""
+    pressed, usual = [], signal.getsignal(signal.SIGINT)
+    with interrupted(lambda *given: pressed.append(given)):
+        yield
+    if pressed and callable(usual):
+        usual(*pressed[0])
+
+
+@contextlib.contextmanager
+def interrupted(act: Callable[..., None]) -> Iterator[None]:
+    """Meanwhile Ctrl-C does this; in another thread than the main one, nobody hears of it."""
+    if threading.current_thread() is not threading.main_thread():
         yield
         return
+    usual = signal.signal(signal.SIGINT, act)
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+        signal.signal(signal.SIGINT, usual)

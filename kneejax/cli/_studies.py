@@ -98,8 +98,7 @@ def objective_maps(arguments: options.Map) -> int:
 
 
 def _study(name_or_path: str) -> tuple[studies.Study, str]:
-    """A study and what its knee's own values are; that of a calibration's result begins at its
-    fit."""
+    """A study, and where it begins: at its start, or of a calibration's result at its fit."""
     path = Path(name_or_path)
     a_result = path.is_dir() or path.suffix.lower() == ".json"
     if not a_result or name_or_path in files.bundled_studies():

@@ -1,12 +1,11 @@
 """Words of a command line as values of a field's type, and what the type expects in words."""
 
-import dataclasses
 import math
 import re
 import types
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, Union, get_args, get_origin
+from typing import Any, Literal, NamedTuple, Union, get_args, get_origin
 
 from pydantic.fields import FieldInfo
 
@@ -19,8 +18,7 @@ _LIMITS = {"gt": "above", "ge": "of at least", "lt": "below", "le": "of at most"
 SIDES = {"r": "right", "l": "left", "right": "r", "left": "l"}
 
 
-@dataclasses.dataclass(frozen=True)
-class Split:
+class Split(NamedTuple):
     """Numbers in one word: `41x61`, `3/20`, `0:1.5`; a single one counts twice if that may be."""
 
     by: str
@@ -30,12 +28,7 @@ class Split:
 
 
 def plain_type(annotation: Any) -> Any:
-    """A type without None and without what is noted beside it.
-
-    Example:
-        >>> plain_type(float | None)
-        <class 'float'>
-    """
+    """A type without None and without what is noted beside it: `float` of `float | None`."""
     if hasattr(annotation, "__metadata__"):
         return plain_type(annotation.__origin__)
     if get_origin(annotation) in (Union, types.UnionType):
@@ -137,8 +130,5 @@ def expected_of(field: FieldInfo, error: Mapping[str, Any]) -> str:
         return f"{number} " + " and ".join(f"{_LIMITS[x]} {limits[x]}" for x in limits)
     if get_origin(kind) is tuple and error["type"] in ("missing", "too_short", "too_long"):
         return f"{len(get_args(kind))} numbers"
-    if kind in (float, int):
-        return number
-    if kind is Path or kind is str:
-        return "a text"
-    return "true or false" if kind is bool else "a value of another kind"
+    known = {float: number, int: number, Path: "a text", str: "a text", bool: "true or false"}
+    return known.get(kind, "a value of another kind")

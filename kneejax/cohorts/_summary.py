@@ -251,8 +251,7 @@ def summed_up(
 
 
 def _told(estimate: Mapping[str, Any] | None, log: bool, good: bool) -> tuple[float, float]:
-    """Value and standard error of a parameter or its logarithm; NaN and infinite where the data
-    give no two limits."""
+    """Value and standard error of a parameter or its logarithm; NaN and infinite without limits."""
     if estimate is None or not good:
         return np.nan, np.inf
     ends = np.array([estimate["low"], estimate["high"]], float)

@@ -1,6 +1,7 @@
 """Types of the fields of studies, plans and questions: parameters, angles, loads, objects."""
 
 import os
+import re
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -34,9 +35,8 @@ class Options(Part):
             every = [*getattr(found, "problems", (found,))]
             for row, one in enumerate(every):
                 if isinstance(one, InputProblem):
-                    name, _, rest = one.field.partition(".")
-                    name, _, number = name.partition("[")
-                    rest = rest or (f"[{number}" if number else name)
+                    name = re.split(r"[.\[]", one.field)[0]
+                    rest = one.field.removeprefix(name).removeprefix(".") or name
                     every[row] = InputProblem(name, rest, one.value, one.expected, one.nearest)
             raise reading.together(every) from None
 

@@ -26,7 +26,6 @@ TOUCHING_MM = 4.0
 FLATTEST_MM = 50.0
 
 
-
 @dataclasses.dataclass(frozen=True)
 class FemurAxes:
     """Axis points of a femur, in the frame of the poses."""
@@ -194,8 +193,7 @@ _DOUBTFUL = 1e-6
 
 
 def check_columns(names: Mapping[str, str]) -> None:
-    """Refuse columns of a table (column of the package -> column of the table) that are none of the
-    package's, or stand for nothing."""
+    """Refuse columns (the package's -> the table's) that are unknown, or stand for nothing."""
     for name, column in names.items():
         if name not in COLUMNS:
             raise files.InputProblem("--column", "name", name, COLUMNS)
@@ -204,9 +202,8 @@ def check_columns(names: Mapping[str, str]) -> None:
 
 
 def read_contact_knee(name: str) -> tuple[Knee, Mapping[str, float]]:
-    """Read a bundled knee, a knee file, or the result.json of a calibration, with its numbers; and
-    what is added to the motion of free coordinates to compare it with the measured one, mm or
-    degrees, where a calibration fitted that."""
+    """A knee, and what is added to its motion to compare it with the measured one, mm or degrees:
+    coordinate -> the offset that a calibration fitted."""
     knee, calibrated = files.load_knee(name), Path(name).suffix.lower() == ".json"
     return knee, files.read_calibrated(name).frame_offset if calibrated else {}
 

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Several, Written
+from kneejax.cli._command import Bundled, Drawn, File, Form, Group, Only, Place, Written
 from kneejax.cli.options._types import KNEE, Convention, Flexion, Knee, Mesh, Table
 from kneejax.files import InputProblem
 from kneejax.files.reading import meaning
@@ -52,7 +52,7 @@ class JointFit(Drawn):
         f"passive flexion of a contact knee instead of poses: {KNEE}; without --femur "
         "and --axes its condyles give the axes", None,
     )  # fmt: skip
-    at: Annotated[list[Angle], Several(), Form("DEGREES")] = meaning(
+    at: Annotated[list[Angle], Form("DEGREES", several=True)] = meaning(
         "calibrate on the poses nearest to these flexions; on the first and last otherwise, of a "
         "knee at both ends of --flexion", [],
     )  # fmt: skip
@@ -124,7 +124,7 @@ class JointCompare(Drawn):
     knee: Annotated[list[Knee], Bundled("knees"), Form("KNEE")] = meaning(
         f"contact knee in passive flexion: {KNEE}; may be repeated", []
     )
-    calibrate_at: Annotated[list[Angle], Several(), Form("DEGREES")] = meaning(
+    calibrate_at: Annotated[list[Angle], Form("DEGREES", several=True)] = meaning(
         "fit moving axis and hinge here, each subject's on its own poses at these flexions with "
         "the points of --axes; and leave those poses out of the comparison", [],
     )  # fmt: skip

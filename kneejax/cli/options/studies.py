@@ -15,7 +15,6 @@ from kneejax.cli._command import (
     Form,
     Only,
     Place,
-    Several,
     Written,
     option_name,
     shown_name,
@@ -134,7 +133,9 @@ def asking(asks: type[BaseModel], **as_words: tuple[Any, ...]) -> type[Asked]:
         alias = "global" if name == "indices" else option_name(name)
         option = Field(default, alias=alias, description=words)
         fields[name] = (Annotated[kind, *marks] if marks else kind, option)
-    return create_model(asks.__name__, __base__=Asked, **fields)
+    model = create_model(asks.__name__, __base__=Asked, **fields)
+    model.asks = asks
+    return model
 
 
 class Map(
@@ -149,7 +150,6 @@ class Map(
 ):  # fmt: skip
     """Compute the objective over pairs of parameters."""
 
-    asks: ClassVar = studies.Map
     command: ClassVar = "map"
     example: ClassVar = "kneejax map --pair PCL.stiffness PCL.reference_strain --grid 21"
     body: ClassVar = "kneejax.cli._studies:objective_maps"
@@ -173,12 +173,11 @@ class Sensitivity(
 ):  # fmt: skip
     """Compute how the motion depends on each parameter."""
 
-    asks: ClassVar = studies.Sensitivity
     command: ClassVar = "sensitivity"
     example: ClassVar = "kneejax sensitivity --sweep ACL.stiffness"
     body: ClassVar = "kneejax.cli._studies:sensitivity"
 
-    knees: Annotated[list[Knee], Bundled("knees"), Several(), Form("KNEE")] = meaning(
+    knees: Annotated[list[Knee], Bundled("knees"), Form("KNEE", several=True)] = meaning(
         "compare knees instead: varus and valgus moments, scores of paper 4; each a " f"{KNEE}", []
     )
 
@@ -194,7 +193,6 @@ class Identify(
 ):
     """Report what the data of a study determine, and what to measure next."""
 
-    asks: ClassVar = studies.Identify
     command: ClassVar = "identify"
     example: ClassVar = "kneejax identify --next-tests 2"
     body: ClassVar = "kneejax.cli._studies:what_data_tell"
