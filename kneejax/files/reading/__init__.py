@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from kneejax.files.reading._problem import InputProblems as InputProblems
     from kneejax.files.reading._problem import counted as counted
     from kneejax.files.reading._problem import wrong as wrong
-    from kneejax.files.reading._text import format_yaml as format_yaml
     from kneejax.files.reading._text import load_json as load_json
-    from kneejax.files.reading._text import load_yaml as load_yaml
     from kneejax.files.reading._text import neighbour as neighbour
     from kneejax.files.reading._text import plain_number as plain_number
     from kneejax.files.reading._text import read_bytes as read_bytes
@@ -55,5 +53,7 @@ if TYPE_CHECKING:
     from kneejax.files.reading._values import text as text
     from kneejax.files.reading._values import whole as whole
     from kneejax.files.reading._values import within as within
+    from kneejax.files.reading._yaml import format_yaml as format_yaml
+    from kneejax.files.reading._yaml import load_yaml as load_yaml
 else:
     lazy_imports(globals())
