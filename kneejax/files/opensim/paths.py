@@ -191,15 +191,15 @@ class Counted(collections.Counter):
         return (name or otherwise) + (f"#{self[name]}" if self[name] > 1 else "")
 
 
-def file_names(keys: Iterable[str], prefix: str) -> list[str]:
-    """Names that a knee file allows, each once."""
-    answer: list[str] = []
-    for key in keys:
-        name = re.sub(r"[^A-Za-z0-9_+-]", "_", key)
+def by_file_name(items: Iterable[Any], prefix: str) -> dict[str, Any]:
+    """Fibres, muscles or obstacles by names that a knee file allows, each once."""
+    answer: dict[str, Any] = {}
+    for item in items:
+        name = re.sub(r"[^A-Za-z0-9_+-]", "_", item.key)
         name = name if re.match(r"[A-Za-z]", name) else f"{prefix}{name}"
         stem, count = name, 1
         while name in answer:
             count += 1
             name = f"{stem}_{count}"
-        answer.append(name)
+        answer[name] = item
     return answer
