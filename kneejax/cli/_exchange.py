@@ -42,8 +42,7 @@ def import_model(arguments: options.ImportOsim) -> int:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
         coordinates = files.counted(free, "free coordinate")
         said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
-    waiting = [contact.name for contact in (*read.contacts, *read.patellofemoral)]
-    waiting += [meniscus.body for meniscus in read.menisci]
+    waiting = [one.name for one in (*read.contacts, *read.patellofemoral, *read.menisci)]
     if waiting and not arguments.geometry:
         names = ", ".join(waiting)
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")

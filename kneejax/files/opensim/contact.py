@@ -66,7 +66,7 @@ class OsimContact(NamedTuple):
 class OsimMeniscus(NamedTuple):
     """A meniscus: a body that moves on the tibia, for which a ring stands."""
 
-    body: str
+    name: str  # of its body
     upper: OsimMesh  # that meets the femur, in the tibia's frame
     lower: OsimMesh  # that meets the tibia, likewise
     law: str  # of `kneejax.mechanics.cartilage_law`
@@ -77,8 +77,7 @@ class OsimMeniscus(NamedTuple):
 def find_contacts(
     model: Model, knee: OsimKneeJoint
 ) -> tuple[list[OsimContact], list[OsimMeniscus]]:
-    """Contacts between the knee's bones, and menisci that are in contact with both femur and
-    tibia; what is wrong in one is an InputProblem."""
+    """Contacts between the knee's bones, and menisci in contact with both femur and tibia."""
     meshes, contacts = {e.name: e for e in model.elements if e.tag == MESH}, []
     movement, joints = moved(model, {}), read_joints(model)
     menisci = [x for x in model.bodies if "menisc" in x.lower() and not knee.bone_of(x)]
@@ -279,10 +278,10 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
                   meniscus.lower.layer]  # fmt: skip
         _, ratios, thick = zip(*layers, strict=True)
         if max(ratios) >= 0.5:
-            raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
+            raise InputProblem(file, meniscus.name, "nu 0.5", "nu below 0.5")
         ratio = float(np.mean(ratios))
         stated = Layer(_in_a_row(layers, ratio), ratio, sum(thick))._asdict()
-        source = dict.fromkeys(stated, f"{name}, {meniscus.body} and both cartilages")
+        source = dict.fromkeys(stated, f"{name}, {meniscus.name} and both cartilages")
         document["contacts"][fit.name] = fit.contact | stated | {
             "law": meniscus.law, "source": fit.contact["source"] | source}
         findings += [*fit.findings, *fit.doubts]

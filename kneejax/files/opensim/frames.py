@@ -144,8 +144,7 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
 
 
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
-    """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
-    more of it bends the knee (1), extends it (-1), or that is not known (0)."""
+    """The axis of flexion, and what its coordinate does: 1 bends, -1 extends, 0 is not known."""
     every = [c for c in coordinates_of(knee.joints) if c.turns]
     named = [c for c in every if _BENDS.search(c.name)]
     if len(found := named if len(named) == 1 else every) != 1:
@@ -212,8 +211,7 @@ class Registration(NamedTuple):
     doubts: tuple[str, ...] = ()  # what a person should look at
 
     def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
-        """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or
-        `l`, where the model's bone is in the ground `there`."""
+        """From the ground, m, to a knee's bone, mm, of a side, where the model's is `there`."""
         shift = {FEMUR: self.femur, TIBIA: self.tibia}[bone]
         back = there.inverse()
         return Rigid(MIRROR[side] @ back.turn, 1e3 * back.shift @ MIRROR[side] + shift)

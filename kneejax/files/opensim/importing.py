@@ -72,8 +72,7 @@ class OsimImport:
 
     @property
     def numbers_left_out(self) -> str:
-        """How many of which kind the knee has not: of what acts on it, was not wanted, is switched
-        off, or is elsewhere in the model."""
+        """How many of which kind the knee has not, by the reason."""
         tags = {"left out": [element.tag for element in self.knee.found.answered]}
         tags |= {title: [] for title in report.TITLES.values()}
         for one in self.untaken:
@@ -171,7 +170,7 @@ def import_osim(
         section, muscles = fibres.read_patella(model, whole, beside, knee, at or {})
     taken = [x.element for x in (*own, *of_tibia)] + found.answered
     taken += [force for meniscus in menisci for force in meniscus.elements]
-    rings = [meniscus.body for meniscus in menisci]
+    rings = [meniscus.name for meniscus in menisci]
     if section:
         taken += [x.element for x in (*beside, *muscles, *of_patella)]
     else:
@@ -189,7 +188,7 @@ def import_osim(
     notes = [*found.unusual, "Knee joint of the model."]
     notes += [f"{x.name} ({x.kind}): {'; '.join(x.describe())}." for x in knee.joints]
     for named, one in (*((f"Contact {x.name}", x) for x in of_tibia),
-                       *((f"Meniscus {x.body}", x) for x in menisci)):
+                       *((f"Meniscus {x.name}", x) for x in menisci)):
         notes += [f"{named} of the model:", *one.findings]
     origin = {
         "file": file,

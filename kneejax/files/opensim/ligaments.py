@@ -27,12 +27,12 @@ TRANSITION_WIDTH = 1e-4
 #: A point this little inside an obstacle is a matter of digitising.
 SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
-#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing, unit).
+#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing, what it must be).
 NUMBERS = {
-    "stiffness_N": ("linear_stiffness", "1", " N"),
-    "slack_length_mm": ("slack_length", "0", " m"),
-    "transition_strain": ("transition_strain", "0.06", ""),
-    "damping_N_s": ("damping_coefficient", "0.003", ""),
+    "stiffness_N": ("linear_stiffness", "1", "a number > 0 N"),
+    "slack_length_mm": ("slack_length", "0", "a number > 0 m"),
+    "transition_strain": ("transition_strain", "0.06", "a number > 0"),
+    "damping_N_s": ("damping_coefficient", "0.003", "a number >= 0"),
 }
 #: Pull of the whole quadriceps where nothing is said, N: the weight of 2 kg that hangs on it in
 #: tests of passive flexion.
@@ -50,8 +50,7 @@ class OsimLigament(paths.OsimPath):
     def document(
         self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
     ) -> dict[str, Any]:
-        """The entry of a knee file, whose source is a model by this name and whose wrap objects
-        have these names."""
+        """The entry of a knee file; `wraps` has the names of obstacles."""
         (first, begin), (last, end), via = self.ends(knee)
         fields = {bone: field for field, bone in ENDS.items()}
         entry: dict[str, Any] = {fields[first]: begin, **via, fields[last]: end}
@@ -95,12 +94,11 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> list[OsimLigament]:
                 raise _Unsupported(f"of class Ligament ({what})")
             wrap = _wrap(element, len(points), wraps, knee, key)
             numbers = {}
-            for field, (tag, own, unit) in NUMBERS.items():
+            for field, (tag, own, expected) in NUMBERS.items():
                 (value,) = element.numbers(tag, 1, own)
-                limit = ">= 0" if field == "damping_N_s" else "> 0"
-                if value < 0 or (value == 0 and limit == "> 0"):
+                if value < 0 or (value == 0 and field != "damping_N_s"):
                     word = element.word(tag) or f"{own} (OpenSim's default)"
-                    raise element.problem(tag, word, f"a number {limit}{unit}")
+                    raise element.problem(tag, word, expected)
                 numbers[field] = value
         except _Outside as reason:
             knee.found.outside[key] = str(reason)
@@ -313,8 +311,7 @@ def wrap_of(
     element: Element, wraps: list[paths.OsimWrap], knee: OsimKneeJoint, bones: tuple[str, str],
     notes: list[str],
 ) -> paths.OsimWrap | None:  # fmt: skip
-    """The obstacle of a muscle on one of the two bones that it joins; `notes` gets a sentence for
-    what was left out or assumed."""
+    """A muscle's obstacle on a bone that it joins; `notes` gets what was left out or assumed."""
     names = [one.last_word("wrap_object") for one in paths.path_objects(element, "PathWrapSet")]
     found = [
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active

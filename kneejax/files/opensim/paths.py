@@ -80,8 +80,7 @@ class OsimWrap(_Carried):
         return ""
 
     def document(self, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
-        """The entry of a knee file, whose source is a model by this name; raises where a size is
-        not positive."""
+        """The entry of a knee file; raises where a size is not positive."""
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
         if carrier.turns:
@@ -135,8 +134,7 @@ class OsimPath:
     wrap: OsimWrap | None = None  # what it goes around; None if nothing
 
     def ends(self, knee: OsimKneeJoint, begin: int = 0, end: int = -1) -> tuple[Any, Any, dict]:
-        """Bone and place, mm, of a point near its femur's end, and of one near the other; what a
-        knee file says of those between them."""
+        """Bone and place, mm, of a point near each end; what a knee file says of those between."""
         places = [(knee.bone_of(one.body), exact.millimetres(one.in_bone(knee)))
                   for one in self.points[begin : len(self.points) + end + 1]]
         via = [{"bone": bone, "point_mm": place} for bone, place in places[1:-1]]

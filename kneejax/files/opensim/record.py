@@ -196,8 +196,7 @@ def acting_on(
     ground: Sequence[np.ndarray], movement: Movement, around: Movement, below: set[str],
     frame: Rigid,
 ) -> tuple[dict[str, np.ndarray], float]:  # fmt: skip
-    """What acts besides muscles, by name, in the knee's tibia, where force and moment of the ground
-    are known; the leg's mass."""
+    """What acts besides muscles, in the knee's tibia, by name; the mass of the leg, kg."""
     model, masses = movement.model, []
     gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     for name in sorted(below):
@@ -225,8 +224,7 @@ def acting_on(
 def _reaction(
     table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
 ) -> np.ndarray:
-    """The opposite of a joint's reaction: the knee's own parts take the joint's place. Numbers in
-    other units than N, N m and m are refused."""
+    """The opposite of a joint's reaction: the knee's own parts take the joint's place."""
     ends = {}
     for axis in _AXES:
         ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"

@@ -196,8 +196,8 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [f"{joint.name} ({joint.kind}): {text}"
               for joint in knee.joints for text in joint.describe()]
-    contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
-    contacts += [f"{m.body}: {text}" for m in read.menisci for text in m.findings]
+    contacts = [f"{one.name}: {text}" for one in (*read.contacts, *read.menisci)
+                for text in one.findings]
     stl = "`kneejax import stl --knee knee.yaml ...` adds"
     if geometry:
         contacts += geometry
