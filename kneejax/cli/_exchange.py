@@ -36,14 +36,13 @@ def import_model(arguments: options.ImportOsim) -> int:
     parts = {"fibre": read.ligaments, "wrap object": read.wraps, "contact": document["contacts"]}
     counts = ", ".join(files.counted(len(some), name) for name, some in parts.items())
     said = [f"{knee.femur} taken as the femur, {knee.tibia} as the tibia",
-            f"{counts}; {read.numbers_left_out or 'nothing left out'}", *knee.unusual]
+            f"{counts}; {read.numbers_left_out or 'nothing left out'}", *knee.found.unusual]
     free = sum(not c.locked for joint in knee.joints for c in joint.coordinates)
     if free < 6:
         kinds = ", ".join(f"{joint.kind} {joint.name}" for joint in knee.joints)
         coordinates = files.counted(free, "free coordinate")
         said.append(f"{kinds}: {coordinates} in the model; here the tibia has six")
-    waiting = [contact.name for contact in (*read.contacts, *read.patellofemoral)]
-    waiting += [meniscus.body for meniscus in read.menisci]
+    waiting = [one.name for one in (*read.contacts, *read.patellofemoral, *read.menisci)]
     if waiting and not arguments.geometry:
         names = ", ".join(waiting)
         said.append(f"no surfaces yet for {names}: --geometry FOLDER fits the model's meshes")

@@ -65,8 +65,7 @@ class ExternalLoads(NamedTuple):
 def read_external_loads(
     path: str | os.PathLike[str], model: Model, called: Mapping[str, str] | None = None
 ) -> ExternalLoads:
-    """Read which force acts on which body of a model, and the table that it names, which is sought
-    beside the file; `called` says by which names the file has bodies."""
+    """Read forces on a model's bodies and their table; `called`: body -> what the file calls it."""
     file, back = parse_xml(path, KIND), {own: name for name, own in (called or {}).items()}
     top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
     if top is None:
@@ -169,8 +168,7 @@ def on_bodies(
 def of_contacts(
     model: Model, table: Storage, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """As `on_bodies`, by the contacts of the model itself, from a table of forces in which OpenSim
-    records them: the opposite of what the ground bears."""
+    """As `on_bodies`, of the model's own contacts: the opposite of what the ground bears."""
     carriers = {e.name: e.last_word("socket_frame") for e in model.elements
                 if e.tag.startswith("Contact") and e.child("socket_frame") is not None}
     both = np.zeros((len(time), 6))

@@ -29,6 +29,14 @@ _LAWS = {"linear": "linear", "nonlinear": "log"}
 _FORMULATION = "elastic_foundation_formulation"
 
 
+class Layer(NamedTuple):
+    """A layer of cartilage."""
+
+    youngs_modulus_MPa: float
+    poisson_ratio: float
+    layer_thickness_mm: float
+
+
 class OsimMesh(NamedTuple):
     """A contact mesh."""
 
@@ -38,15 +46,8 @@ class OsimMesh(NamedTuple):
     back_file: str  # likewise of its back; empty if none is named
     frame: Rigid  # from the mesh's coordinates to the bone's
     scale: tuple[float, float, float]  # factors of the vertices along x, y, z
-    youngs_modulus_MPa: float  # of its layer
-    poisson_ratio: float  # of its layer
-    thickness_mm: float  # of its layer, where it does not vary
+    layer: Layer  # its thickness where it does not vary
     varies: bool  # whether the layer reaches from the surface to its back
-
-    @property
-    def layer(self) -> tuple[float, float, float]:
-        """Its thickness, Young's modulus and Poisson's ratio."""
-        return self.thickness_mm, self.youngs_modulus_MPa, self.poisson_ratio
 
 
 class OsimContact(NamedTuple):
@@ -56,9 +57,7 @@ class OsimContact(NamedTuple):
     femur: OsimMesh  # the femur's mesh
     other: OsimMesh  # the other bone's mesh
     law: str  # of `kneejax.mechanics.cartilage_law`
-    youngs_modulus_MPa: float  # of the one layer that stands for both
-    poisson_ratio: float
-    layer_thickness_mm: float  # both together
+    layer: Layer  # the one that stands for both
     findings: tuple[str, ...]  # what was taken from where
     doubts: tuple[str, ...]  # where the one layer is not the model's
     element: Element  # the force in the file
@@ -67,7 +66,7 @@ class OsimContact(NamedTuple):
 class OsimMeniscus(NamedTuple):
     """A meniscus: a body that moves on the tibia, for which a ring stands."""
 
-    body: str
+    name: str  # of its body
     upper: OsimMesh  # that meets the femur, in the tibia's frame
     lower: OsimMesh  # that meets the tibia, likewise
     law: str  # of `kneejax.mechanics.cartilage_law`
@@ -78,8 +77,7 @@ class OsimMeniscus(NamedTuple):
 def find_contacts(
     model: Model, knee: OsimKneeJoint
 ) -> tuple[list[OsimContact], list[OsimMeniscus]]:
-    """Contacts between the knee's bones, and menisci that are in contact with both femur and
-    tibia; what is wrong in one is an InputProblem."""
+    """Contacts between the knee's bones, and menisci in contact with both femur and tibia."""
     meshes, contacts = {e.name: e for e in model.elements if e.tag == MESH}, []
     movement, joints = moved(model, {}), read_joints(model)
     menisci = [x for x in model.bodies if "menisc" in x.lower() and not knee.bone_of(x)]
@@ -121,9 +119,10 @@ def find_contacts(
         if len(found) == 2:
             forces, (upper, lower) = zip(*(found[x] for x in (FEMUR, TIBIA)), strict=True)
             free = sum(not c.locked for j in joints if j.child == body for c in j.coordinates)
+            thick = " and ".join(f"{x.layer.layer_thickness_mm:g}" for x in (upper, lower))
             said = (f"A ring stands for it and its {free} coordinates: meshes {upper.file} and "
-                    f"{lower.file}, layers {upper.thickness_mm:g} and {lower.thickness_mm:g} mm. "
-                    "The stiffness of its arc, horns and border is not the model's: assumed.")
+                    f"{lower.file}, layers {thick} mm. The stiffness of its arc, horns and border "
+                    "is not the model's: assumed.")
             rings.append(OsimMeniscus(body, upper, lower, _law(forces[0]), (said,), forces))
     return contacts, rings
 
@@ -143,7 +142,7 @@ def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> Osi
         mesh.word("mesh_file", "filename"), mesh.word("mesh_back_file")))
     return OsimMesh(
         mesh.name, bone, file, back_file, carrier.after(own), (x, y, z),
-        shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM),
+        Layer(shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM)),
         settings.truth("use_variable_thickness", False),
     )
 
@@ -153,30 +152,29 @@ def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
     word = force.word(_FORMULATION, default="linear")
     findings = [f"Formulation {word}: the {law} law of kneejax."]
     for mesh in pair:
-        layer = "to its back mesh" if mesh.varies else f"{mesh.thickness_mm:g} mm"
-        findings.append(f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), "
-                        f"E {mesh.youngs_modulus_MPa:g} MPa, nu {mesh.poisson_ratio:g}, "
-                        f"layer {layer}.")
-    thickness, ratio, modulus = (
-        float(sum(Decimal(repr(getattr(mesh, name))) for mesh in pair) / count)
-        for name, count in (("thickness_mm", 1), ("poisson_ratio", 2), ("youngs_modulus_MPa", 2))
-    )
-    same = femur.layer[1:] == other.layer[1:]
+        modulus, ratio, thickness = mesh.layer
+        reaches = "to its back mesh" if mesh.varies else f"{thickness:g} mm"
+        findings.append(f"{mesh.bone}: mesh {mesh.name} ({mesh.file}), E {modulus:g} MPa, "
+                        f"nu {ratio:g}, layer {reaches}.")
+    layers = [mesh.layer for mesh in pair]
+    sums = [sum(Decimal(repr(x)) for x in two) for two in zip(*layers, strict=True)]
+    layer = Layer(float(sums[0] / 2), float(sums[1] / 2), float(sums[2]))
+    same = femur.layer[:2] == other.layer[:2]
     if not same and force.truth("use_lumped_contact_model", True):
         findings.append("Lumped in the model too: the means of E and nu, the sum of the layers.")
     elif not same:
-        if max(m.poisson_ratio for m in pair) < 0.5:
-            modulus = _in_a_row([mesh.layer for mesh in pair], ratio)
+        if max(one.poisson_ratio for one in layers) < 0.5:
+            modulus = _in_a_row(layers, layer.poisson_ratio)
+            layer = layer._replace(youngs_modulus_MPa=modulus)
         findings.append("The layers are springs in series: E is that of one layer of both "
                         "thicknesses and the mean nu with the same pressure.")
         if law != "linear":
             doubts.append("The model solves two different materials pairwise; with the nonlinear "
                           "law the one layer agrees only at small depths.")
-    if ratio == 0.5:
+    if layer.poisson_ratio == 0.5:
         doubts.append("nu is 0.5: a layer that cannot change its volume has no elastic foundation, "
                       "and its contact must be given with a smaller nu.")
-    return OsimContact(force.name, femur, other, law, modulus, ratio, thickness, tuple(findings),
-                       tuple(doubts), force)
+    return OsimContact(force.name, femur, other, law, layer, tuple(findings), tuple(doubts), force)
 
 
 def _law(force: Element) -> str:
@@ -186,13 +184,13 @@ def _law(force: Element) -> str:
     return _LAWS[word]
 
 
-def _in_a_row(layers: list[tuple[float, float, float]], ratio: float) -> float:
-    """Young's modulus of one layer that is as stiff as several `OsimMesh.layer` together."""
+def _in_a_row(layers: list[Layer], ratio: float) -> float:
+    """Young's modulus of one layer that is as stiff as several together."""
     def confined(nu: float) -> float:  # modulus, over Young's
         return (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu))
 
-    soft = sum(h / (e * confined(nu)) for h, e, nu in layers)
-    return sum(h for h, *_ in layers) / soft / confined(ratio)
+    soft = sum(h / (e * confined(nu)) for e, nu, h in layers)
+    return sum(h for *_, h in layers) / soft / confined(ratio)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -232,10 +230,11 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         raise InputProblem("--geometry", "folder", str(folder), "a folder of meshes")
     expected = "one contact of femur and tibia; use `kneejax import stl --knee knee.yaml ...`"
     contact, joint = _only(read.contacts, file, "contacts", expected), None
-    if contact.poisson_ratio >= 0.5:
-        raise InputProblem(file, contact.name, f"nu {contact.poisson_ratio}", "nu below 0.5")
-    pair = (contact.femur, contact.other)
-    varies = any(mesh.varies for mesh in pair)
+    if (ratio := contact.layer.poisson_ratio) >= 0.5:
+        raise InputProblem(file, contact.name, f"nu {ratio}", "nu below 0.5")
+    pair, material = (contact.femur, contact.other), dict[str, Any](contact.layer._asdict())
+    if varies := any(mesh.varies for mesh in pair):
+        material["layer_thickness_mm"] = None
     if "patella" in read.document:
         expected = "one contact of femur and patella, or --without-patella"
         joint = _only(read.patellofemoral, file, "contacts of the patella", expected)
@@ -253,39 +252,36 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
             patellar_cartilage=_mesh(folder, joint.other, Path(scratch)) if joint else None,
             femur_bone=backs[0] if varies else None,
             tibia_bone=backs[1] if varies else None,
-            youngs_modulus_MPa=contact.youngs_modulus_MPa,
-            poisson_ratio=contact.poisson_ratio,
-            layer_thickness_mm=None if varies else contact.layer_thickness_mm,
             thickness="field" if varies else "constant",
             law=contact.law,
             reference_pose=Pose.from_table(read.knee.pose),
             source=", ".join(mesh.file for mesh in pair),
+            **material,
         )
         found = import_meshes(*sheets, side=SIDES[read.knee.side], options=options)
         document = copy.deepcopy(read.document)
         document["contacts"] = dict(found.contacts)
         menisci = [meniscus_of_mesh([*dict.fromkeys(_mesh(folder, mesh, Path(scratch)) for mesh in (
             one.upper, one.lower))], document) for one in read.menisci]  # fmt: skip
-    stated = "youngs_modulus_MPa", "poisson_ratio", *(() if varies else ("layer_thickness_mm",))
+    stated = [field for field, value in material.items() if value is not None]
     for part in document["contacts"].values():
         part["source"] |= dict.fromkeys(stated, f"{file.name}, {contact.name}")
     if joint is not None and found.patellofemoral is not None:
         # Its material is the model's own, not that of femur and tibia.
-        own = ("law", "youngs_modulus_MPa", "poisson_ratio", "layer_thickness_mm")
-        entry = found.patellofemoral | {field: getattr(joint, field) for field in own}
+        entry = found.patellofemoral | {"law": joint.law} | joint.layer._asdict()
         entry["source"] = dict.fromkeys(entry["source"], f"{file.name}, {joint.name}")
         document["patella"]["contacts"] = {"patellofemoral": entry}
     findings, name = [*found.findings], file.name
     for meniscus, fit in zip(read.menisci, menisci, strict=True):
         cartilage = found.contacts[fit.name.removesuffix("_meniscus")]["layer_thickness_mm"]
-        layers = [(cartilage, contact.youngs_modulus_MPa, contact.poisson_ratio),
-                  meniscus.upper.layer, meniscus.lower.layer]  # fmt: skip
-        ratio = float(np.mean([nu for *_, nu in layers]))
-        if max(nu for *_, nu in layers) >= 0.5:
-            raise InputProblem(file, meniscus.body, "nu 0.5", "nu below 0.5")
-        stated = {"youngs_modulus_MPa": _in_a_row(layers, ratio), "poisson_ratio": ratio,
-                  "layer_thickness_mm": sum(h for h, *_ in layers)}  # fmt: skip
-        source = dict.fromkeys(stated, f"{name}, {meniscus.body} and both cartilages")
+        layers = [contact.layer._replace(layer_thickness_mm=cartilage), meniscus.upper.layer,
+                  meniscus.lower.layer]  # fmt: skip
+        _, ratios, thick = zip(*layers, strict=True)
+        if max(ratios) >= 0.5:
+            raise InputProblem(file, meniscus.name, "nu 0.5", "nu below 0.5")
+        ratio = float(np.mean(ratios))
+        stated = Layer(_in_a_row(layers, ratio), ratio, sum(thick))._asdict()
+        source = dict.fromkeys(stated, f"{name}, {meniscus.name} and both cartilages")
         document["contacts"][fit.name] = fit.contact | stated | {
             "law": meniscus.law, "source": fit.contact["source"] | source}
         findings += [*fit.findings, *fit.doubts]

@@ -238,7 +238,8 @@ class _Export:
         for name, entry in self.document["ligaments"].items():
             if self.keys[name] in self.fibres:
                 continue
-            if name in self.base.found.outside | self.base.found.unsupported:
+            found = self.base.knee.found
+            if name in found.outside | found.unsupported:
                 expected = f"a name that no other force of {self.base.model.name} has"
                 raise InputProblem(self.known.path, f"ligaments.{name}", name, expected)
             entry = {"damping_N_s": 0.0} | entry | {"slack_length_mm": self.slack_length_mm(name)}
@@ -293,7 +294,7 @@ class _Export:
             notes.append(f"The model differs from the one that was imported ({file}).")
         left, why = self.unknown, "the knee does not have them"
         if self.replace:
-            left, why = self.base.found.unsupported, "they could not be read"
+            left, why = bones.found.unsupported, "they could not be read"
         if left:
             notes.append(f"Left unchanged, since {why}: {', '.join(left)}.")
         return notes

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,9 +47,9 @@ class _Superior(NamedTuple):
 
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
-) -> tuple[OsimKneeJoint, np.ndarray]:
-    """The knee with its bones' axes as they should be, and the rotation from the model's; by
-    `ligaments` of femur and tibia too. Raises where the axes are others and it is unclear which."""
+) -> tuple[np.ndarray, str, list[str]]:
+    """The rotation from the model's axes to those that a knee's bones should have, a sentence where
+    it turns them, doubts; raises where the axes are others and it is unclear which."""
     superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
     others = [one for one in superior if one.direction[1] < one.along]
@@ -58,13 +58,12 @@ def anatomical(
         right = np.array([0.0, 0.0, 1.0]) if flexion is None else flexion * np.sign(flexion[2])
         votes = _votes(knee, ligaments, right, sense, flexion)
         if votes and max(votes.values()) < 0 and len(votes) > 1:
-            rotation = np.diag([-1.0, 1.0, -1.0])
-            return turned(knee, rotation, ", ".join(votes)), rotation
+            return _turning(np.diag([-1.0, 1.0, -1.0]), votes)
         doubts = [one.doubt for one in others]
         doubts += [f"The {SIDES[knee.side]} knee's axes are taken as {_WANTED}, but {why} says "
                    "that Z is to the left: is the side right?"
                    for why, vote in votes.items() if vote < 0]
-        return knee._replace(doubts=(*knee.doubts, *doubts)), np.eye(3)
+        return np.eye(3), "", doubts
     if flexion is not None and superior:
         up = np.sum([one.direction for one in superior], axis=0)
         # A knee that bends says little where its shank is upright already.
@@ -73,28 +72,27 @@ def anatomical(
         sure = len(votes) > 1 and len({*votes.values()}) == 1
         if sure and y @ line == 0 and flexion @ line > 0.8:
             z = line * next(iter(votes.values()))
-            why = ", ".join(("flexion's axis", *(one.why for one in superior), *votes))
-            rotation = np.stack([np.cross(y, z), y, z])
-            return turned(knee, rotation, why), rotation
+            why = ("flexion's axis", *(one.why for one in superior), *votes)
+            return _turning(np.stack([np.cross(y, z), y, z]), why)
     found = [] if across or flexion is None else [f"flexion about {_word(flexion)}"]
     found += [f"{one.why} say that {_word(one.direction)} points upwards" for one in others]
     if across and all(one.direction[1] <= -one.along for one in superior):
-        swapped = "; ".join(found) + ": have femur and tibia changed places?"
-        return knee._replace(doubts=(*knee.doubts, swapped)), np.eye(3)
+        return np.eye(3), "", ["; ".join(found) + ": have femur and tibia changed places?"]
     raise knee.joints[0].element.problem("axes", "; ".join(found), f"bodies with {_WANTED}")
 
 
-def turned(knee: OsimKneeJoint, rotation: np.ndarray, why: str = "") -> OsimKneeJoint:
-    """The knee with turned axes of all its bones; with a sentence where something says why."""
+def _turning(rotation: np.ndarray, why: Iterable[str]) -> tuple[np.ndarray, str, list[str]]:
+    names = ("anterior", "posterior"), ("superior", "inferior"), ("to the right", "to the left")
+    words = ", ".join(f"{_word(np.abs(row))} {both[int(row.sum() < 0)]}"
+                      for row, both in zip(rotation, names, strict=True))
+    said = f"The model's axes are {words}, by {', '.join(why)}: they were turned to {_WANTED}."
+    return rotation, said, []
+
+
+def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
+    """The knee with turned axes of all its bones."""
     if np.array_equal(rotation, np.eye(3)):
         return knee
-    if why:
-        names = (("anterior", "posterior"), ("superior", "inferior"),
-                 ("to the right", "to the left"))
-        words = ", ".join(f"{_word(np.abs(row))} {both[int(row.sum() < 0)]}"
-                          for row, both in zip(rotation, names, strict=True))
-        why = f"The model's axes are {words}, by {why}: they were turned to {_WANTED}."
-        knee = knee._replace(unusual=(*knee.unusual, why))
     turn = Rigid(rotation)
     there = {bone: turn.after(x).after(turn.inverse()) for bone, x in knee.in_femur.items()}
     rigid = {body: (bone, turn.after(at)) for body, (bone, at) in knee.rigid.items()}
@@ -146,8 +144,7 @@ def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_
 
 
 def _flexion_axis(model: Model, knee: OsimKneeJoint) -> tuple[np.ndarray | None, float]:
-    """The axis about which the coordinate of flexion turns the tibia in the femur, and whether
-    more of it bends the knee (1), extends it (-1), or that is not known (0)."""
+    """The axis of flexion, and what its coordinate does: 1 bends, -1 extends, 0 is not known."""
     every = [c for c in coordinates_of(knee.joints) if c.turns]
     named = [c for c in every if _BENDS.search(c.name)]
     if len(found := named if len(named) == 1 else every) != 1:
@@ -214,8 +211,7 @@ class Registration(NamedTuple):
     doubts: tuple[str, ...] = ()  # what a person should look at
 
     def in_knee(self, there: Rigid, bone: str, side: str) -> Rigid:
-        """From the ground, m, to the frame of a knee's `femur` or `tibia`, mm, of a side `r` or
-        `l`, where the model's bone is in the ground `there`."""
+        """From the ground, m, to a knee's bone, mm, of a side, where the model's is `there`."""
         shift = {FEMUR: self.femur, TIBIA: self.tibia}[bone]
         back = there.inverse()
         return Rigid(MIRROR[side] @ back.turn, 1e3 * back.shift @ MIRROR[side] + shift)
@@ -231,10 +227,10 @@ def registration(
     """Register a model's bones to those of a knee, by one of `FRAMES`: the same frames where the
     knee was made of this model; otherwise axes by their names, and the middle of the model's
     flexion axis on that of the knee's flexion facets. Sizes are not changed."""
-    axes, _ = anatomical(model, bones, [])
-    if axes.turned:
+    _, turning, _ = anatomical(model, bones, [])
+    if turning:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
-        raise bones.joints[0].element.problem("axes", axes.unusual[-1], expected)
+        raise bones.joints[0].element.problem("axes", turning, expected)
     if frames not in FRAMES:
         raise InputProblem("--frames", "frames", frames, FRAMES)
     # A knee says that it was imported from this model, or its patella that it was.

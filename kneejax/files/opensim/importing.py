@@ -18,7 +18,7 @@ from kneejax.files.opensim.contact import OsimContact, OsimMeniscus, find_contac
 from kneejax.files.opensim.frames import anatomical, turned
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee, with_pelvis_and_foot
 from kneejax.files.opensim.model import Model, read_model
-from kneejax.files.opensim.paths import OsimWrap, file_names
+from kneejax.files.opensim.paths import OsimWrap, by_file_name
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 
@@ -35,22 +35,21 @@ class OsimImport:
     knee: OsimKneeJoint
     ligaments: dict[str, fibres.OsimLigament]  # by the names in the knee file
     wraps: dict[str, OsimWrap]  # likewise
-    found: fibres.Found  # with those left out and why
     contacts: tuple[OsimContact, ...]  # of femur and tibia
     untaken: tuple[report.Untaken, ...]  # forces and constraints that are no part of the knee
     bodies: tuple[str, ...]  # at the knee that are part of none of its bones
     patellofemoral: tuple[OsimContact, ...]  # contacts of femur and patella
-    patella: fibres.PatellaSection  # what was assumed or left out of it and the muscles
     menisci: tuple[OsimMeniscus, ...] = ()  # those for which rings stand
 
     @property
     def doubts(self) -> tuple[str, ...]:
         """What a person should look at; empty if everything of the knee was read."""
+        found = self.knee.found
         doubts = [f"{name} was left out: not supported: {why}."
-                  for name, why in self.found.unsupported.items()]
+                  for name, why in found.unsupported.items()]
         doubts += [f"{line}: left out, though it {report.ACTS}."
                    for line in report.listed(self.untaken, report.ACTS)]
-        doubts += [*self.patella.doubts, *self.knee.doubts]
+        doubts += found.doubts
         doubts += [f"{c.name}: {doubt}" for c in self.contacts for doubt in c.doubts]
         parts = (self.document, self.document.get("patella", {}))
         soft = {name: x for part in parts for name, x in part.get("ligaments", {}).items()
@@ -73,9 +72,8 @@ class OsimImport:
 
     @property
     def numbers_left_out(self) -> str:
-        """How many of which kind the knee has not: of what acts on it, was not wanted, is switched
-        off, or is elsewhere in the model."""
-        tags = {"left out": [element.tag for element in self.found.answered]}
+        """How many of which kind the knee has not, by the reason."""
+        tags = {"left out": [element.tag for element in self.knee.found.answered]}
         tags |= {title: [] for title in report.TITLES.values()}
         for one in self.untaken:
             tags[report.TITLES.get(one.how, "left out")].append(one.element.tag)
@@ -125,9 +123,9 @@ def import_osim(
     """
     model = read_model(path, data)
     knee = find_knee(model, side, femur, tibia)
-    whole = with_pelvis_and_foot(model, knee, at)
-    found = fibres.find_ligaments(model, whole)
-    known = [*(x.key for x in found.ligaments), *found.unsupported, *found.outside]
+    found, whole = knee.found, with_pelvis_and_foot(model, knee, at)
+    every = fibres.find_ligaments(model, whole)
+    known = [*(x.key for x in every), *found.unsupported, *found.outside]
     known = [*dict.fromkeys([*known, *(x.name for x in model.forces() if x.name)])]
     unwanted: list[str] = []
     for pattern in without:
@@ -135,62 +133,62 @@ def import_osim(
         if not hits:
             expected = "the name of a fibre or force, or a pattern that fits one"
             raise InputProblem(path, "--without", pattern, expected, known)
-    found.ligaments[:] = [x for x in found.ligaments if x.key not in unwanted]
+    every = [x for x in every if x.key not in unwanted]
     found.answered[:] = [x for x in found.answered if x.name not in unwanted]
     for name in unwanted:
         found.unsupported.pop(name, None)
     # What fibres end on below the tibia is held where the defaults have it.
     ends: dict[str, list[str]] = collections.defaultdict(list)
-    for ligament in found.ligaments:
+    for ligament in every:
         small = {point.body for point in ligament.points} - {*knee.rigid}
         for body in small if {whole.bone_of(body) for body in small} == {TIBIA} else ():
             ends[body].append(ligament.key)
-    held = [f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here "
-            "it does not: it is held at the model's default coordinates."
-            for body, names in ends.items()]
-    knee = knee._replace(rigid=knee.rigid | {body: whole.rigid[body] for body in ends},
-                         doubts=(*knee.doubts, *held))
-    own = [x for x in found.ligaments if not _beside(x, knee)]
+    found.doubts += [
+        f"{', '.join(names)}: on {body}, which can move against the tibia in this model; here it "
+        "does not: it is held at the model's default coordinates." for body, names in ends.items()]
+    knee = knee._replace(rigid=knee.rigid | {body: whole.rigid[body] for body in ends})
+    own = [x for x in every if not _beside(x, knee)]
     if not own:
         why = [f"{name} {reason}" for name, reason in (found.unsupported | found.outside).items()]
         shown = "; ".join([*why[:4], *["..."] * (len(why) > 4)]) or "all were left out"
         raise InputProblem(path, "ligaments", f"none between {knee.femur} and {knee.tibia}",
                            f"a ligament that spans the {SIDES[knee.side]} knee ({shown})")
-    knee, turn = anatomical(model, knee, own)
-    whole = turned(whole, turn)
-    every = fibres.outside_obstacles(whole, found, inside)
+    rotation, turning, doubts = anatomical(model, knee, own)
+    found.unusual += [turning] * bool(turning)
+    found.doubts += doubts
+    knee, whole = turned(knee, rotation), turned(whole, rotation)
+    every = fibres.outside_obstacles(whole, every, inside)
     beside = [x for x in every if _beside(x, knee)]
-    found.ligaments[:] = [x for x in every if x not in beside]
-    names = file_names((ligament.key for ligament in found.ligaments), "L")
-    ligaments = dict(zip(names, found.ligaments, strict=True))
-    wraps = fibres.wrap_names(found.ligaments)
+    own = [x for x in every if x not in beside]
+    ligaments = by_file_name(own, "L")
+    wraps = fibres.wrap_names(own)
     contacts, menisci = find_contacts(model, knee)
     of_tibia, of_patella = (tuple(c for c in contacts if c.other.bone == bone)
                             for bone in (TIBIA, PATELLA))
-    section = fibres.PatellaSection({}, ())
+    section, muscles = {}, []
     if patella:
-        section = fibres.read_patella(model, whole, beside, knee, at or {})
-    taken = [x.element for x in (*found.ligaments, *of_tibia)] + found.answered
+        section, muscles = fibres.read_patella(model, whole, beside, knee, at or {})
+    taken = [x.element for x in (*own, *of_tibia)] + found.answered
     taken += [force for meniscus in menisci for force in meniscus.elements]
-    rings = [meniscus.body for meniscus in menisci]
-    if section.document:
-        taken += [x.element for x in (*beside, *section.muscles, *of_patella)]
+    rings = [meniscus.name for meniscus in menisci]
+    if section:
+        taken += [x.element for x in (*beside, *muscles, *of_patella)]
     else:
         found.outside.update((one.key, f"attached to {_beside(one, knee)}") for one in beside)
     others, bodies = report.untaken(model, knee, taken, unwanted, patella, rings)
     bodies = [x for x in bodies if x not in rings and (patella or "menisc" in x.lower())]
-    bodies += [knee.patella] if patella and knee.patella and not section.document else []
-    if not section.document and any(x.muscle_or_patella and x.how == report.ACTS for x in others):
-        say = f"{section.notes[0]} --without-patella does without it and its muscles."
-        section = section._replace(doubts=(*section.doubts, say))
-    fibres.check_lengths(whole, [*found.ligaments, *beside])
+    bodies += [knee.patella] if patella and knee.patella and not section else []
+    if not section and any(x.muscle_or_patella and x.how == report.ACTS for x in others):
+        say = f"{found.patella[0]} --without-patella does without it and its muscles."
+        found.doubts.insert(0, say)
+    fibres.check_lengths(whole, [*own, *beside])
 
     file, word = model.name, SIDES[knee.side]
     keys = {wrap.element: name for name, wrap in wraps.items()}
-    notes = [*knee.unusual, "Knee joint of the model."]
+    notes = [*found.unusual, "Knee joint of the model."]
     notes += [f"{x.name} ({x.kind}): {'; '.join(x.describe())}." for x in knee.joints]
     for named, one in (*((f"Contact {x.name}", x) for x in of_tibia),
-                       *((f"Meniscus {x.body}", x) for x in menisci)):
+                       *((f"Meniscus {x.name}", x) for x in menisci)):
         notes += [f"{named} of the model:", *one.findings]
     origin = {
         "file": file,
@@ -215,13 +213,13 @@ def import_osim(
         "groups": _groups(list(ligaments)),
         "notes": " ".join(notes),
         "imported_from": {name: value for name, value in origin.items() if value != {}},
-        "patella": section.document,
+        "patella": section,
     }
     optional = ("wraps", "groups", "patella")
     document = {name: x for name, x in document.items() if x or name not in optional}
     check_knee(document, path)
-    return OsimImport(document, model, knee, ligaments, wraps, found, of_tibia, tuple(others),
-                      tuple(bodies), of_patella, section, tuple(menisci))
+    return OsimImport(document, model, knee, ligaments, wraps, of_tibia, tuple(others),
+                      tuple(bodies), of_patella, tuple(menisci))
 
 
 def _beside(ligament: fibres.OsimLigament, knee: OsimKneeJoint) -> str:

@@ -97,8 +97,7 @@ class Joint:
         return {self.parent: self.child, self.child: self.parent}.get(body, "")
 
     def placement(self, values: Mapping[str, Any], shape: tuple[int, ...] | None) -> Rigid:
-        """The motion from the child's to the parent's coordinates, at coordinates, rad or m, that
-        are arrays of a shape, or numbers where it is None."""
+        """The motion from child to parent at coordinates, rad or m, of a shape (None: numbers)."""
         every = shape or ()
         turn, shift = np.broadcast_to(np.eye(3), (*every, 3, 3)), np.zeros((*every, 3))
         for axis in self.axes:
@@ -156,8 +155,7 @@ class Movement(NamedTuple):
 def reached(
     joints: Iterable[Joint], body: str, through: Callable[[Joint], bool] = lambda _: True
 ) -> Iterator[tuple[Joint, str, str]]:
-    """Outwards from a body, breadth first: a joint that passes a condition, the body from which it
-    is reached, and the one to which it leads."""
+    """Outwards, breadth first: a joint, the body it is reached from, the one it leads to."""
     seen, waiting = {body}, [body]
     while waiting:
         here = waiting.pop(0)
@@ -238,8 +236,7 @@ def read_joints(model: Model) -> list[Joint]:
 def _followed(
     model: Model, coordinates: Iterable[Coordinate], values: Mapping[str, Any], given: Iterable[str]
 ) -> dict[str, Any]:
-    """Coordinates, rad or m, where couplers hold; what is given, locked or prescribed follows
-    nothing."""
+    """Coordinates, rad or m, where couplers hold; what is given, locked or prescribed stays."""
     values, fixed = dict(values), {
         *given, *(c.name for c in coordinates if c.locked or c.prescribed is not None)}
     known = [(*one, function_of(one[0])) for one in couplers(model) if one[1] not in fixed]

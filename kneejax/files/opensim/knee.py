@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 import re
@@ -12,6 +13,7 @@ from kneejax.files.opensim import joints as kinematics
 from kneejax.files.opensim.exact import Rigid, poses_of
 from kneejax.files.opensim.joints import Joint, Movement, coordinates_of, read_joints
 from kneejax.files.opensim.model import GROUND, Model
+from kneejax.files.opensim.xml import Element
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, PATELLA, TIBIA
 
@@ -29,6 +31,20 @@ _FOOT = re.compile(r"foot|calcn|calcan|talus|toes", re.IGNORECASE)
 _ABOVE = re.compile(r"pelvis|hips?(?:$|[^a-z])|sacrum|torso", re.IGNORECASE)
 
 
+@dataclasses.dataclass
+class Found:
+    """What a model gives for a knee besides its parts, gathered while it is read."""
+
+    findings: list[str]  # what was taken as what, a sentence each
+    unusual: list[str]  # what was taken otherwise than in most models
+    doubts: list[str]  # what a person should look at
+    notes: list[str]  # what else should be said of fibres
+    patella: list[str]  # what was assumed or left out of it and the muscles
+    outside: dict[str, str]  # name of a fibre -> why it does not belong to this knee
+    unsupported: dict[str, str]  # likewise, why it cannot be read though it belongs to the knee
+    answered: list[Element]  # elements of those that are not supported
+
+
 class OsimKneeJoint(NamedTuple):
     """The knee of a model."""
 
@@ -41,11 +57,9 @@ class OsimKneeJoint(NamedTuple):
     rigid: dict[str, tuple[str, Rigid]]
     # bone -> the motion from its coordinates to the femur's at the coordinates' defaults
     in_femur: dict[str, Rigid]
-    findings: tuple[str, ...]  # what was taken as what
-    doubts: tuple[str, ...]  # what a person should look at
+    found: Found
     patella: str = ""  # its body; empty without one
     turned: bool = False  # whether the bones' axes are others than those of their bodies
-    unusual: tuple[str, ...] = ()  # what was taken otherwise than in most models, a sentence each
 
     def bone_of(self, body: str) -> str:
         """`femur`, `tibia` or `patella`, of which a body is part; empty for another one."""
@@ -62,8 +76,8 @@ def find_knee(
 ) -> OsimKneeJoint:
     """Find the knee of a side: the joint, or the joints in a row, whose names speak of it, and of
     these the one whose child carries the foot. With `femur` and `tibia` nothing is guessed."""
-    file, joints, findings, doubts = model.file.path, read_joints(model), list[str](), list[str]()
-    unusual: tuple[str, ...] = ()
+    file, joints, found = model.file.path, read_joints(model), Found([], [], [], [], [], {}, {}, [])
+    findings, doubts = found.findings, found.doubts
     if side not in SIDES:
         raise InputProblem(file, "--side", side, "r or l")
     if (femur is None) != (tibia is None):
@@ -80,26 +94,26 @@ def find_knee(
         up, down = chain(joints, femur), chain(joints, tibia)
         way = [j for j in up if j not in down] + [j for j in down[::-1] if j not in up]
         # Welds within the way belong to a bone; so do locked joints unless nothing else is left.
-        found = [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
+        knee = [j for j in way if not j.fixed] or [j for j in way if j.coordinates] or way
         carried = tibia != femur and tibia in {joint.parent for joint in up}
-        otherwise = carried and not _carries_upwards(joints, found, tibia, femur)
-        if otherwise or _carries_upwards(joints, found, femur, tibia):
+        otherwise = carried and not _carries_upwards(joints, knee, tibia, femur)
+        if otherwise or _carries_upwards(joints, knee, femur, tibia):
             doubts.append(f"{femur} was given as the femur and {tibia} as the tibia; their names "
                           "or the model's joints say otherwise: have --femur and --tibia changed "
                           "places?")
     else:
-        found = _guess(model, joints, side, findings)
-        femur, tibia = found[0].parent, found[-1].child
-        if _carries_upwards(joints, found, femur, tibia):
-            femur, tibia, found = tibia, femur, found[::-1]
-            unusual = (f"{tibia} carries {femur} in this model, as their names say.",)
+        knee = _guess(model, joints, side, findings)
+        femur, tibia = knee[0].parent, knee[-1].child
+        if _carries_upwards(joints, knee, femur, tibia):
+            femur, tibia, knee = tibia, femur, knee[::-1]
+            found.unusual.append(f"{tibia} carries {femur} in this model, as their names say.")
     findings += [f"{femur} was taken as the femur.", f"{tibia} was taken as the tibia."]
-    names = ", ".join(f"{joint.name} ({joint.kind})" for joint in found)
+    names = ", ".join(f"{joint.name} ({joint.kind})" for joint in knee)
     findings.append(f"Joint between them: {names}.")
     rigid: dict[str, tuple[str, Rigid]] = {}
     movement = kinematics.moved(model, {})
     for bone, body in ((FEMUR, femur), (TIBIA, tibia)):
-        for other, (at, through) in _held(movement, body, found).items():
+        for other, (at, through) in _held(movement, body, knee).items():
             if other in rigid:
                 both = f"{rigid[other][0]} and {bone}"
                 expected = "bones that are not one rigid body"
@@ -116,11 +130,10 @@ def find_knee(
     elif patellae:
         doubts.insert(0, f"{len(patellae)} bodies may be the patella: {', '.join(patellae)}.")
     doubts += [f"Coordinate {c.name} is prescribed by a function of time: the reference pose takes "
-               "its value at 0 s." for c in coordinates_of(found) if c.prescribed is not None]
+               "its value at 0 s." for c in coordinates_of(knee) if c.prescribed is not None]
     in_femur = {FEMUR: Rigid(), TIBIA: movement.between(femur, tibia)}
     in_femur |= {PATELLA: movement.between(femur, patella)} if patella else {}
-    return OsimKneeJoint(side, femur, tibia, tuple(found), rigid, in_femur, tuple(findings),
-                         tuple(doubts), patella, unusual=unusual)
+    return OsimKneeJoint(side, femur, tibia, tuple(knee), rigid, in_femur, found, patella)
 
 
 def chain(joints: Iterable[Joint], body: str) -> list[Joint]:

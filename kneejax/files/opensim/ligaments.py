@@ -7,7 +7,7 @@ import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -27,12 +27,12 @@ TRANSITION_WIDTH = 1e-4
 #: A point this little inside an obstacle is a matter of digitising.
 SHALLOW_MM = 0.5
 KIND = "Blankevoort1991Ligament"
-#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing, unit).
+#: Field -> (tag, what OpenSim takes where a file and its <defaults> say nothing, what it must be).
 NUMBERS = {
-    "stiffness_N": ("linear_stiffness", "1", " N"),
-    "slack_length_mm": ("slack_length", "0", " m"),
-    "transition_strain": ("transition_strain", "0.06", ""),
-    "damping_N_s": ("damping_coefficient", "0.003", ""),
+    "stiffness_N": ("linear_stiffness", "1", "a number > 0 N"),
+    "slack_length_mm": ("slack_length", "0", "a number > 0 m"),
+    "transition_strain": ("transition_strain", "0.06", "a number > 0"),
+    "damping_N_s": ("damping_coefficient", "0.003", "a number >= 0"),
 }
 #: Pull of the whole quadriceps where nothing is said, N: the weight of 2 kg that hangs on it in
 #: tests of passive flexion.
@@ -50,8 +50,7 @@ class OsimLigament(paths.OsimPath):
     def document(
         self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
     ) -> dict[str, Any]:
-        """The entry of a knee file, whose source is a model by this name and whose wrap objects
-        have these names."""
+        """The entry of a knee file; `wraps` has the names of obstacles."""
         (first, begin), (last, end), via = self.ends(knee)
         fields = {bone: field for field, bone in ENDS.items()}
         entry: dict[str, Any] = {fields[first]: begin, **via, fields[last]: end}
@@ -67,16 +66,6 @@ class OsimLigament(paths.OsimPath):
         return entry | {"source": source}
 
 
-class Found(NamedTuple):
-    """What was found on looking for fibres."""
-
-    ligaments: list[OsimLigament]  # those that span the knee and are supported
-    outside: dict[str, str]  # name -> why it does not belong to this knee
-    unsupported: dict[str, str]  # name -> why it cannot be read though it belongs to the knee
-    notes: list[str]  # what else should be said, a sentence each
-    answered: list[Element]  # elements of those that are not supported
-
-
 class _Outside(Exception):
     """A fibre that does not belong to the knee."""
 
@@ -85,9 +74,9 @@ class _Unsupported(Exception):
     """A fibre of the knee that cannot be read."""
 
 
-def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
-    """Sort a model's fibres: those of the knee, the others with the reason; raises without any."""
-    found, keys, wraps = Found([], {}, {}, [], []), paths.Counted(), paths.read_wraps(model)
+def find_ligaments(model: Model, knee: OsimKneeJoint) -> list[OsimLigament]:
+    """A model's fibres over the knee; the knee's `found` gets the reasons of the others."""
+    ligaments, keys, wraps = list[OsimLigament](), paths.Counted(), paths.read_wraps(model)
     elements = [e for e in model.elements if e.tag in (KIND, "Ligament")]
     if not any(element.tag == KIND for element in elements):
         others = collections.Counter(
@@ -103,24 +92,23 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> Found:
             if element.tag != KIND:
                 what = "resting_length, pcsa_force and a force-length curve"
                 raise _Unsupported(f"of class Ligament ({what})")
-            wrap = _wrap(element, len(points), wraps, knee, found.notes, key)
+            wrap = _wrap(element, len(points), wraps, knee, key)
             numbers = {}
-            for field, (tag, own, unit) in NUMBERS.items():
+            for field, (tag, own, expected) in NUMBERS.items():
                 (value,) = element.numbers(tag, 1, own)
-                limit = ">= 0" if field == "damping_N_s" else "> 0"
-                if value < 0 or (value == 0 and limit == "> 0"):
+                if value < 0 or (value == 0 and field != "damping_N_s"):
                     word = element.word(tag) or f"{own} (OpenSim's default)"
-                    raise element.problem(tag, word, f"a number {limit}{unit}")
+                    raise element.problem(tag, word, expected)
                 numbers[field] = value
         except _Outside as reason:
-            found.outside[key] = str(reason)
+            knee.found.outside[key] = str(reason)
         except _Unsupported as reason:
-            found.unsupported[key] = str(reason)
-            found.answered.append(element)
+            knee.found.unsupported[key] = str(reason)
+            knee.found.answered.append(element)
         else:
             assumed = tuple(x for x, (tag, *_) in NUMBERS.items() if not element.word(tag))
-            found.ligaments.append(OsimLigament(element, key, points, wrap, numbers, assumed))
-    return found
+            ligaments.append(OsimLigament(element, key, points, wrap, numbers, assumed))
+    return ligaments
 
 
 def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[paths.OsimPoint, ...]:
@@ -150,11 +138,10 @@ def _points(model: Model, element: Element, knee: OsimKneeJoint) -> tuple[paths.
 
 
 def _wrap(
-    element: Element, points: int, wraps: list[paths.OsimWrap], knee: OsimKneeJoint,
-    notes: list[str], key: str,
-) -> paths.OsimWrap | None:  # fmt: skip
+    element: Element, points: int, wraps: list[paths.OsimWrap], knee: OsimKneeJoint, key: str
+) -> paths.OsimWrap | None:
     """What a fibre goes around."""
-    found: list[paths.OsimWrap] = []
+    found, notes = list[paths.OsimWrap](), knee.found.notes
     for path_wrap in paths.path_objects(element, "PathWrapSet"):
         same = [x for x in wraps if x.element.name == path_wrap.last_word("wrap_object")]
         if not same:
@@ -185,11 +172,13 @@ def _wrap(
     return found[0] if found else None
 
 
-def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[OsimLigament]:
+def outside_obstacles(
+    knee: OsimKneeJoint, ligaments: list[OsimLigament], inside: str
+) -> list[OsimLigament]:
     """The fibres; those with a point inside their obstacle run straight, if that is allowed:
     OpenSim itself leaves out an obstacle as long as a point lies inside it."""
-    answer = [*found.ligaments]
-    for row, ligament in enumerate(answer):
+    answer = [*ligaments]
+    for row, ligament in enumerate(ligaments):
         wrap = ligament.wrap
         if wrap is None or (deepest := wrap.deepest(knee, ligament.points)) is None:
             continue
@@ -202,9 +191,9 @@ def outside_obstacles(knee: OsimKneeJoint, found: Found, inside: str) -> list[Os
             expected = ("a point outside what the fibre goes around; --inside straight leaves the "
                         f"obstacle out, as OpenSim does, --without {ligament.key} the fibre")
             raise ligament.element.problem(where, f"{depth:.3g} mm inside {shape}", expected)
-        found.notes.append(f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre "
-                           "runs straight, as in OpenSim, which leaves out an obstacle that a "
-                           "point is inside of.")
+        knee.found.notes.append(
+            f"{ligament.key}: {where} lies {depth:.2g} mm inside {shape}; the fibre runs straight, "
+            "as in OpenSim, which leaves out an obstacle that a point is inside of.")
         answer[row] = dataclasses.replace(ligament, wrap=None)
     return answer
 
@@ -221,29 +210,19 @@ def check_lengths(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> None:
             raise ligament.element.problem("attachments", value, expected)
 
 
-class PatellaSection(NamedTuple):
-    """What a model says of the patella, but for its surfaces."""
-
-    # the section, without contacts; empty where the model has no patella with ligaments and a
-    # quadriceps
-    document: dict[str, Any]
-    notes: tuple[str, ...]  # what was assumed or left out, a sentence each
-    muscles: tuple[paths.OsimPath, ...] = ()  # that it has
-    doubts: tuple[str, ...] = ()  # where it is not the model's
-
-
 def wrap_names(fibres: Sequence[paths.OsimPath]) -> dict[str, paths.OsimWrap]:
     """What fibres or muscles go around, each once, by its name in a knee file."""
-    used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}.values()
-    return dict(zip(paths.file_names((wrap.key for wrap in used), "W"), used, strict=True))
+    used = {x.wrap.element: x.wrap for x in fibres if x.wrap is not None}
+    return paths.by_file_name(used.values(), "W")
 
 
 def read_patella(
     model: Model, whole: OsimKneeJoint, beside: list[OsimLigament], knee: OsimKneeJoint,
     at: Mapping[str, float],
-) -> PatellaSection:  # fmt: skip
-    """The section of the patella, with the muscles over the knee and ligaments from the pelvis.
-    `whole` is the knee with pelvis and foot, at coordinates `at`."""
+) -> tuple[dict[str, Any], list[paths.OsimPath]]:  # fmt: skip
+    """The section of the patella without contacts, with the muscles over the knee and ligaments
+    from the pelvis; those muscles. Empty where the model has no patella with ligaments and a
+    quadriceps. `whole` is the knee with pelvis and foot, at coordinates `at`."""
     where = ", ".join(f"{name}={value:g}" for name, value in at.items())
     file = model.name + (f" at {where}" if at else "")
     notes, doubts = list[str](), list[str]()
@@ -256,17 +235,17 @@ def read_patella(
                      "tibia.")
     wraps = wrap_names(every)
     names = {wrap.element: name for name, wrap in wraps.items()}
-    keys = paths.file_names((x.key for x in beside), "L")
     ligaments = {name: one.document(whole, file, names)
-                 for name, one in zip(keys, beside, strict=True)}
+                 for name, one in paths.by_file_name(beside, "L").items()}
     strongest = {m.element: m.element.number("max_isometric_force", "1000") for m in muscles
                  if whole.bone_of(m.points[-1].body) == PATELLA}
     held = any("patellar_attachment_mm" in entry for entry in ligaments.values())
     if not whole.patella or not held or not strongest:
         lacks = "a patella" if not whole.patella else "muscles" if held else "its ligaments"
-        return PatellaSection({}, (f"Read without a patella: the model has not {lacks}.",))
+        knee.found.patella.append(f"Read without a patella: the model has not {lacks}.")
+        return {}, []
     entries = {}
-    for name, muscle in zip(paths.file_names([m.key for m in muscles], "M"), muscles, strict=True):
+    for name, muscle in paths.by_file_name(muscles, "M").items():
         bones = [whole.bone_of(point.body) for point in muscle.points]
         # What runs along a bone does not change its length: it begins and ends where it leaves one.
         begin = next(k for k, bone in enumerate(bones) if bone != bones[0]) - 1
@@ -299,7 +278,9 @@ def read_patella(
     used = {part.get("wrap") for part in (*ligaments.values(), *entries.values())}
     own = {name: wrap.document(whole, file) for name, wrap in wraps.items() if name in used}
     document |= {"wraps": own} if own else {}
-    return PatellaSection(document, tuple(notes), tuple(muscles), tuple(doubts))
+    knee.found.patella.extend(notes)
+    knee.found.doubts[:0] = doubts
+    return document, muscles
 
 
 def _muscles(
@@ -330,8 +311,7 @@ def wrap_of(
     element: Element, wraps: list[paths.OsimWrap], knee: OsimKneeJoint, bones: tuple[str, str],
     notes: list[str],
 ) -> paths.OsimWrap | None:  # fmt: skip
-    """The obstacle of a muscle on one of the two bones that it joins; `notes` gets a sentence for
-    what was left out or assumed."""
+    """A muscle's obstacle on a bone that it joins; `notes` gets what was left out or assumed."""
     names = [one.last_word("wrap_object") for one in paths.path_objects(element, "PathWrapSet")]
     found = [
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active

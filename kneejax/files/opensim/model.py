@@ -98,8 +98,7 @@ class Model:
         return name if name in self.bodies else by_lower.get(name.lower(), "")
 
     def socket(self, owner: Element, name: str) -> tuple[str, Rigid]:
-        """The body of a frame that an element's socket names, and the motion from the frame's
-        coordinates to the body's; InputProblem if there is no such frame."""
+        """The body of a frame that a socket names, and the motion to it; raises without a frame."""
         tags = f"socket_{name}", f"socket_{name}_connectee_name"
         word = owner.word(*tags)
         frame = self.frame(word, owner)
@@ -172,8 +171,7 @@ _HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
 
 
 def function_of(owner: Element) -> Element | None:
-    """The function of an axis, a multiplier, a coordinate or a constraint: the child of `function`
-    and the like, or a child itself. Classes have capitals, properties have none."""
+    """The function of an axis, a coordinate or a constraint: its class begins with a capital."""
     held = owner.child(*_HOLDERS)
     inside = (owner if held is None else held).children
     return next((child for child in inside if child.tag[:1].isupper()), None)

@@ -80,8 +80,7 @@ class OsimWrap(_Carried):
         return ""
 
     def document(self, knee: OsimKneeJoint, file: str) -> dict[str, Any]:
-        """The entry of a knee file, whose source is a model by this name; raises where a size is
-        not positive."""
+        """The entry of a knee file; raises where a size is not positive."""
         kind, sizes = WRAP_KINDS[self.element.tag]
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
         if carrier.turns:
@@ -135,8 +134,7 @@ class OsimPath:
     wrap: OsimWrap | None = None  # what it goes around; None if nothing
 
     def ends(self, knee: OsimKneeJoint, begin: int = 0, end: int = -1) -> tuple[Any, Any, dict]:
-        """Bone and place, mm, of a point near its femur's end, and of one near the other; what a
-        knee file says of those between them."""
+        """Bone and place, mm, of a point near each end; what a knee file says of those between."""
         places = [(knee.bone_of(one.body), exact.millimetres(one.in_bone(knee)))
                   for one in self.points[begin : len(self.points) + end + 1]]
         via = [{"bone": bone, "point_mm": place} for bone, place in places[1:-1]]
@@ -191,15 +189,15 @@ class Counted(collections.Counter):
         return (name or otherwise) + (f"#{self[name]}" if self[name] > 1 else "")
 
 
-def file_names(keys: Iterable[str], prefix: str) -> list[str]:
-    """Names that a knee file allows, each once."""
-    answer: list[str] = []
-    for key in keys:
-        name = re.sub(r"[^A-Za-z0-9_+-]", "_", key)
+def by_file_name(items: Iterable[Any], prefix: str) -> dict[str, Any]:
+    """Fibres, muscles or obstacles by names that a knee file allows, each once."""
+    answer: dict[str, Any] = {}
+    for item in items:
+        name = re.sub(r"[^A-Za-z0-9_+-]", "_", item.key)
         name = name if re.match(r"[A-Za-z]", name) else f"{prefix}{name}"
         stem, count = name, 1
         while name in answer:
             count += 1
             name = f"{stem}_{count}"
-        answer.append(name)
+        answer[name] = item
     return answer

@@ -88,11 +88,8 @@ def read_activity(
     below = bodies_below(movement.joints, bones)
     frames_of = {bone: shifts.in_knee(movement.placed[body], bone, side)
                  for bone, body in ((TIBIA, bones.tibia), (FEMUR, bones.femur))}
-    notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.doubts]
-    said, absent = _of_columns(model, bones, below, motion)
-    doubts += said
-    if absent:
-        notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")
+    notes, doubts = [*shifts.notes], [*shifts.doubts, *bones.found.doubts]
+    _check_columns(model, bones, below, motion, notes, doubts)
     mass, ground = 0.0, (np.zeros((len(time), 3)),) * 2
     if external is not None:
         *ground, said = forces.on_bodies(external, movement, below, time)
@@ -199,8 +196,7 @@ def acting_on(
     ground: Sequence[np.ndarray], movement: Movement, around: Movement, below: set[str],
     frame: Rigid,
 ) -> tuple[dict[str, np.ndarray], float]:  # fmt: skip
-    """What acts besides muscles, by name, in the knee's tibia, where force and moment of the ground
-    are known; the leg's mass."""
+    """What acts besides muscles, in the knee's tibia, by name; the mass of the leg, kg."""
     model, masses = movement.model, []
     gravity = np.array(model.root.point("gravity", "0 -9.80665 0"), float)
     for name in sorted(below):
@@ -228,8 +224,7 @@ def acting_on(
 def _reaction(
     table: Storage, bones: OsimKneeJoint, time: np.ndarray, shifts: Registration
 ) -> np.ndarray:
-    """The opposite of a joint's reaction: the knee's own parts take the joint's place. Numbers in
-    other units than N, N m and m are refused."""
+    """The opposite of a joint's reaction: the knee's own parts take the joint's place."""
     ends = {}
     for axis in _AXES:
         ending = f"_on_{bones.tibia}_in_{bones.tibia}_{axis}"
@@ -250,13 +245,14 @@ def _reaction(
     return -np.concatenate([force, about], axis=1)
 
 
-def _of_columns(
-    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage
-) -> tuple[list[str], list[str]]:
-    """What looks wrong in a table of coordinates: times in another unit, joints between ground and
-    leg without a column. Also coordinates of such joints that have none while others do."""
+def _check_columns(
+    model: Model, bones: OsimKneeJoint, below: set[str], table: Storage, notes: list[str],
+    doubts: list[str],
+) -> None:  # fmt: skip
+    """Doubt times in another unit, and joints between ground and leg without a column; note
+    coordinates of such joints that have none while others do."""
     joints, columns = kinematics.read_joints(model), coordinate_columns(model, table)
-    file, steps, doubts, absent = Path(table.file).name, np.diff(table.time), [], []
+    file, steps, absent = Path(table.file).name, np.diff(table.time), []
     bend = coordinates_of(bones.joints)[0]
     if bend.name in columns and bend.turns:
         change = np.abs(np.diff(table.columns[columns[bend.name]])) / steps
@@ -280,4 +276,5 @@ def _of_columns(
         else:
             doubts.append(f"{file}: no column of {', '.join(free)}: taken at the model's defaults, "
                           "which decide how weight, inertia and ground act on the leg.")
-    return doubts, absent
+    if absent:
+        notes.append(f"At the model's defaults, for want of columns: {', '.join(absent)}.")

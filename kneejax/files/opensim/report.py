@@ -54,12 +54,11 @@ class Untaken(NamedTuple):
 
 def untaken(
     model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
-    patella: bool, rings: Collection[str] = (),
+    patella: bool, rings: Collection[str],
 ) -> tuple[list[Untaken], list[str]]:
     """Forces and constraints but those taken, and bodies at the knee that are part of no bone. One
-    acts on the knee if it joins bodies on two sides of its joints, of which one is at the knee, or
-    names a coordinate of these joints. Its class does not matter: every word of it that is the name
-    of a body, of a frame or contact geometry on one, or of a coordinate counts."""
+    of any class acts on the knee if words of it name bodies on two sides of its joints, of which
+    one is at the knee (or frames or contact geometry on them), or a coordinate of these joints."""
     joints, known = read_joints(model), {*taken}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
     cut = [*between, *knee.joints]
@@ -193,12 +192,12 @@ def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> st
 
 def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[str, list[str]]:
     """Sentences of an import report, by the titles of its sections; see `format_import_report`."""
-    model, knee = read.model, read.knee
+    model, knee, found = read.model, read.knee, read.knee.found
     pose = (f"{c} {value:.6g}" for c, value in zip(COLUMNS, knee.pose, strict=True))
     joints = [f"{joint.name} ({joint.kind}): {text}"
               for joint in knee.joints for text in joint.describe()]
-    contacts = [f"{c.name}: {text}" for c in read.contacts for text in c.findings]
-    contacts += [f"{m.body}: {text}" for m in read.menisci for text in m.findings]
+    contacts = [f"{one.name}: {text}" for one in (*read.contacts, *read.menisci)
+                for text in one.findings]
     stl = "`kneejax import stl --knee knee.yaml ...` adds"
     if geometry:
         contacts += geometry
@@ -220,7 +219,7 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     if read.bodies:
         left_out.append(f"Bodies, part of neither bone: {', '.join(read.bodies)}.")
     by_reason = collections.defaultdict(list)
-    for name, reason in read.found.outside.items():
+    for name, reason in found.outside.items():
         by_reason[reason].append(name)
     left_out += [f"Ligaments, {reason}: {', '.join(many)}." for reason, many in by_reason.items()]
     left_out += [f"{text}." for text in read.left_out]
@@ -234,15 +233,15 @@ def import_sections(read: OsimImport, geometry: tuple[str, ...] = ()) -> dict[st
     patella = [f"{name.capitalize()}: {', '.join(section[name])}."
                for name in ("ligaments", "muscles") if section]
     return {
-        "What was taken as what": [*knee.findings, *knee.unusual, *model.notes],
+        "What was taken as what": [*found.findings, *found.unusual, *model.notes],
         "Joint": [f"Reference pose, from the coordinates' defaults: {', '.join(pose)}", *joints],
-        "Patella and muscles read": [*patella, *read.patella.notes],
+        "Patella and muscles read": [*patella, *found.patella],
         "Wrap objects read": wraps,
         "Contact": contacts,
         "Not supported": list(read.doubts),
         "Left out": left_out,
         "Notes": [
-            *dict.fromkeys(read.found.notes),
+            *dict.fromkeys(found.notes),
             "The corners of OpenSim's force law are rounded (transition_width "
             f"{TRANSITION_WIDTH:g}): forces differ by at most {error:.2g} N.",
             "damping_N_s was read: it counts in motion, not at rest.",

@@ -120,8 +120,7 @@ class Element(etree.ElementBase):
         raise self.problem(tag, self.word(tag), "true or false")
 
     def set_words(self, words: Sequence[str], changed: Collection[int]) -> None:
-        """Put those words that changed in the place of its own, or all where it has not as many.
-        Space between words and comments stay."""
+        """Write those words that changed, or all where it has not as many; comments stay."""
         if len(self.content.split()) != len(words):
             del self[:]
             self.text = " ".join(words)
@@ -193,8 +192,7 @@ class XmlFile(NamedTuple):
 
 
 def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None) -> XmlFile:
-    """Parse a file that should be of a kind, or its bytes; what is not well-formed is refused with
-    line and column, and so are entities of its own."""
+    """Parse a file of a kind, or its bytes; not what is ill-formed or has entities of its own."""
     original = read_bytes(path, kind) if data is None else data
     encoding = next((name for mark, name in _MARKS if original.startswith(mark)), "")
     if b"\x00" in original and encoding != "utf-16":
@@ -232,8 +230,7 @@ def element_of(text: str) -> Element:
 
 
 def _parsed(text: str, path: str | os.PathLike[str] = ""):
-    """The root of a text, and the first error in it. No file but it is read, no entity expanded.
-    Names with `::`, which OpenSim has, are no error."""
+    """Root and first error of a text; entities stay, and OpenSim's names with `::` are no error."""
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True,
                              load_dtd=False, huge_tree=False, strip_cdata=False, recover=True)
     parser.set_element_class_lookup(etree.ElementDefaultClassLookup(element=Element))

@@ -140,8 +140,7 @@ def _times(one: Header) -> str:
 
 
 def _by_size(table, columns: list[Header], flexion: Header | None) -> tuple[float, str] | None:
-    """The factor of columns of one kind without a unit, by the size of their numbers, and what that
-    assumes; None where the size does not decide."""
+    """The factor of columns without a unit by their size, and what that assumes; None: unclear."""
     unit, factor = columns[0].unit, 1.0
     words = _WORDS[unit]
     largest = max(np.abs(table.sizes(one.own)).max(initial=0.0) for one in columns)

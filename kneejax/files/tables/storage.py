@@ -43,8 +43,7 @@ class Storage:
         return self.columns[name]
 
     def renamed(self, called: Mapping[str, str]) -> Storage:
-        """The same with other names of coordinates, muscles, and bodies of joint reactions: name ->
-        what this table calls it."""
+        """The same by other names: coordinate, muscle, body of reactions -> what this calls it."""
         back, columns = {own: name for name, own in called.items()}, {}
         for column, values in self.columns.items():
             for own, name in back.items():
@@ -149,8 +148,7 @@ def angles_rad(table: Storage, name: str) -> np.ndarray:
 
 
 def common_times(tables: Sequence[Storage], count: int | None = None) -> np.ndarray:
-    """Instants that all tables cover, s: as many as asked for, evenly spaced, or the rows of the
-    coarsest table; refuses tables whose times do not overlap."""
+    """Instants that all tables cover, s: `count` of them, or the rows of the coarsest table."""
     first, last = max(tables, key=lambda x: x.time[0]), min(tables, key=lambda x: x.time[-1])
     begin, end = float(first.time[0]), float(last.time[-1])
     if not begin < end:

@@ -158,8 +158,7 @@ class Table:
         self.mistakes.append(InputProblem(self.file, place, value, expected, nearest))
 
     def seek(self, columns: Sequence[str]) -> None:
-        """Add what is wrong with columns that are needed: one of them twice; all that are missing,
-        in one sentence."""
+        """Add what is wrong with needed columns: one of them twice, all that are missing."""
         columns = [*dict.fromkeys(columns)]
         for name in columns:
             if (count := self.header.count(name)) > 1:

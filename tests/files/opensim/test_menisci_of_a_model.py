@@ -115,7 +115,7 @@ def test_without_meshes_they_wait_and_one_contact_alone_is_doubted(model, tmp_pa
     at = text.index("name='lateral_on_tibia'>") + len("name='lateral_on_tibia'>")
     found = import_osim("m.osim", side="r", patella=False,
                         data=(text[:at] + off + text[at:]).encode())  # fmt: skip
-    assert [x.body for x in found.menisci] == ["meniscus_medial_r"]
+    assert [x.name for x in found.menisci] == ["meniscus_medial_r"]
     assert found.bodies == ("meniscus_lateral_r",)
     assert any("lateral_on_femur" in x and "left out, though" in x for x in found.doubts)
     assert any("lateral_COR1" in doubt for doubt in found.doubts)

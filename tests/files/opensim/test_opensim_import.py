@@ -103,14 +103,14 @@ def test_schema_4_left_knee():
     np.testing.assert_allclose(rim["rotation_deg"], np.rad2deg([-0.1, 0.2, 0.0]), rtol=1e-15)
     assert document["imported_from"]["ligaments"] == {"inner_band": "inner.band"}
     assert document["groups"] == {"cross": ["cross1", "cross2"]}
-    assert set(read.found.outside) == {"to.the.kneecap", "off"}
-    assert "kneecap_left" in read.found.outside["to.the.kneecap"]
+    assert set(read.knee.found.outside) == {"to.the.kneecap", "off"}
+    assert "kneecap_left" in read.knee.found.outside["to.the.kneecap"]
     for name, word in (
         ("twice.around", "2 wrap objects"), ("through.the.ring", "WrapTorus"),
         ("one.side.only", "quadrant -x"), ("moving", "ConditionalPathPoint"),
         ("by.a.curve", "class Ligament"),
     ):  # fmt: skip
-        assert word in read.found.unsupported[name]
+        assert word in read.knee.found.unsupported[name]
         assert any(name in doubt for doubt in read.doubts)
 
 
@@ -220,18 +220,18 @@ def test_the_report_says_what_was_read_and_what_was_not():
 def test_two_layers_in_series_are_one_layer_of_the_same_pressure():
     contact = import_osim(LEFT, side="l").contacts[0]
     assert isinstance(contact.femur, OsimMesh)
-    assert (contact.law, contact.layer_thickness_mm) == ("linear", 5.5)
+    assert (contact.law, contact.layer.layer_thickness_mm) == ("linear", 5.5)
     depth, layers = 0.3, ((8.0, 0.40, 2.0), (5.0, 0.46, 3.5))
     moduli = [e * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) for e, nu, _ in layers]
     pressure = depth / sum(h / k for k, (_, _, h) in zip(moduli, layers, strict=True))
-    one = cartilage_law.confined_modulus(contact.youngs_modulus_MPa, contact.poisson_ratio)
+    one = cartilage_law.confined_modulus(*contact.layer[:2])
     assert float(one) * depth / 5.5 == pytest.approx(pressure, rel=1e-12)
 
 
 def test_a_lumped_contact_takes_the_means(changed):
     lumped = changed(LEFT, ("<use_lumped_contact_model>false", "<use_lumped_contact_model>true"))
     contact = import_osim(lumped, side="l").contacts[0]
-    assert (contact.youngs_modulus_MPa, contact.poisson_ratio) == (6.5, 0.43)
+    assert contact.layer[:2] == (6.5, 0.43)
 
 
 def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_path, monkeypatch):
@@ -255,7 +255,7 @@ def test_surfaces_are_fitted_to_meshes_where_the_model_puts_them(changed, tmp_pa
     found = add_osim_contacts(read, tmp_path)
     np.testing.assert_allclose(called["meshes"], [[0, 0, 0], [0.01, 0.02, -0.03]], atol=1e-7)
     assert (called["side"], called["law"], called["layer_thickness_mm"]) == ("left", "linear", 5.5)
-    assert called["youngs_modulus_MPa"] == read.contacts[0].youngs_modulus_MPa
+    assert called["youngs_modulus_MPa"] == read.contacts[0].layer.youngs_modulus_MPa
     np.testing.assert_allclose(called["reference_pose"].to_table(), read.knee.pose)
     assert "inside_contact" in found.document["contacts"]["medial"]["source"]["poisson_ratio"]
     assert read.document["contacts"] == {} and found.findings == ("fitted",)
@@ -333,7 +333,7 @@ def test_a_fibre_may_be_left_out_or_run_straight(changed):
     assert "capsule" in format_import_report(without)
     straight = import_osim(model, side="l", inside="straight")
     assert "wrap" not in straight.document["ligaments"]["capsule"]
-    assert any("capsule" in note for note in straight.found.notes)
+    assert any("capsule" in note for note in straight.knee.found.notes)
     with pytest.raises(InputProblem, match=r"--without: capsul: .*did you mean capsule\?"):
         import_osim(model, side="l", without=["capsul"])
 
@@ -351,7 +351,7 @@ def test_a_coupled_coordinate_is_a_doubt(changed):
 def test_a_model_of_one_leg_need_not_name_its_side(changed):
     model = changed(RIGHT, ("_r", ""))
     left, right = (import_osim(model, side=side) for side in "lr")
-    assert any("taken as left, as asked" in finding for finding in left.knee.findings)
+    assert any("taken as left, as asked" in finding for finding in left.knee.found.findings)
     for row, sign in (("adduction_deg", -1), ("lateral_mm", -1), ("flexion_deg", 1)):
         poses = [read.document["reference_pose"][row] for read in (left, right)]
         assert poses[0] == pytest.approx(sign * poses[1], abs=1e-9)

@@ -21,4 +21,4 @@ def test_a_cylinder_in_a_quadrant_is_passed_on_that_side(quadrant, side):
     assert read.document["wraps"]["back_of_knee"].get("side") == side
     # Along its axis a cylinder has no sides.
     odd = text.replace(sizes, sizes + b"<quadrant>z</quadrant>")
-    assert "quadrant z" in import_osim(LEFT, side="l", data=odd).found.unsupported["capsule"]
+    assert "quadrant z" in import_osim(LEFT, side="l", data=odd).knee.found.unsupported["capsule"]
