@@ -98,22 +98,19 @@ class Outcome(Named):
 
     def taken(self, rows: Sequence[int] | np.ndarray) -> Outcome:
         """Some of the variants, with derivatives and balances where there are any."""
-        some, followed = np.asarray(rows), self.followed
-        read = {
-            name: getattr(followed, name)[some]
-            for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")
-        }
-        own = {
-            name: getattr(self, name)[some]
-            for name in ("choices", "slack_mm", "distance", "laxity_mm", "graft_N", "isometry_mm",
-                         "status")
-        }  # fmt: skip
-        return Outcome(
-            **own,
-            followed=dataclasses.replace(followed, **read, slopes=None, near=None),
+        some = np.asarray(rows)
+
+        def of(found: Outcome | Followed) -> dict[str, np.ndarray]:
+            return {k: x[some] for k, x in vars(found).items() if isinstance(x, np.ndarray)}
+
+        followed = dataclasses.replace(
+            self.followed, **of(self.followed), slopes=None, near=None
+        )
+        return dataclasses.replace(
+            self, **of(self), followed=followed,
             slopes=self.slopes and {name: x[some] for name, x in self.slopes.items()},
             near=self.near and Near(self.near.fixed.take(some), self.near.followed.take(some)),
-        )
+        )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
