@@ -124,9 +124,7 @@ class History(eqx.Module):
         )
         # How taut a fibre is at the end of the step is extrapolated, which keeps the order.
         ahead = last.lengths + step.ratio * (last.lengths - older.lengths)
-        q, lengths, overlaps = step.before(
-            *((x.q, x.lengths, x.overlaps) for x in (last, older))
-        )
+        q, lengths, overlaps = step.before(*((x.q, x.lengths, x.overlaps) for x in (last, older)))
         acting = dataclasses.replace(
             knee, muscles=self._on_cable(knee, step), loads=(*moving.loads, *step.loads)
         )

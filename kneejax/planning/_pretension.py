@@ -98,7 +98,8 @@ def fix(
     at_fixation = Protocol(np.array([flexion_deg]), (), 0.0)
     pulled = follow(plan, values, at_fixation, slopes=slopes, near=near, grid=grid)
     grafts, stiffness = plan.rows(plan.bundles), np.array(plan.stiffness_N)
-    length, slope = pulled.length_mm[:, 0, grafts], None
+    length = np.where(pulled.converged, pulled.length_mm[:, 0, grafts], np.nan)
+    slope = None
     if pulled.slopes is not None:
         by_length = pulled.slopes["length_mm"][:, 0, grafts]
         by_tension = np.zeros_like(by_length)

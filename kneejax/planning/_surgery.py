@@ -103,9 +103,7 @@ class Outcome(Named):
         def of(found: Outcome | Followed) -> dict[str, np.ndarray]:
             return {k: x[some] for k, x in vars(found).items() if isinstance(x, np.ndarray)}
 
-        followed = dataclasses.replace(
-            self.followed, **of(self.followed), slopes=None, near=None
-        )
+        followed = dataclasses.replace(self.followed, **of(self.followed), slopes=None, near=None)
         return dataclasses.replace(
             self, **of(self), followed=followed,
             slopes=self.slopes and {name: x[some] for name, x in self.slopes.items()},
