@@ -9,7 +9,6 @@ no second search.
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -97,19 +96,26 @@ def fix(
     values = plan.value(ends, tension_N=tension_N, elastic=False)
     at_fixation = Protocol(np.array([flexion_deg]), (), 0.0)
     pulled = follow(plan, values, at_fixation, slopes=slopes, near=near, grid=grid)
-    grafts, stiffness = plan.rows(plan.bundles), np.array(plan.stiffness_N)
+    grafts = plan.rows(plan.bundles)
     length = np.where(pulled.converged, pulled.length_mm[:, 0, grafts], np.nan)
-    slope = None
+    by_length = np.zeros((*length.shape, values.shape[1]))
     if pulled.slopes is not None:
         by_length = pulled.slopes["length_mm"][:, 0, grafts]
-        by_tension = np.zeros_like(by_length)
-        bundle = np.arange(len(grafts))
-        by_tension[:, bundle, BUNDLE_NUMBERS * (1 + bundle)] = 1.0
-        at = (np.broadcast_to(x[..., None], by_length.shape) for x in (length, tension_N))
-        law = partial(slack_length, stiffness_N=stiffness[:, None])
-        slope = np.asarray(jax.jvp(law, tuple(at), (by_length, by_tension))[1])
-    slack = np.asarray(slack_length(length, tension_N, stiffness))
-    return Fixed(slack, slope, pulled.status[:, 0], pulled.near)
+    by_tension, bundle = np.zeros_like(by_length), np.arange(len(grafts))
+    by_tension[:, bundle, BUNDLE_NUMBERS * (1 + bundle)] = 1.0
+    stiffness = np.array(plan.stiffness_N)
+    slack, slope = map(np.asarray, _slack(length, tension_N, stiffness, by_length, by_tension))
+    return Fixed(slack, slope if slopes else None, pulled.status[:, 0], pulled.near)
+
+
+@jax.jit
+def _slack(length, tension_N, stiffness_N, *by):
+    """Slack lengths, and their derivatives from those of lengths and tensions by numbers."""
+
+    def law(length: Array, tension_N: Array) -> Array:
+        return slack_length(length, tension_N, stiffness_N)
+
+    return jax.vmap(lambda *by: jax.jvp(law, (length, tension_N), by), -1, (None, -1))(*by)
 
 
 def fixed_knee(
