@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import kneejax as kj
-from kneejax.dynamics import Given, Grid, gravity_of, march, move_within
+from kneejax.dynamics import Given, Grid, Step, gravity_of, march, move_within
 from kneejax.experiments import leg_of_person, leg_raise, raised_leg
 from kneejax.geometry import COORDINATES
 from kneejax.mechanics import Load, add_lane_axis, load_of
@@ -32,8 +32,8 @@ def given_of(start: np.ndarray, lanes: int) -> Given:
     load = Load(part * full.force[:, None], still, still, axes=full.axes, point_in=full.point_in)
     q = jnp.repeat(jnp.asarray(start)[:, None], lanes, axis=1)
     held = {"flexion": jnp.broadcast_to(q[0], (count, lanes))}
-    steps = jnp.asarray(grid.length_s), jnp.asarray(grid.ratio)
-    return Given(q, jnp.zeros_like(q), *steps, (load,), held)
+    steps = Step(jnp.asarray(grid.length_s), jnp.asarray(grid.ratio), (load,), held)
+    return Given(q, jnp.zeros_like(q), steps)
 
 
 def seconds(*calls, times: int = 5, clock=time.process_time) -> list[float]:

@@ -3,6 +3,7 @@
 from kneejax.dynamics._account import Account as Account
 from kneejax.dynamics._accuracy import move_within as move_within
 from kneejax.dynamics._continuous import integrated as integrated
+from kneejax.dynamics._history import Step as Step
 from kneejax.dynamics._march import Given as Given
 from kneejax.dynamics._march import Grid as Grid
 from kneejax.dynamics._march import followed as followed

@@ -9,7 +9,6 @@ many steps, while an implicit method takes six times as long to compile.
 from __future__ import annotations
 
 import dataclasses
-from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -60,7 +59,7 @@ def integrated(
     begin = jnp.asarray(start, float)
     speed = jnp.broadcast_to(jnp.asarray(rate, float), begin.shape)
     times = jnp.asarray(time_s, float)
-    accelerated = _Equations(moving, begin, free, loads).accelerated
+    accelerated = _Equations(add_lane_axis(moving), begin, free, loads).accelerated
 
     def equation(t, y, _):
         return y[1], accelerated(t, *y)
@@ -85,7 +84,7 @@ def integrated(
 class _Equations:
     """Lagrange's equations in the free coordinates `x` and their rates `v`."""
 
-    moving: MovingKnee
+    moving: MovingKnee  # leaves end in a lane axis
     begin: Array
     free: np.ndarray
     loads: LoadCurve | None
@@ -98,72 +97,70 @@ class _Equations:
 
     def accelerated(self, t: Array, x: Array, v: Array) -> Array:
         """Acceleration of the free coordinates."""
-        lanes = add_lane_axis(self.moving)
-        places = partial(self._places, lanes)
+        masses = self.moving.masses
 
         def kinetic(speed: Array) -> Array:
-            parts = zip(lanes.masses.values(), speed.reshape(-1, 12, 1), strict=True)
+            parts = zip(masses.values(), speed.reshape(-1, 12, 1), strict=True)
             return sum((mass.kinetic_energy(_placement(y)) for mass, y in parts), jnp.zeros(1))[0]
 
         def speed(y: Array) -> Array:
-            return jax.jvp(places, (y,), (v,))[1]
+            return jax.jvp(self._places, (y,), (v,))[1]
 
-        of_points = jax.hessian(kinetic)(jnp.zeros(12 * len(lanes.masses)))
-        by_coordinate = jax.jacfwd(places)(x)
+        of_points = jax.hessian(kinetic)(jnp.zeros(12 * len(masses)))
+        by_coordinate = jax.jacfwd(self._places)(x)
         turned = jax.jvp(speed, (x,), (v,))[1]
         pushed = by_coordinate.T @ of_points
-        force = self._acting(lanes, t, x) + self._damped(lanes, x, v)
-        force = force - jax.grad(lambda y: lanes.knee.energy(self._state(y))[0])(x)
+        force = self._acting(t, x) + self._damped(x, v)
+        force = force - jax.grad(lambda y: self.moving.knee.energy(self._state(y))[0])(x)
         return jnp.linalg.solve(pushed @ by_coordinate, force - pushed @ turned)
 
     def _state(self, x: Array) -> State:
         q = self.begin.at[self.free].set(x)
         return State.of({}, q[:, None], self.moving.knee.bodies)
 
-    def _places(self, lanes: MovingKnee, x: Array) -> Array:
+    def _places(self, x: Array) -> Array:
         """Of the bones with mass, 12 numbers each."""
         poses = self._state(x).poses
-        return jnp.concatenate([_flat(poses[bone].placement) for bone in lanes.masses])[:, 0]
+        return jnp.concatenate([_flat(poses[bone].placement) for bone in self.moving.masses])[:, 0]
 
-    def _acting(self, lanes: MovingKnee, t: Array, x: Array) -> Array:
+    def _acting(self, t: Array, x: Array) -> Array:
         more = () if self.loads is None else jax.tree.map(lambda y: y[0], self.loads.at(t[None]))
         total = jnp.zeros(len(self.free))
-        for load in (*lanes.loads, *more):
+        for load in (*self.moving.loads, *more):
             total = total + jnp.stack(load.work(self._state(x), self.names))[:, 0]
         return total
 
-    def _damped(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
-        along = [self.moving.coordinate_damping.get(name, jnp.asarray(0.0)) for name in self.names]
-        force = -jnp.array(along) * v
-        if lanes.knee.ligaments.names:
-            force = force + self._damped_in_fibres(lanes, x, v)
-        if lanes.contact_dissipation:
-            force = force + self._damped_in_contacts(lanes, x, v)
+    def _damped(self, x: Array, v: Array) -> Array:
+        along = [self.moving.coordinate_damping.get(name, jnp.zeros(1)) for name in self.names]
+        force = -jnp.concatenate(along) * v
+        if self.moving.knee.ligaments.names:
+            force = force + self._damped_in_fibres(x, v)
+        if self.moving.contact_dissipation:
+            force = force + self._damped_in_contacts(x, v)
         return force
 
-    def _damped_in_fibres(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
-        fibres = lanes.knee.ligaments
+    def _damped_in_fibres(self, x: Array, v: Array) -> Array:
+        fibres = self.moving.knee.ligaments
 
         def lengths(y: Array) -> Array:
             return fibres.length(self._state(y)).reshape(len(fibres.names))
 
         there, by_length = jax.vjp(lengths, x)
         _, faster = jax.jvp(lengths, (x,), (v,))
-        coefficients = (c[:, 0] for c in damping_of(lanes, there[:, None]))
+        coefficients = (c[:, 0] for c in damping_of(self.moving, there[:, None]))
         return -by_length(damping_force(faster, *coefficients))[0]
 
-    def _damped_in_contacts(self, lanes: MovingKnee, x: Array, v: Array) -> Array:
-        q = self.begin.at[self.free].set(x)[:, None]
-        contact_points = lanes.knee.contact_points(State.of({}, q, lanes.knee.bodies))
+    def _damped_in_contacts(self, x: Array, v: Array) -> Array:
+        contact_points = self.moving.knee.contact_points(self._state(x))
 
         def overlaps(y: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-            return lanes.overlaps(self._state(y), contact_points)
+            return self.moving.overlaps(self._state(y), contact_points)
 
         _, by_overlap, pressing = jax.vjp(overlaps, x, has_aux=True)
         _, faster, _ = jax.jvp(overlaps, (x,), (v,), has_aux=True)
         return -by_overlap({
             name: contact_damping_force(faster[name], c, pressing[name])
-            for name, c in lanes.contact_dissipation.items()
+            for name, c in self.moving.contact_dissipation.items()
         })[0]  # fmt: skip
 
 

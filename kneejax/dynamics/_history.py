@@ -82,30 +82,25 @@ class Moment(eqx.Module):
     ) -> tuple[Moment, Array]:
         """Of a motion's start, coordinates and rates `(6 bodies, lanes)` and the cable's pull, N,
         and where contacts meet there."""
-        bones = tuple(moving.masses)
-
-        def places(x: Array) -> dict[str, Placement]:
-            state = State.of({}, x, moving.knee.bodies)
-            return {bone: state.poses[bone].placement for bone in bones}
-
-        there, velocities = jax.jvp(places, (q,), (rate,))
-
-        def lengths(x: Array) -> Array:
-            return moving.knee.ligaments.length(State.of({}, x, moving.knee.bodies))
-
+        contact_points = moving.knee.contact_points(State.of({}, q, moving.knee.bodies))
+        there, rates, pressing = jax.jvp(
+            lambda x: _seen(moving, x, contact_points), (q,), (rate,), has_aux=True
+        )
+        (places, _, lengths, overlaps), (velocities, _, length_rates, overlap_rates) = there, rates
         nothing = jax.tree.map(jnp.zeros_like, velocities)
-        length, length_rate = jax.jvp(lengths, (q,), (rate,))
+        moved = q, rate, places, velocities, nothing, lengths, length_rates
         pulls = jnp.broadcast_to(pull, q.shape[1:])
-        state = State.of({}, q, moving.knee.bodies)
-        contact_points = moving.knee.contact_points(state)
+        return cls(*moved, pulls, overlaps, overlap_rates, pressing), contact_points
 
-        def overlaps(x: Array) -> tuple[dict[str, Array], dict[str, Array]]:
-            return moving.overlaps(State.of({}, x, moving.knee.bodies), contact_points)
 
-        overlap, overlap_rate, pressing = jax.jvp(overlaps, (q,), (rate,), has_aux=True)
-        pressed = overlap, overlap_rate, pressing
-        moved = q, rate, there, velocities, nothing, length, length_rate
-        return cls(*moved, pulls, *pressed), contact_points
+def _seen(moving: MovingKnee, q: Array, contact_points: Array) -> tuple[tuple, dict[str, Array]]:
+    """What has rates: placements of bones with mass, coordinates, lengths of fibres and overlaps of
+    contacts; and with what force the contacts press."""
+    state = State.of({}, q, moving.knee.bodies)
+    places = {bone: state.poses[bone].placement for bone in moving.masses}
+    lengths = moving.knee.ligaments.length(state)
+    overlaps, pressing = moving.overlaps(state, contact_points)
+    return (places, q, lengths, overlaps), pressing
 
 
 class History(eqx.Module):
@@ -129,9 +124,7 @@ class History(eqx.Module):
         )
         # How taut a fibre is at the end of the step is extrapolated, which keeps the order.
         ahead = last.lengths + step.ratio * (last.lengths - older.lengths)
-        q, lengths, overlaps = step.before(
-            *((x.q, x.lengths, x.overlaps) for x in (last, older))
-        )
+        q, lengths, overlaps = step.before(*((x.q, x.lengths, x.overlaps) for x in (last, older)))
         acting = dataclasses.replace(
             knee, muscles=self._on_cable(knee, step), loads=(*moving.loads, *step.loads)
         )
@@ -156,16 +149,14 @@ class History(eqx.Module):
     def after(self, moving: MovingKnee, step: Step, q: Array, contact_points: Array) -> Moment:
         """The moment at the end of a step, by where the bones are and their contacts meet."""
         last, older = self.last, self.older
-        state = State.of({}, q, moving.knee.bodies)
-        places = {bone: state.poses[bone].placement for bone in moving.masses}
-        lengths = moving.knee.ligaments.length(state)
-        overlaps, pressing = moving.overlaps(state, contact_points)
+        now, pressing = _seen(moving, q, contact_points)
+        places, _, lengths, overlaps = now
         was = [(x.places, x.q, x.lengths, x.overlaps) for x in (last, older)]
-        now = places, q, lengths, overlaps
         speeds, rate, length_rates, overlap_rates = _rates(step, now, step.before(*was))
         faster = _rates(step, speeds, step.before(last.velocities, older.velocities))
         pull, driven = last.pull, self._on_cable(moving.knee, step)
         if driven is not None and driven.cable is not None:
+            state = State.of({}, q, moving.knee.bodies)
             pull = driven.cable.pull(driven.quadriceps_length(state))
         moved = q, rate, places, speeds, faster, lengths, length_rates
         return Moment(*moved, pull, overlaps, overlap_rates, pressing)

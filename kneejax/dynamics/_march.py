@@ -20,8 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from kneejax.dynamics._history import History, Moment, Step
 from kneejax.dynamics._moving import MovingKnee
-from kneejax.geometry import Prescribed, coordinates_of, free_of, scales
-from kneejax.mechanics import Load
+from kneejax.geometry import coordinates_of, free_of, scales
 from kneejax.numerics import WrongValue, compiled, on_all_cores, traced
 from kneejax.statics import (
     EnergyNewton,
@@ -133,33 +132,19 @@ SEARCH = EnergyNewton(atol=1e-9)
 
 
 class Given(eqx.Module):
-    """What is given of a motion; the first axis of all but the start counts the steps.
+    """What is given of a motion.
 
     Attributes:
         q: of all coordinates at the start, `(6 bodies, lanes)`, rad and mm.
         rate: of them, rad/s and mm/s.
-        length_s: of each step, `(steps,)`.
-        ratio: of each step to the one before.
-        loads: at the end of each step; arrays `(steps, 3, lanes)`.
-        held: coordinate -> its value at the end of each step, `(steps, lanes)`.
-        cable: length of the quadriceps at the end of each step, mm, `(steps, lanes)`; None where
-            no motor gives it.
+        steps: all of them; the first axis counts.
         pull: of the quadriceps at the start besides its tension at rest, N, `(lanes,)`.
     """
 
     q: Array
     rate: Array
-    length_s: Array
-    ratio: Array
-    loads: tuple[Load, ...]
-    held: Prescribed
-    cable: Array | None = None
+    steps: Step
     pull: Array | float = 0.0
-
-    @property
-    def steps(self) -> Step:
-        """All of them."""
-        return Step(self.length_s, self.ratio, self.loads, dict(self.held), self.cable)
 
 
 class Moments(eqx.Module):
@@ -207,14 +192,13 @@ def march(
 
     rows = given.steps, equilibrium
     moments = _in_blocks(without_tangents, moving, rows, begun(moving, given))
-    return jax.tree.map(lambda x: x[: len(given.length_s)], moments)
+    return jax.tree.map(lambda x: x[: len(given.steps.length_s)], moments)
 
 
 def _on_all_cores(moving: MovingKnee, given: Given, progress) -> Moments:
     """Many motions, dealt to cores by lanes: one program keeps one core busy."""
     lanes = given.q.shape[1]
     each = -(-lanes // -(-lanes // _MOST_LANES))
-    steps = {"length_s": given.length_s, "ratio": given.ratio}
 
     def some(first: int) -> Moments:
         # Filled up with the last: one program serves all parts.
@@ -223,7 +207,11 @@ def _on_all_cores(moving: MovingKnee, given: Given, progress) -> Moments:
         def taken(x):
             return x[..., rows] if jnp.ndim(x) and x.shape[-1] == lanes else x
 
-        own = dataclasses.replace(jax.tree.map(taken, given), **steps)
+        own = jax.tree.map(taken, given)
+        steps = dataclasses.replace(
+            own.steps, length_s=given.steps.length_s, ratio=given.steps.ratio
+        )
+        own = dataclasses.replace(own, steps=steps)
         return march(jax.tree.map(taken, moving), own, None if first else progress)
 
     parts = on_all_cores(some, range(0, lanes, each))
@@ -241,7 +229,7 @@ def searched(
     if traced((moving, given)):
         return found(moving, given.steps, begun(moving, given))[1]
     equilibrium = _in_blocks(found, moving, (given.steps,), begun(moving, given), progress)
-    return jax.tree.map(lambda x: x[: len(given.length_s)], equilibrium)
+    return jax.tree.map(lambda x: x[: len(given.steps.length_s)], equilibrium)
 
 
 def followed(moving: MovingKnee, given: Given, equilibrium: Equilibrium) -> Moments:
@@ -262,10 +250,9 @@ def with_idle_steps(given: Given, equilibrium: Equilibrium) -> tuple[Given, Equi
     Returns:
         The same; what is followed of it has moments beyond the last.
     """
-    count = -(-len(given.length_s) // _IDLE) * _IDLE
+    count = -(-len(given.steps.length_s) // _IDLE) * _IDLE
     rows = jax.tree.map(lambda x: _filled_up(x, count), (given.steps, equilibrium))
-    steps = {f.name: getattr(rows[0], f.name) for f in dataclasses.fields(Step)}
-    return dataclasses.replace(given, **steps), rows[1]
+    return dataclasses.replace(given, steps=rows[0]), rows[1]
 
 
 def _in_blocks(program, moving: MovingKnee, rows, carry: Carry, progress=None):

@@ -13,6 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.dynamics._account import Account, Flow, account_of, flow
+from kneejax.dynamics._history import Step
 from kneejax.dynamics._march import BLOCK, Given, Grid, Moments, first_moment, march, rising
 from kneejax.dynamics._moving import MovingKnee
 from kneejax.geometry import Pose, State, coordinate, coordinates_of, table_units
@@ -272,7 +273,7 @@ def given_of(
         >>> from kneejax.mechanics import Mass
         >>> shank = Mass(3.0, [0.0, -200.0, 0.0], np.diag([4e4, 0.0, 4e4]))
         >>> moving = MovingKnee.of(kj.load_knee("four_ligament"), shank)
-        >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).length_s.shape
+        >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).steps.length_s.shape
         (6,)
     """
     times = np.concatenate([[0.0], grid.time_s])
@@ -281,8 +282,8 @@ def given_of(
     later, led = jax.tree.map(lambda x: x[1:], (_acting(loads, times), ways))
     cable = led.pop(QUADRICEPS, None)
     rates = jnp.broadcast_to(jnp.asarray(rate, float), q.shape)[:, None]
-    steps = jnp.asarray(grid.length_s), jnp.asarray(grid.ratio)
-    return Given(q[:, None], rates, *steps, later, led, cable, jnp.asarray(pull_N, float))
+    steps = Step(jnp.asarray(grid.length_s), jnp.asarray(grid.ratio), later, led, cable)
+    return Given(q[:, None], rates, steps, jnp.asarray(pull_N, float))
 
 
 def _acting(loads: LoadCurve | None, times: np.ndarray) -> tuple[Load, ...]:

@@ -31,6 +31,7 @@ class ByHand:
         study: what is moved.
         measured: its poses, `(n, 6)`, degrees and mm.
         names: of its parameters.
+        begin: parameter -> value where the study begins.
         values: parameter -> where it stands.
         now: the motion there.
 
@@ -61,18 +62,13 @@ class ByHand:
         self.names = self.study.selection.names
         self._solver = Solver(subject, self.measured[:, 0], self.study.acting)
         own = dict(zip(subject.selection.names, subject.own.tolist(), strict=True))
-        self._begin = {name: own[name] for name in self.names}
-        self.values, self.now = dict(self._begin), self._solver.curves(Setting())
+        self.begin = {name: own[name] for name in self.names}
+        self.values, self.now = dict(self.begin), self._solver.curves(Setting())
         self._own, self._used = self.now.table, converged(self.now.status)
         if not self._used.any():
             raise UnsuitableData("no measured flexion has a balance with the knee's own parameters")
         if at:
             self.move(at)
-
-    @property
-    def begin(self) -> dict[str, float]:
-        """Parameter -> value where the study begins."""
-        return dict(self._begin)
 
     def move(self, values: Mapping[str, float]) -> Curves:
         """Set parameters and balance every pose again.
@@ -94,7 +90,7 @@ class ByHand:
                 raise UnsuitableData(f"{name}: {value} is not finite")
         goal = self.values | {name: float(value) for name, value in values.items()}
         far = any(abs(goal[name] - x) > self._stride(name) for name, x in self.values.items())
-        setting = Setting.of({k: x for k, x in goal.items() if x != self._begin[k]})
+        setting = Setting.of({k: x for k, x in goal.items() if x != self.begin[k]})
         self.now = self._solver.curves(setting, near=None if far else self.now)
         self.values = goal
         return self.now
@@ -102,7 +98,7 @@ class ByHand:
     def _stride(self, name: str) -> float:
         if name.endswith("reference_strain"):
             return _STRAIN_STRIDE
-        return _STRIDE * abs(self._begin[name])
+        return _STRIDE * abs(self.begin[name])
 
     @property
     def error(self) -> np.ndarray:

@@ -105,10 +105,8 @@ class Explorer:
         self.hand.move(values)
         for name, value in self.hand.values.items():
             slider = self.sliders[name]
-            slider.unobserve_all("value")
             slider.min, slider.max = min(slider.min, value), max(slider.max, value)
             slider.value = value
-            self._listen(name, slider)
         self._show()
 
     def _repr_mimebundle_(self, **how: Any) -> Any:
@@ -128,17 +126,16 @@ class Explorer:
             description=_said(name), layout={"width": "350px"},
             style={"description_width": "100px"},
         )  # fmt: skip
-        self._listen(name, slider)
-        return slider
 
-    def _listen(self, name: str, slider: Any) -> None:
         def follow(change: Any) -> None:
-            # A page rounds a slider to its steps when it shows it: nobody has moved it.
+            # A slider that was put where the knee is, and that a page rounds to its steps when it
+            # shows it, was moved by nobody.
             if abs(change.new - self.hand.values[name]) > 0.51 * slider.step:
                 self.hand.move({name: change.new})
                 self._show()
 
         slider.observe(follow, "value")
+        return slider
 
     # Curves.
 

@@ -232,21 +232,14 @@ def compare_motions(
             f"calibration: {int(compared.sum())}): expected at least {_FEWEST_POINTS}"
         )
     check_level(alpha)
-    tests = _tests(motions, compared, alpha) if is_tested(subjects, anova) else ()
     return Comparison(
-        flexion,
-        compared,
-        seen,
-        given,
+        flexion, compared, seen, given,
         tuple(_summary(name, one, flexion, compared) for name, one in motions.items()),
-        tuple(
-            _difference(first, second, motions, flexion, compared)
-            for first, second in itertools.combinations(motions, 2)
-        ),
+        tuple(_difference(*pair, motions, flexion, compared)
+              for pair in itertools.combinations(motions, 2)),
         tuple(_prediction(name, one, seen, compared) for name, one in given.items()),
-        tests,
-        alpha,
-    )
+        _tests(motions, compared, alpha) if is_tested(subjects, anova) else (), alpha,
+    )  # fmt: skip
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
@@ -279,21 +272,14 @@ def _over_known(statistic: Callable[[np.ndarray], float], values: np.ndarray) ->
 
 
 def _difference(
-    first: str,
-    second: str,
-    motions: Mapping[str, np.ndarray],
-    flexion: np.ndarray,
+    first: str, second: str, motions: Mapping[str, np.ndarray], flexion: np.ndarray,
     compared: np.ndarray,
-) -> Difference:
+) -> Difference:  # fmt: skip
     apart = (motions[first] - motions[second])[:, compared]
     apart = np.concatenate([apart, apart.mean(axis=1, keepdims=True)], axis=1)
-    return Difference(
-        first,
-        second,
-        (*(f"{angle:g}" for angle in flexion[compared]), "average"),
-        _over_known(np.mean, apart),
-        _over_known(standard_error, apart),
-    )
+    conditions = *(f"{angle:g}" for angle in flexion[compared]), "average"
+    spread = _over_known(standard_error, apart)
+    return Difference(first, second, conditions, _over_known(np.mean, apart), spread)
 
 
 def _prediction(

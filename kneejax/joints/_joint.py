@@ -349,9 +349,7 @@ def _untwisted(points: Array) -> Matrix:
     x, y, z = line / line.norm()
     cosine = jnp.sqrt(y * y + z * z)
     up, forward = z / cosine, -y / cosine  # cosine and sine of the turn about X
-    return Matrix(
-        Vector(cosine, 0.0, x), Vector(forward * x, up, y), Vector(-up * x, forward, z)
-    )
+    return Matrix(Vector(cosine, 0.0, x), Vector(forward * x, up, y), Vector(-up * x, forward, z))
 
 
 def _rotation(flexion: Array, femoral: Matrix, tibial: Matrix) -> Matrix:

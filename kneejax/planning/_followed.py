@@ -1,10 +1,9 @@
-"""Operated knees followed from one graft to the next."""
+"""Operated knees followed through flexions and tests, from one graft to the next."""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +12,7 @@ from jax import Array
 
 from kneejax.geometry import CLINICAL, COORDINATES, FEMORAL, State, convert
 from kneejax.mechanics import Knee, load_of
-from kneejax.numerics import lanes_for
+from kneejax.numerics import filled
 from kneejax.planning._reconstruction import Operated, Reconstruction
 from kneejax.statics import (
     LoadCases,
@@ -24,49 +23,6 @@ from kneejax.statics import (
     balance_with_slopes,
     converged,
 )
-
-
-class Poses(NamedTuple):
-    """Balanced poses of variants at load cases."""
-
-    q: np.ndarray  # free coordinates, `(v, s, free)`; NaN where forces do not balance
-    status: np.ndarray  # `Status` values, `(v, s)`
-    near: Slopes | None  # with derivatives, to predict others from; None where none were asked for
-
-
-def balanced(
-    plan: Reconstruction,
-    values: np.ndarray,
-    load_cases: LoadCases,
-    *,
-    slopes: bool = False,
-    near: Slopes | None = None,
-    grid: tuple[int, int] | None = None,
-    progress: Progress | None = None,
-) -> Poses:
-    """Poses of variants `(v, numbers)` at load cases, with derivatives where `slopes`; from `near`
-    ones, which have derivatives, where these are known.
-
-    Variants that are near each other stand in a `grid` of rows and columns: each is then predicted
-    from its neighbour, which takes two fifths of the time.
-    """
-    if slopes:
-        found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
-        q, status = found.q, found.status
-    elif grid is None:
-        near = None
-        found = balance_many(plan.knee, plan.vary, values, load_cases, progress=progress)
-        q, status = found.q, found.status
-    else:
-        near, (rows, columns) = None, grid
-        along = functools.partial(balance_lines, plan.knee, plan.vary)
-        lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
-        spine = along(lines[None, :, column], load_cases, np.array([row])).at(0)
-        begin = np.full(rows, column)
-        found = along(lines, load_cases, begin, near=spine, progress=progress)
-        q, status = (x.reshape(-1, *x.shape[2:]) for x in (found.q, found.status))
-    return Poses(np.where(converged(status)[..., None], q, np.nan), status, near)
-
 
 #: Nodes whose readings are computed in one call.
 _CHUNK = 8192
@@ -121,7 +77,8 @@ class Protocol:
     @functools.cached_property
     def load_cases(self) -> LoadCases:
         """Where knees are balanced."""
-        return LoadCases.at(self.flexion_deg, [load_of(anterior_N=self.force)])
+        loads = [load_of(anterior_N=self.force)] if self.lachman_deg else []
+        return LoadCases.at(self.flexion_deg, loads)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -171,26 +128,36 @@ def follow(
         protocol: flexions and loads.
         slopes: whether derivatives are wanted.
         near: of near variants, to begin from.
-        grid: rows and columns in which the variants stand, see `balanced`.
+        grid: rows and columns in which the variants stand, where neighbours are near each other:
+            each is then predicted from its neighbour, which takes two fifths of the time.
         progress: called now and then with balances done and asked for.
 
     Returns:
         What was read; NaN where a knee has no balance.
     """
-    q, status, near = balanced(
-        plan, values, protocol.load_cases, slopes=slopes, near=near, grid=grid, progress=progress
-    )
-    count, size = q.shape[:2]
-    flexion, nodes, parts = np.deg2rad(protocol.flexion_deg), np.arange(count * size), []
-    for first in range(0, len(nodes), _CHUNK):
-        own = nodes[first : first + _CHUNK]
-        rows = own[np.minimum(np.arange(lanes_for(len(own))), len(own) - 1)]
-        here = values[rows // size], flexion[rows % size], q.reshape(-1, q.shape[-1])[rows]
-        reader = _read_with_slopes if slopes else _read
-        found, kept = reader(plan.vary, plan.knee, *here), slice(0, len(own))
-        parts.append(jax.tree.map(lambda x, kept=kept: np.asarray(x)[kept], found))
+    load_cases, shape = protocol.load_cases, (len(values), len(protocol.flexion_deg))
+    if slopes:
+        found = near = balance_with_slopes(plan.knee, plan.vary, values, load_cases, near)
+    elif grid is None:
+        near = None
+        found = balance_many(plan.knee, plan.vary, values, load_cases, progress=progress)
+    else:
+        near, (rows, columns) = None, grid
+        along = functools.partial(balance_lines, plan.knee, plan.vary)
+        lines, row, column = values.reshape(rows, columns, -1), rows // 2, columns // 2
+        spine = along(lines[None, :, column], load_cases, np.array([row])).at(0)
+        begin = np.full(rows, column)
+        found = along(lines, load_cases, begin, near=spine, progress=progress)
+    status = found.status.reshape(shape)
+    q = np.where(converged(status)[..., None], found.q.reshape(*shape, -1), np.nan)
+    flexion = np.tile(np.deg2rad(protocol.flexion_deg), shape[0])
+    nodes = np.repeat(values, shape[1], axis=0), q.reshape(status.size, -1), flexion
+    parts = []
+    for first in range(0, status.size, _CHUNK):
+        rows = filled(np.arange(first, min(first + _CHUNK, status.size)))
+        parts.append(_read(plan.vary, slopes, plan.knee, *(x[rows] for x in nodes)))
     read = jax.tree.map(
-        lambda *x: np.concatenate(x).reshape(count, size, *x[0].shape[1:]), *parts
+        lambda *x: np.concatenate(x)[: status.size].reshape(*shape, *x[0].shape[1:]), *parts
     )
     by_value = None
     if near is not None:
@@ -200,30 +167,23 @@ def follow(
     return Followed(**read, status=status, slopes=by_value, near=near)
 
 
-def _one(vary: Operated, knee: Knee, value: Array, flexion: Array, q: Array) -> dict[str, Array]:
-    """What is read of one balance."""
-    ligaments = vary(knee, value).ligaments
-    length = ligaments.length(State.of({"flexion": flexion}, q, knee.bodies))
-    every = convert(jnp.concatenate([flexion[None], q]), FEMORAL, CLINICAL)
-    return {
-        "length_mm": length,
-        "strain": length / ligaments.slack_length - 1.0,
-        "tension_N": ligaments.tension_at(length),
-        "anterior_mm": every[list(COORDINATES).index("anterior")],
-    }
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _read(vary: Operated, slopes: bool, knee: Knee, values, q, flexion):
+    """What is read of balances; with `slopes` its derivatives by value and pose as well, `by`."""
 
+    def one(value: Array, q: Array, flexion: Array) -> dict[str, Array]:
+        ligaments = vary(knee, value).ligaments
+        length = ligaments.length(State.of({"flexion": flexion}, q, knee.bodies))
+        every = convert(jnp.concatenate([flexion[None], q]), FEMORAL, CLINICAL)
+        return {
+            "length_mm": length,
+            "strain": length / ligaments.slack_length - 1.0,
+            "tension_N": ligaments.tension_at(length),
+            "anterior_mm": every[list(COORDINATES).index("anterior")],
+        }
 
-@functools.partial(jax.jit, static_argnums=0)
-def _read(vary: Operated, knee: Knee, values, flexion, q):
-    return jax.vmap(lambda *x: _one(vary, knee, *x))(values, flexion, q)
+    def both(*at: Array):
+        by = jax.jacfwd(one, (0, 1))(*at)
+        return one(*at) | {"by": {k: tuple(map(jnp.atleast_2d, x)) for k, x in by.items()}}
 
-
-@functools.partial(jax.jit, static_argnums=0)
-def _read_with_slopes(vary: Operated, knee: Knee, values, flexion, q):
-    def both(value: Array, flexion: Array, q: Array):
-        found = _one(vary, knee, value, flexion, q)
-        slopes = jax.jacfwd(lambda x, p: _one(vary, knee, x, flexion, p), (0, 1))(value, q)
-        by = {name: tuple(map(jnp.atleast_2d, pair)) for name, pair in slopes.items()}
-        return found | {"by": by}
-
-    return jax.vmap(both)(values, flexion, q)
+    return jax.vmap(both if slopes else one)(values, q, flexion)

@@ -55,10 +55,13 @@ def criteria_of(outcome: Outcome) -> np.ndarray:
 def best_of(surgery: Surgery, outcome: Outcome) -> int:
     """The variant of the least strain distance among those that keep all limits; where none does,
     the one that misses them least."""
-    far = missed(surgery, outcome)
+    return int(ranked(missed(surgery, outcome), outcome.total)[0])
+
+
+def ranked(far: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """Rows of variants, the best first as `best_of` has it, by `missed` and strain distance."""
     kept = far <= TOLERANCE
-    score = np.where(kept, outcome.total, np.inf) if kept.any() else far
-    return int(np.argmin(score))
+    return np.argsort(np.where(kept, total, np.inf) if kept.any() else far, kind="stable")
 
 
 def bounds(surgery: Surgery, size: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,6 +14,7 @@ from kneejax.planning._limits import (
     limits_room,
     missed,
     polygons,
+    ranked,
     room_slopes,
 )
 from kneejax.planning._surgery import CHOICES, Near, Outcome, Surgery
@@ -216,9 +217,7 @@ class _Search:
         """Evaluations."""
         return self.most - self.count
 
-    def follow(
-        self, start: np.ndarray, most: int, roughly: float
-    ) -> tuple[float, np.ndarray]:
+    def follow(self, start: np.ndarray, most: int, roughly: float) -> tuple[float, np.ndarray]:
         """The least strain distance with all limits kept (infinite without) on the way down from a
         start, by so many evaluations at `most`, and the last choices.
 
@@ -270,9 +269,7 @@ class _Search:
         every = list(self.known.values())
         far = np.array([missed(self.surgery, one)[0] for one in every])
         total = np.array([one.total[0] for one in every])
-        kept = far <= TOLERANCE
-        order = np.argsort(np.where(kept, total, np.inf) if kept.any() else far)
-        for row in order[:_FOUND_AGAIN]:
+        for row in ranked(far, total)[:_FOUND_AGAIN]:
             again = self.surgery.try_out(every[row].choices, slopes=True)
             same = np.allclose(again.followed.anterior_mm, every[row].followed.anterior_mm,
                                atol=1e-4, equal_nan=True)  # fmt: skip

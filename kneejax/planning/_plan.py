@@ -105,7 +105,7 @@ def intact_knee(plan: AclPlan) -> Knee:
         >>> intact_knee(read_plan("ten_bundle")).ligaments.names[:2]
         ('aACL', 'pACL')
     """
-    return _bare(plan, torn=False)
+    return _knees(plan.surgery, plan.base[None], elastic=False, torn=False)[0]
 
 
 def operated_knees(plan: AclPlan) -> dict[str, Knee]:
@@ -133,16 +133,15 @@ def operated_knees(plan: AclPlan) -> dict[str, Knee]:
             f"{plan.file}: fixation: the knee holds no graft under its tension at "
             f"{', '.join(lost)}: expected a tension under which it balances"
         )
-    bare = {INTACT: intact_knee(plan), f"without {plan.ligament}": _bare(plan, torn=True)}
-    values = zip(names, one.value(ends, slack), strict=True)
-    return bare | {name: one.vary(one.knee, own) for name, own in values}
+    (torn,) = _knees(surgery, plan.base[None], elastic=False)
+    bare = {INTACT: intact_knee(plan), f"without {plan.ligament}": torn}
+    return bare | dict(zip(names, _knees(surgery, choices, slack), strict=True))
 
 
-def _bare(plan: AclPlan, torn: bool) -> Knee:
-    """Without a graft."""
-    one = plan.surgery.plan
-    ends, _ = plan.surgery.ends(plan.base[None])
-    return one.vary(one.knee, one.value(ends, elastic=False, torn=torn)[0])
+def _knees(surgery: Surgery, choices: np.ndarray, slack_mm=1.0, **acts: bool) -> list[Knee]:
+    """With grafts of given lengths; `acts` as `Reconstruction.value` has it."""
+    plan, (ends, _) = surgery.plan, surgery.ends(choices)
+    return [plan.vary(plan.knee, own) for own in plan.value(ends, slack_mm, **acts)]
 
 
 def knee_of_outcome(surgery: Surgery, outcome: Outcome) -> Knee:
@@ -161,8 +160,7 @@ def knee_of_outcome(surgery: Surgery, outcome: Outcome) -> Knee:
     slack = outcome.slack_mm[:1]
     if not np.isfinite(slack).all():
         raise UnsuitableData("the graft has no zero-load length: expected a knee that holds it")
-    ends, _ = surgery.ends(outcome.choices[:1])
-    return surgery.plan.vary(surgery.plan.knee, surgery.plan.value(ends, slack)[0])
+    return _knees(surgery, outcome.choices[:1], slack)[0]
 
 
 #: Called with a stage's name, balances done and asked for.

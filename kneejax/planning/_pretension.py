@@ -17,16 +17,15 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from kneejax.experiments import passive_flexion
-from kneejax.geometry import State
 from kneejax.mechanics import Knee, ligament_law
-from kneejax.planning._followed import balanced
+from kneejax.planning._followed import Protocol, follow
 from kneejax.planning._reconstruction import (
     BUNDLE_NUMBERS,
     TRANSITION_STRAIN,
     TRANSITION_WIDTH,
     Reconstruction,
 )
-from kneejax.statics import LoadCases, Slopes
+from kneejax.statics import Slopes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,43 +88,34 @@ def fix(
         flexion_deg: at which they are fixed.
         slopes: whether derivatives are wanted.
         near: of near variants, to begin from.
-        grid: rows and columns in which the variants stand, see `balanced`.
+        grid: rows and columns in which the variants stand, see `follow`.
 
     Returns:
         The fixed grafts.
     """
     values = plan.value(ends, tension_N=tension_N, elastic=False)
-    load_cases = LoadCases.at([flexion_deg])
-    q, status, near = balanced(plan, values, load_cases, slopes=slopes, near=near, grid=grid)
-    slack, by_value, by_pose = (
-        np.asarray(x) for x in _fixed(plan.knee.bodies, np.deg2rad(flexion_deg), values, q[:, 0],
-                                      np.array(plan.stiffness_N))
-    )  # fmt: skip
-    slope = None if near is None else by_value + by_pose @ near.jacobian[:, 0]
-    return Fixed(slack, slope, status[:, 0], near)
+    at_fixation = Protocol(np.array([flexion_deg]), (), 0.0)
+    pulled = follow(plan, values, at_fixation, slopes=slopes, near=near, grid=grid)
+    grafts = plan.rows(plan.bundles)
+    length = np.where(pulled.converged, pulled.length_mm[:, 0, grafts], np.nan)
+    by_length = np.zeros((*length.shape, values.shape[1]))
+    if pulled.slopes is not None:
+        by_length = pulled.slopes["length_mm"][:, 0, grafts]
+    by_tension, bundle = np.zeros_like(by_length), np.arange(len(grafts))
+    by_tension[:, bundle, BUNDLE_NUMBERS * (1 + bundle)] = 1.0
+    stiffness = np.array(plan.stiffness_N)
+    slack, slope = map(np.asarray, _slack(length, tension_N, stiffness, by_length, by_tension))
+    return Fixed(slack, slope if slopes else None, pulled.status[:, 0], pulled.near)
 
 
-@jax.jit(static_argnums=0)
-def _fixed(bodies: tuple[str, ...], flexion, values, q, stiffness_N):
-    """Slack lengths and their derivatives by numbers and pose, `(variants, bundles, ...)`."""
+@jax.jit
+def _slack(length, tension_N, stiffness_N, *by):
+    """Slack lengths, and their derivatives from those of lengths and tensions by numbers."""
 
-    def one(value: Array, q: Array) -> Array:
-        bundle = value[1:].reshape(-1, BUNDLE_NUMBERS)
-        length = _length(State.of({"flexion": flexion}, q, bodies), bundle[:, :6])
-        return slack_length(length, bundle[:, 8], stiffness_N)
+    def law(length: Array, tension_N: Array) -> Array:
+        return slack_length(length, tension_N, stiffness_N)
 
-    def both(value: Array, q: Array):
-        return one(value, q), *jax.jacfwd(one, (0, 1))(value, q)
-
-    return jax.vmap(both)(values, q)
-
-
-def _length(state: State, ends: Array) -> Array:
-    """Straight length between femoral and tibial ends, `(bundles, 6)`, at one pose."""
-    placement = state.tibia.placement
-    tibial = placement.apply(tuple(ends[:, 3 + k] for k in range(3)))
-    across = jnp.stack([point - ends[:, k] for k, point in enumerate(tibial)])
-    return jnp.sqrt(jnp.sum(across * across, axis=0))
+    return jax.vmap(lambda *by: jax.jvp(law, (length, tension_N), by), -1, (None, -1))(*by)
 
 
 def fixed_knee(
@@ -149,5 +139,6 @@ def fixed_knee(
     tight = plan.vary(plan.knee, numbers(nothing + 1.0, nothing, tension))
     pose = passive_flexion(tight, jnp.atleast_1d(flexion_deg)).equilibrium.state
     at_fixation = jax.tree.map(lambda x: x[0], pose)
-    slack = slack_length(_length(at_fixation, ends), tension, stiffness)
+    length = tight.ligaments.length(at_fixation)[jnp.array(plan.vary.grafts)]
+    slack = slack_length(length, tension, stiffness)
     return plan.vary(plan.knee, numbers(slack, stiffness, nothing))

@@ -98,22 +98,17 @@ class Outcome(Named):
 
     def taken(self, rows: Sequence[int] | np.ndarray) -> Outcome:
         """Some of the variants, with derivatives and balances where there are any."""
-        some, followed = np.asarray(rows), self.followed
-        read = {
-            name: getattr(followed, name)[some]
-            for name in ("length_mm", "strain", "tension_N", "anterior_mm", "status")
-        }
-        own = {
-            name: getattr(self, name)[some]
-            for name in ("choices", "slack_mm", "distance", "laxity_mm", "graft_N", "isometry_mm",
-                         "status")
-        }  # fmt: skip
-        return Outcome(
-            **own,
-            followed=dataclasses.replace(followed, **read, slopes=None, near=None),
+        some = np.asarray(rows)
+
+        def of(found: Outcome | Followed) -> dict[str, np.ndarray]:
+            return {k: x[some] for k, x in vars(found).items() if isinstance(x, np.ndarray)}
+
+        followed = dataclasses.replace(self.followed, **of(self.followed), slopes=None, near=None)
+        return dataclasses.replace(
+            self, **of(self), followed=followed,
             slopes=self.slopes and {name: x[some] for name, x in self.slopes.items()},
             near=self.near and Near(self.near.fixed.take(some), self.near.followed.take(some)),
-        )
+        )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
@@ -231,39 +226,32 @@ class Surgery:
         )  # fmt: skip
         grafts, motion = self.plan.rows(self.plan.bundles), self.protocol.motion
         strain = self.strain(followed)
-        distance = np.stack(
-            [
-                warped_distances(strain[..., k], self.intact_strain[:, k], self.window)
-                for k in range(strain.shape[-1])
-            ],
-            axis=1,
-        )
+        curves = zip(np.moveaxis(strain, -1, 0), self.intact_strain.T, strict=True)
+        distance = np.stack([warped_distances(*pair, self.window) for pair in curves], axis=1)
         length = followed.length_mm[:, motion][..., grafts]
         # Of grafts that were not fixed nothing is known.
         counts = np.where(known.all(axis=1), 1.0, np.nan)[:, None]
         # Where a Lachman test gives way, the motion stands all the same.
         moves = np.array(converged(followed.status[:, motion].max(axis=1)))
         distance[~moves | np.isnan(counts[:, 0])] = np.nan
-        outcome = Outcome(
+        by, found_near = None, None
+        if slopes:
+            assert fixed.slope is not None and fixed.near is not None and followed.near is not None
+            by = self._slopes(followed, _by_choices(ends_slope, fixed.slope))
+            found_near = Near(fixed.near, followed.near)
+        return Outcome(
             choices, fixed.slack_mm, distance, self.laxity(followed) * counts,
             followed.tension_N[..., grafts] * counts[..., None],
             (length.max(axis=1) - length.min(axis=1)) * counts,
-            np.maximum(fixed.status, followed.status.max(axis=1)), followed,
+            np.maximum(fixed.status, followed.status.max(axis=1)), followed, by, found_near,
         )  # fmt: skip
-        if not slopes:
-            return outcome
-        assert fixed.slope is not None and fixed.near is not None and followed.near is not None
-        turn = _by_choices(ends_slope, fixed.slope)
-        return dataclasses.replace(
-            outcome, slopes=self._slopes(outcome, turn), near=Near(fixed.near, followed.near)
-        )
 
-    def _slopes(self, outcome: Outcome, turn: np.ndarray) -> dict[str, np.ndarray]:
+    def _slopes(self, followed: Followed, turn: np.ndarray) -> dict[str, np.ndarray]:
         """Derivatives by the choices; `turn` is that of the numbers, `(v, numbers, choices)`."""
-        by = outcome.followed.slopes
+        by = followed.slopes
         assert by is not None
         grafts, rows = self.plan.rows(self.plan.bundles), self.plan.rows(self.ligaments)
-        strain = self.strain(outcome.followed)
+        strain = self.strain(followed)
         by_strain = by["strain"][:, self.protocol.motion][:, :, rows] @ turn[:, None]
         total = np.full(turn.shape[::2], np.nan)
         for v in np.flatnonzero(np.isfinite(strain).all(axis=(1, 2))):

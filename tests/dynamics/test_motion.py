@@ -208,9 +208,10 @@ def test_many_motions_are_each_what_it_is_alone_on_however_many_cores():
     given = given_of(moving, np.zeros(6), grid, held=("flexion",))
     start = np.zeros((6, 37))
     start[4] = np.linspace(0.0, 0.5, 37)
-    lanes = jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], 37)), given.held)
+    lanes = jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], 37)), given.steps.held)
+    steps = dataclasses.replace(given.steps, held=lanes)
     rate = jnp.zeros((6, 37))
-    many = dataclasses.replace(given, q=jnp.asarray(start), rate=rate, held=lanes)
+    many = dataclasses.replace(given, q=jnp.asarray(start), rate=rate, steps=steps)
     found = march(add_lane_axis(moving), many)
     assert found.known.q.shape == (len(grid.time_s), 6, 37)
     for lane in (0, 18, 19, 36):

@@ -203,7 +203,8 @@ class Passage:
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         led = _led(knee, frames, self.load_cases)
         at_rest = given_of(moving, np.zeros(q.shape[1]), self.grid, **led)
-        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in at_rest.held]
+        held = at_rest.steps.held
+        free = [k for k, name in enumerate(coordinates_of(knee.bodies)) if name not in held]
 
         # One by one: a program of more lanes compiles for as long as a hundred motions take.
         def one(row: int) -> Slopes:
