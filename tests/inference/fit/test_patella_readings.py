@@ -147,7 +147,7 @@ def test_a_knee_without_a_patella_cannot_be_compared_with_one(knee):
     assert problem_of(knee, test, ["ACL.stiffness"]).counted_numbers == 3
 
 
-def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(knee):
+def test_what_is_counted_from_another_row_is_less_that_row_whose_error_all_share(knee):
     """A force is what it is, whatever the poses are counted from."""
     test = kj.MeasuredTest(
         "tracking", FLEXION, {}, np.full((3, 5), np.nan), counted_from="extension",
@@ -156,10 +156,11 @@ def test_what_is_counted_from_another_row_is_less_that_row_and_scatters_more(kne
     )  # fmt: skip
     read = problem_of(knee, test, ["ACL.stiffness"]).cases.readings
     tilt, force = (read.name == read.names.index(name) for name in test.readings)
-    assert read.target[tilt].tolist() == [2.0, 6.0] and read.neutral[tilt].tolist() == [0, 0]
-    assert read.sd[tilt] == pytest.approx(0.5 * np.sqrt(2.0))
+    assert read.target[tilt].tolist() == [0.0, 2.0, 6.0] and (read.neutral[tilt] == 0).all()
+    assert read.sd[tilt].tolist() == [0.5] * 3
+    assert len({*read.group[tilt].tolist()}) == 1 and (read.group[tilt] >= 0).all()
     assert read.target[force].tolist() == [10.0, 20.0, 40.0] and (read.neutral[force] == -1).all()
-    assert read.sd[force].tolist() == [2.0] * 3
+    assert read.sd[force].tolist() == [2.0] * 3 and (read.group[force] == -1).all()
 
 
 def anywhere(problem):
