@@ -58,12 +58,14 @@ class Grid:
     """Steps through time.
 
     Attributes:
-        time_s: at the end of each step, `(steps,)`, from 0.
+        time_s: at the end of each step, `(steps,)`, since the start.
         asked: rows of the steps that end at times that were asked for; the start is none of them.
+        start_s: when the motion begins: what acts and is led is known over time.
     """
 
     time_s: NDArray[np.float64]
     asked: NDArray[np.int64]
+    start_s: float = 0.0
 
     @classmethod
     def of(cls, time_s: ArrayLike, within: ArrayLike = 1) -> Grid:
@@ -99,7 +101,12 @@ class Grid:
             for t, length, n in zip(times[:-1], span, parts, strict=True)
         ]
         every = np.concatenate([times[0] + first, *ends])
-        return cls(every - times[0], len(first) + np.cumsum(parts) - 1)
+        return cls(every - times[0], len(first) + np.cumsum(parts) - 1, float(times[0]))
+
+    @property
+    def moments_s(self) -> NDArray[np.float64]:
+        """The start and the end of each step, `(1 + steps,)`."""
+        return self.start_s + np.concatenate([[0.0], self.time_s])
 
     def within(self) -> NDArray[np.int64]:
         """Steps between two of the times asked for."""

@@ -154,8 +154,7 @@ class Trajectory(eqx.Module, Named):
     def ended_s(self) -> float:
         """The last time at which there is a pose."""
         known = np.flatnonzero(converged(np.asarray(self.moments.status)[:, 0]))
-        times = np.concatenate([[0.0], self.grid.time_s])
-        return float(times[known[-1]]) if len(known) else 0.0
+        return float(self.grid.moments_s[known[-1] if len(known) else 0])
 
     @property
     def contact_points(self) -> Array:
@@ -233,11 +232,8 @@ def move(
         >>> let_go.q.shape, bool(let_go.pose.flexion[-1] < 0.5)
         ((3, 6), True)
     """
-    if isinstance(time_s, Grid):
-        grid, begin_s = time_s, 0.0
-    else:
-        grid, begin_s = Grid.of(time_s, within), float(np.asarray(time_s)[0])
-    times = np.concatenate([[0.0], grid.time_s]) + begin_s
+    grid = time_s if isinstance(time_s, Grid) else Grid.of(time_s, within)
+    times = grid.moments_s
     acting, ways = _acting(loads, times), _ways(moving.knee, held, jnp.asarray(start, float), times)
     given = given_of(moving, start, grid, rate=rate, pull_N=pull_N, loads=loads, held=held)
     found = march(add_lane_axis(moving), given, progress)
@@ -276,7 +272,7 @@ def given_of(
         >>> given_of(moving, np.zeros(6), Grid.of([0.0, 0.1, 0.2])).steps.length_s.shape
         (6,)
     """
-    times = np.concatenate([[0.0], grid.time_s])
+    times = grid.moments_s
     q = jnp.asarray(start, float)
     ways = _ways(moving.knee, held, q, times)
     later, led = jax.tree.map(lambda x: x[1:], (_acting(loads, times), ways))

@@ -8,10 +8,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from kneejax.dynamics import Account, Grid, MovingKnee, given_of, gravity_of, march, move
+from kneejax.dynamics import (
+    Account,
+    Grid,
+    LoadCurve,
+    MovingKnee,
+    given_of,
+    gravity_of,
+    march,
+    move,
+)
 from kneejax.experiments import Mechanics, Transient
 from kneejax.geometry import Frame, Plane, Sphere
-from kneejax.mechanics import Contact, Load, Mass, add_lane_axis
+from kneejax.mechanics import Contact, Load, Mass, add_lane_axis, load_of
 from kneejax.statics import Guess, Status, solve_equilibrium
 from tests.dynamics.massed import (
     ALL_BUT_FLEXION,
@@ -189,6 +198,24 @@ def test_times_that_go_back_are_refused():
         Grid.of([0.0, 0.2, 0.1])
     with pytest.raises(ValueError, match="two finite times"):
         Grid.of([0.0, np.nan])
+
+
+def test_a_motion_that_begins_later_meets_what_acts_and_is_led_then():
+    vice, times = in_a_vice(), np.linspace(0.0, 0.01, 6)
+
+    def moved(later):
+        load = load_of(anterior_N=np.array([0.0, 30.0]))
+        pull = LoadCurve.of(later + np.array([0.0, 0.01]), load)
+        way = {"flexion": lambda t: 0.2 * np.sin(40.0 * (t - later))}
+        return move(vice, np.zeros(6), later + times, loads=pull, held=way)
+
+    now, later = moved(0.0), moved(0.35)
+    assert np.abs(np.asarray(now.q)[-1]).max() > 0.05
+    np.testing.assert_allclose(later.q, now.q, atol=1e-9)
+    np.testing.assert_allclose(later.time_s, 0.35 + now.time_s)
+    assert later.ended_s == pytest.approx(0.36)
+    for name, energy in dataclasses.asdict(now.account()).items():
+        np.testing.assert_allclose(dataclasses.asdict(later.account())[name], energy, atol=1e-7)
 
 
 @pytest.mark.long
