@@ -8,6 +8,7 @@ import numpy as np
 from kneejax.experiments import MeasuredTest
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference import FittedTest
+from kneejax.inference.calibration._answer import misfits_of_test
 from kneejax.report.calibration_tests import (
     _curve,
     errors_table,
@@ -50,6 +51,19 @@ def test_what_is_only_counted_from_is_not_drawn():
     x, y = _curve(fitted("opposite", unseen=[0, 1, 2]), np.arange(5), "anterior", LOAD)
     assert y.tolist() == [30.0, 60.0]
     assert np.isnan(x[1])
+
+
+def test_a_difference_of_two_readings_may_be_off_by_the_noise_of_both():
+    sd, counted = np.full(5, 0.1), np.ones(5, bool)
+    found = {}
+    for datum, off in (("opposite", 0.25), ("opposite", 0.4), ("unloaded", 0.25)):
+        start = dataclasses.replace(fitted(datum), fitted=np.full((5, 5), 9.0))
+        rows = {"test": start.test, "measured": start.measured, "status": start.status}
+        near = FittedTest(fitted=start.measured + off, **rows)
+        found[datum, off] = misfits_of_test(near, start, sd, counted)
+    assert found["opposite", 0.25] == ()
+    (worse,), (alone,) = found["opposite", 0.4], found["unloaded", 0.25]
+    assert worse.against == 0.1 * np.sqrt(2.0) and alone.against == 0.1
 
 
 def test_a_test_outside_the_cartilage_is_named_with_its_flexions():
