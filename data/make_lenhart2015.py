@@ -94,7 +94,7 @@ def document(source: Path) -> dict[str, Any]:
     """The knee with every fibre."""
     read = import_osim(source / "lenhart2015.osim", side="r")
     made = add_osim_contacts(read, source / "meshes").document
-    reasons = [note.partition(": ") for note in read.found.notes]
+    reasons = [note.partition(": ") for note in read.knee.found.notes]
     straight = [
         {
             "field": f"ligaments.{fibre}.wrap",
@@ -119,7 +119,7 @@ def document(source: Path) -> dict[str, Any]:
             f"{_contact_note(made['contacts'])} Fibres take the shortest way around a wrap object; "
             "for MCLp4 and MCLp5 the ways around both sides of Med_LigP_r are nearly as long over "
             "much of the motion. damping_N_s is the model's and plays no part in statics. "
-            f"{' '.join(read.patella.notes)}"
+            f"{' '.join(read.knee.found.patella)}"
         ),
     }
 

@@ -51,7 +51,8 @@ def measured(knee, cut=(), read=(), **given):
     for name in read:
         at = np.asarray(rows[name])[curves.nodes]
         if name.endswith(".strain"):
-            at = at - np.asarray(rows[name])[curves._unloaded][:, None]
+            unloaded = curves.nodes[:, int(np.argmin(np.abs(curves.part)))]
+            at = at - np.asarray(rows[name])[unloaded][:, None]
         readings[name] = at[:, curves.steps[under]].ravel()
     sd = {"sd_N": 5.0, "sd_strain": 0.001} if read else {}
     return dataclasses.replace(test, readings=readings, **sd, **given)

@@ -94,7 +94,7 @@ def test_a_knee_shows_no_residual_against_where_its_own_patella_was(
     residual, slope = problem.residual(first)
     assert np.abs(residual).max() < 1e-6
     assert problem.cases.readings is not None
-    assert len(problem.cases.readings) == 6 * (2 if counted_from == "extension" else 3)
+    assert len(problem.cases.readings) == 6 * 3
     if counted_from not in ("absolute", "offset"):
         return
 
