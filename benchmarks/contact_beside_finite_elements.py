@@ -150,11 +150,10 @@ def ring_alone(radius, area, modulus, push):
     """Outward motion, mm, by kneejax's ring and by the closed form."""
     ring = Ring(modulus, area, 1e9, 1e-9, [0.0, 0.0], [0.0, 2.0 * np.pi], sections=12)
     turns = 2.0 * np.pi * (np.arange(240) + 0.5) / 240
-    ones = jnp.ones(240)
     points = geo.Vector(radius * np.cos(turns), 0.0 * turns, radius * np.sin(turns))
-    _, _, angle, series = ring.placed(points, geo.Vector(0.0 * ones, ones, 0.0 * ones), ones)
+    hoop = ring.hoop(points, jnp.ones(240))
     # All sections alike: the hoop is longer by 2 pi u, and its tension is the push.
-    return push / float(series * jnp.sum(angle)), push * radius / (modulus * area)
+    return push / float(hoop * ring.angle), push * radius / (modulus * area)
 
 
 def main():
