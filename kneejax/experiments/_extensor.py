@@ -53,7 +53,7 @@ class Held(NamedTuple):
     pull: Array  # of all heads together, `(poses,)`, N
     # Where the balance lay elsewhere than expected, so that a path of its own led to it under the
     # new pull, `(poses,)`.
-    walked: np.ndarray
+    continued: np.ndarray
 
 
 def at_rest(knee: Knee) -> Array:
@@ -113,7 +113,7 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
     bent = dataclasses.replace(knee.reference_pose, flexion=jnp.deg2rad(flexion))
     bending = np.asarray(weight.work(State({TIBIA: bent}), ("flexion",))[0])
     first = np.clip(bending / _ARM_MM, rest, STRONGEST_N)
-    pull, good, walked = first, np.full(first.shape, np.nan), np.zeros(first.shape, bool)
+    pull, good, continued = first, np.full(first.shape, np.nan), np.zeros(first.shape, bool)
     motion = followed(knee, pulled_at(knee, flexion, pull, (weight,)))
     for _ in range(_MOST_TRIES):
         grows = by_pull(knee, motion.load_cases, motion.equilibrium)
@@ -129,9 +129,9 @@ def _searched(knee: Knee, flexion: Array, weight: Load) -> Held:
             break
         step = np.where(goes_on, further - pull, 0.0)
         pull = pull + step
-        motion, astray = _moved(motion, pulled_at(knee, flexion, pull, (weight,)), step, grows)
-        walked |= astray
-    return Held(motion, jnp.asarray(pull), walked)
+        motion, off_branch = _moved(motion, pulled_at(knee, flexion, pull, (weight,)), step, grows)
+        continued |= off_branch
+    return Held(motion, jnp.asarray(pull), continued)
 
 
 def _moved(
@@ -143,13 +143,13 @@ def _moved(
     motion = expected(before.knee, load_cases, q, equilibrium.contact_points)
     units = np.array(scales(load_cases.of(before.knee).free))[:, None]
     away = np.abs(np.asarray(motion.equilibrium.q - q) / units).max(axis=0)
-    astray = (step != 0.0) & ~(away <= _MISSED_MM)
-    if astray.any():
-        walked = followed(before.knee, load_cases)
-        new, old = ((x.equilibrium, x.reached) for x in (walked, motion))
-        equilibrium, reached = jax.tree.map(lambda x, y: jnp.where(astray, x, y), new, old)
+    off_branch = (step != 0.0) & ~(away <= _MISSED_MM)
+    if off_branch.any():
+        continued = followed(before.knee, load_cases)
+        new, old = ((x.equilibrium, x.reached) for x in (continued, motion))
+        equilibrium, reached = jax.tree.map(lambda x, y: jnp.where(off_branch, x, y), new, old)
         motion = again(before.knee, load_cases, equilibrium, reached)
-    return motion, astray
+    return motion, off_branch
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,8 +165,8 @@ class Extensor(Named):
         extension_Nm: moment about the flexion axis with which the knee, its weight included, would
             extend, `(poses,)`: a machine that holds it there exerts as much towards flexion.
         weight_Nm: how much the weight of the leg bends the knee, `(poses,)`.
-        walked: where a pull was found by a path of its own, since the balance under it lay farther
-            than 1 mm from where it was expected, `(poses,)`.
+        continued: where a pull was found by a path of its own, since the balance under it lay
+            farther than 1 mm from where it was expected, `(poses,)`.
     """
 
     motion: Motion
@@ -176,7 +176,7 @@ class Extensor(Named):
     contact_N: Array
     extension_Nm: Array
     weight_Nm: Array
-    walked: np.ndarray
+    continued: np.ndarray
 
     OVER = {"pose": dict.fromkeys(
         ("quadriceps_N", "tendon_N", "contact_N", "extension_Nm", "weight_Nm"), "")}  # fmt: skip
@@ -339,7 +339,7 @@ def leg_raise(knee: Knee, flexion_deg: ArrayLike, shank: Shank | Load) -> Extens
     return described(*held_leg(knee, flexion, weight), weight)
 
 
-def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> Extensor:
+def described(motion: Motion, pull: Array, continued: np.ndarray, weight: Load) -> Extensor:
     """All that is told of balances of a knee of three bones, with the quadriceps' pull, `(poses,)`,
     N; a weight that bends the knee is weightless where none does."""
     mechanics = evaluate(motion.knee, motion.equilibrium.state, motion.equilibrium.contact_points)
@@ -355,7 +355,7 @@ def described(motion: Motion, pull: Array, walked: np.ndarray, weight: Load) -> 
     return Extensor(
         motion, mechanics, pull, where(tendon_of(motion.knee, mechanics)),
         where(forces[:, np.array(on_patella, int)].sum(axis=1)),
-        where(xp.asarray(moment) / 1000.0), where(bends), walked,
+        where(xp.asarray(moment) / 1000.0), where(bends), continued,
     )  # fmt: skip
 
 

@@ -125,8 +125,8 @@ def extensor_answer(
     words = pose_words(knee, found.mechanics, search_words(found.motion, loads))
     doubts = [*status_doubts(status, words, *named_places([f"{x:g}" for x in flexion], "degrees"))]
     title, notes = f"{name}: {experiment}", []
-    if found.walked.any():
-        places = ", ".join(f"{x:g}" for x in flexion[found.walked])
+    if found.continued.any():
+        places = ", ".join(f"{x:g}" for x in flexion[found.continued])
         notes.append(
             f"Found by a continuation of its own, since the equilibrium lay farther than 1 mm from "
             f"where it was expected: {places} deg."

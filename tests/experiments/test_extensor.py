@@ -99,7 +99,7 @@ def test_a_raised_leg_is_held_and_nothing_is_left_over(knee):
     shank = kj.Shank.of_person(75.0, 1.75, ankle_kg=1.0)
     held = kj.leg_raise(knee, FLEXION, shank)
     assert np.abs(held.extension_Nm).max() < 1e-8
-    assert not held.walked.any()
+    assert not held.continued.any()
     # Sitting, the shank's weight turns with the cosine of flexion about the hinge.
     length, mass = 246.0 * 1.75, 0.061 * 75.0
     moment = 9.80665 * (mass * 0.606 + 1.0) * length * np.cos(np.deg2rad(FLEXION))
@@ -195,12 +195,12 @@ def test_derivatives_under_a_given_length_are_exact(knee, central_difference):
         np.testing.assert_allclose(exact / scale, numeric / scale, atol=1e-6)
 
 
-def test_a_balance_elsewhere_than_expected_is_walked_to(knee, monkeypatch):
+def test_a_balance_elsewhere_than_expected_is_reached_by_continuation(knee, monkeypatch):
     shank = kj.Shank.of_person(75.0, 1.75)
     near = kj.leg_raise(knee, FLEXION, shank)
     monkeypatch.setattr("kneejax.experiments._extensor._MISSED_MM", -1.0)
     far = kj.leg_raise(knee, FLEXION, shank)
-    assert far.walked.all() and not near.walked.any()
+    assert far.continued.all() and not near.continued.any()
     np.testing.assert_allclose(far.quadriceps_N, near.quadriceps_N, rtol=1e-9)
     np.testing.assert_allclose(far.patella, near.patella, atol=1e-6)
 
