@@ -103,7 +103,6 @@ class _Paths(eqx.Module):
     place: Array  # of the next load case
     active: Array  # whether there is one
     ended: Array  # whether what was sought is to be judged
-    fresh: Array  # whether nothing was sought yet
     step: Array  # part of the way that is left to the next load case which is tried
     cautious: Array  # whether nothing is extrapolated, since a search failed
     patient: Array  # whether a search may take long
@@ -158,12 +157,13 @@ class Continuation(NamedTuple):
         def a_turn(paths: _Paths) -> _Paths:
             every = paths.record
             paths = dataclasses.replace(paths, record=nothing if turns is not None else every)
-            after = lax.cond(jnp.any(paths.ended), self._advanced, lambda x: x, paths)
+            looked = self._looked(paths)
+            after = lax.cond(jnp.any(looked.ended), self._advanced, lambda x: x, looked)
             if turns is not None:
                 # Written outside of the branch, which would copy every turn.
                 log = lax.dynamic_update_index_in_dim(every, after.record, paths.turns, 0)
                 after = dataclasses.replace(after, record=log)
-            return self._looked(after)
+            return after
 
         return lax.while_loop(unfinished, a_turn, begun)
 
@@ -182,7 +182,7 @@ class Continuation(NamedTuple):
         return case.knees(self.knee), case.load_cases.prescribed
 
     def _begun(self, behind: Behind) -> _Paths:
-        """Nothing sought yet: the loop begins as if all searches had just ended."""
+        """On the way to the first load case."""
         lanes = behind.known.shape
         yes, no, none = jnp.ones(lanes, bool), jnp.zeros(lanes, bool), jnp.zeros(lanes, int)
         y, here = behind.q[0], behind.cases[0]
@@ -192,12 +192,18 @@ class Continuation(NamedTuple):
         record = shapes_of_record(self.like.load_cases, self.knee.patch_count)
         size = sum(int(np.prod(shape)) for shape in record.values())
         nothing = jnp.full((size, *lanes), -1.0)
-        return _Paths(
-            behind=behind, place=none, active=self.length > 0, ended=yes, fresh=yes,
-            step=jnp.ones(lanes), cautious=no, patient=no, looks=none, at_first=no,
+        begun = _Paths(
+            behind=behind, place=none, active=(self.length > 0) & (behind.failed < self.give_up),
+            ended=yes, step=jnp.ones(lanes), cautious=no, patient=no, looks=none, at_first=no,
             here=here, expected=behind.q, straight=none, y=y, state=state,
             turns=jnp.asarray(0), record=nothing,
         )  # fmt: skip
+        return self._sent(begun, self._goal(none), no)
+
+    def _goal(self, place: Array) -> Array:
+        """The load cases that lie ahead, in rows."""
+        places, lanes, _ = self.cases.shape
+        return self.cases[jnp.minimum(place, places - 1), jnp.arange(lanes)].T
 
     def _looked(self, paths: _Paths) -> _Paths:
         """A look of all lanes, each where its search goes on."""
@@ -214,7 +220,7 @@ class Continuation(NamedTuple):
         judged, points = self._judged(paths), paths.state.best.contact_points
         arrived = judged.good & (paths.step >= 1.0)
         over = arrived | judged.failed
-        looks = paths.looks + jnp.where(paths.ended & ~paths.fresh, paths.state.count, 0)
+        looks = paths.looks + jnp.where(paths.ended, paths.state.count, 0)
         entry = dict(
             place=paths.place, status=judged.status, fault=judged.fault, steps=looks,
             way=jnp.where(arrived, 1.0, paths.behind.progress), softness=judged.softness,
@@ -238,8 +244,7 @@ class Continuation(NamedTuple):
             progress=jnp.where(over, 0.0, progress),
             softness=jnp.where(good, judged.softness, behind.softness),
         )
-        places, lanes, _ = self.cases.shape
-        goal = self.cases[jnp.minimum(place, places - 1), jnp.arange(lanes)].T
+        goal = self._goal(place)
         # Loads are not laid on a knee that is not balanced without them.
         in_vain = judged.failed & self._loading(goal, behind.cases[0])
         failed = jnp.where(in_vain, self.give_up, behind.failed)
@@ -249,7 +254,7 @@ class Continuation(NamedTuple):
             place=place,
             active=paths.active & (place < self.length) & (failed < self.give_up),
             step=step,
-            cautious=~good & (paths.cautious | paths.ended & ~paths.fresh),
+            cautious=~good & (paths.cautious | paths.ended),
             looks=jnp.where(over, 0, looks),
             at_first=paths.at_first | (arrived & (paths.place == 0)),
             turns=paths.turns + jnp.any(over),
@@ -272,7 +277,6 @@ class Continuation(NamedTuple):
         patient = (order < 2) | again
         return dataclasses.replace(
             paths,
-            fresh=jnp.zeros_like(paths.fresh),
             here=jnp.where(begins, new, paths.here),
             expected=jnp.where(begins, expected, paths.expected),
             straight=jnp.where(begins, orders[-1], paths.straight),
@@ -323,7 +327,7 @@ class Continuation(NamedTuple):
         far |= (paths.straight > 1) & (missed > _MISSED_MM)
         off_branch = converged(status) & (far | (loading & ~(softness > 0.0)))
         status = jnp.where(off_branch, int(Status.NOT_CONVERGED), status)
-        ended = paths.ended & paths.active & ~paths.fresh
+        ended = paths.ended & paths.active
         good = ended & converged(status)
         finest = jnp.where(bend > 0.0, _FINEST_BENT, _FINEST_CHANGED)
         finest = jnp.where(loading, _FINEST, finest)

@@ -29,6 +29,7 @@ from kneejax.mechanics.contact._points import (
     Sampled,
     asked_at,
     over_rays,
+    sample,
 )
 from kneejax.mechanics.contact._points_force import (
     PointFaults,
@@ -78,19 +79,7 @@ class Foundation(eqx.Module):
 
     def sample(self, tibia: Placement) -> Sampled:
         """Depth at the points; see `Sampled`."""
-
-        def all_of(sampled: Sampled) -> tuple[Array, ...]:
-            given_way = sampled.points.given_way
-            parts = sampled.depth, *sampled.slope, *sampled.twist
-            parts = parts if given_way is None else (*parts, given_way)
-            shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in parts))
-            return tuple(jnp.broadcast_to(x, shape) for x in (*parts, sampled.lost))
-
-        depth, *six, lost = self.over_points(tibia, all_of)
-        points = self.points
-        if self.hoops is not None:
-            points = dataclasses.replace(points, given_way=six.pop())
-        return Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
+        return sample(self.femoral, self.points, tibia.inverse(), self.hoops)
 
     def over_points(self, tibia: Placement, answer: Callable[[Sampled], Answer]) -> Answer:
         """What a function makes of the depths at the points; faster than `sample` where it returns

@@ -120,13 +120,7 @@ def over_rays(
     surface = asked_at(femoral, points)
 
     def settled(sampled: Sampled) -> Answer:
-        if hoops is None:
-            return answer(sampled)
-        own = sampled.points
-        outward = hoops.settled(own, sampled.depth)
-        own = dataclasses.replace(own, given_way=hoops.given_way(sampled.depth, outward))
-        depth, energy = own.left_of(sampled.depth), hoops.energy(outward)
-        return answer(dataclasses.replace(sampled, points=own, depth=depth, of_hoops=energy))
+        return answer(sampled.settled(hoops))
 
     quick, sound = quick_depths(surface, points, motion)
     usual = quickly(surface, points, motion, quick)
@@ -147,6 +141,15 @@ def over_rays(
         return settled(Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost))
 
     return lax.cond(jnp.all(sound), lambda: settled(usual), again)
+
+
+def sample(
+    femoral: Surface | Condyles, points: Points, motion: Placement, hoops: Hoops | None = None
+) -> Sampled:
+    """Depths at all points; arguments as `over_rays`."""
+    depth, *six, lost = over_rays(femoral, points, motion, _numbers)
+    rays = Sampled(points, depth, Vector(*six[:3]), Vector(*six[3:]), lost)
+    return rays.settled(hoops)
 
 
 def _numbers(sampled: Sampled) -> tuple[Array, ...]:
@@ -354,6 +357,16 @@ class Sampled(eqx.Module):
     twist: Vector
     lost: Array
     of_hoops: Array | None = None
+
+    def settled(self, hoops: Hoops | None) -> Sampled:
+        """Once rims have given way, if there are any."""
+        if hoops is None:
+            return self
+        own = self.points
+        outward = hoops.settled(own, self.depth)
+        own = dataclasses.replace(own, given_way=hoops.given_way(self.depth, outward))
+        depth, energy = own.left_of(self.depth), hoops.energy(outward)
+        return dataclasses.replace(self, points=own, depth=depth, of_hoops=energy)
 
     @property
     def energy(self) -> Array:

@@ -15,12 +15,15 @@ pushes sections outwards and `H` the second derivative of the energy by `u`, the
 by `B' H^-1 B`.
 
 `w` the rotation of the femur, `n` the normal of the tibial surface, `g` and `H` the first two
-derivatives of the femoral level. Any other change, of a surface or of a modulus, is differentiated.
+derivatives of the femoral level. What springs are made of, a modulus above all, leaves the rays as
+they are, and is differentiated there. Any change of a surface is differentiated with its rays.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
+import operator
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -44,11 +47,12 @@ from kneejax.mechanics.contact._points import (
     quick_depths,
     quickly_with_bend,
     row_after_row,
+    sample,
     thoroughly,
 )
 from kneejax.mechanics.contact._rays import FARTHEST, Exit, thorough_exit
 from kneejax.mechanics.contact._ring import Hoops
-from kneejax.numerics import instantiate, none_of
+from kneejax.numerics import instantiate, jvp_of_moved, none_of
 
 
 class PointFaults(eqx.Module):
@@ -135,18 +139,35 @@ def _pressed_and_faults(femoral: Surface, motion: Placement, sampled: Sampled):
 
 def _press_points_jvp(primals, tangents):
     femoral, points, motion, hoops = primals
-    *of_parts, of_motion, of_hoops = tangents
-    of_parts = *of_parts, of_hoops
-    if not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(of_parts)):
+    of_femoral, of_points, of_motion, of_hoops = tangents
+    if _moves((of_femoral, of_points.point, of_points.normal, of_points.femoral)):
         return jax.jvp(press_points.fun, primals, instantiate(tangents))
-    energy, wrench, by_twist, faults = _stiff(femoral, points, motion, hoops)
-    shift, turn = _twist(motion, instantiate(of_motion))
-    change = Wrench(ZERO, ZERO)
-    for rate, by in zip((*shift, *turn), by_twist, strict=True):
-        change = change + Wrench(rate * by.force, rate * by.moment)
-    # The work of the wrench on the tibia, as the femur moves instead.
-    work = plus(shift @ wrench.force, turn @ wrench.moment)
-    return (energy, wrench, faults), (work, change, none_of(faults))
+    changes = []
+    if _moves((of_points, of_hoops)):
+        rays, surface = sample(femoral, points, motion), asked_at(femoral, points)
+
+        def pressed(points: Points, hoops: Hoops | None):
+            sampled = dataclasses.replace(rays, points=points).settled(hoops)
+            held, faults = _pressed_and_faults(surface, motion, sampled)
+            return *held, lax.stop_gradient(faults)
+
+        value, change = jvp_of_moved(pressed, (points, hoops), (of_points, of_hoops))
+        changes.append(change[:2])
+    if _moves(of_motion) or not changes:
+        energy, wrench, by_twist, faults = _stiff(femoral, points, motion, hoops)
+        shift, turn = _twist(motion, instantiate(of_motion))
+        # The work of the wrench on the tibia, as the femur moves instead.
+        work, change = plus(shift @ wrench.force, turn @ wrench.moment), Wrench(ZERO, ZERO)
+        for rate, by in zip((*shift, *turn), by_twist, strict=True):
+            change = change + Wrench(rate * by.force, rate * by.moment)
+        value = energy, wrench, faults
+        changes.append((work, change))
+    energy, wrench = (functools.reduce(operator.add, x) for x in zip(*changes, strict=True))
+    return value, (energy, wrench, none_of(value[2]))
+
+
+def _moves(tangents: Any) -> bool:
+    return not all(isinstance(t, SymbolicZero) for t in jax.tree.leaves(tangents))
 
 
 def _stiff(
