@@ -127,6 +127,34 @@ def apart_and_together(contacts, state, flexion):
     return of([contact.foundation for contact in contacts]), of(foundations_of(contacts))
 
 
+@pytest.mark.long
+@pytest.mark.parametrize(("tilt", "up"), [(0.02, 1.5), (-0.9, 8.0)])
+def test_a_force_is_proportional_to_its_modulus_whatever_moves(tilt, up, rng):
+    # Rays stay where they are, the six that graze at the second pose too.
+    (together,) = foundations_of(pair_of_splines(rng))
+
+    def pressed(stiffer, state):
+        points = dataclasses.replace(together.points, modulus=stiffer * together.points.modulus)
+        tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement
+        energy, wrench, _ = dataclasses.replace(together, points=points).press(tibia)
+        return jnp.stack([energy, *wrench.force, *wrench.moment])
+
+    at = jnp.asarray(1.0), jnp.array([tilt, -0.05, 0.7, up, -0.6])
+    move = jnp.array([0.01, 0.02, 0.3, -0.1, 0.2])
+
+    @jax.jit
+    def rates(stiffer, state):
+        along = lambda rate, move: jax.jvp(pressed, (stiffer, state), (rate, move))[1]  # noqa: E731
+        none = jnp.zeros(5)
+        by_modulus = jax.jvp(lambda e: pressed(e, state), (stiffer,), (jnp.asarray(1.0),))
+        return *by_modulus, along(0.0, move), along(1.0, none), along(1.0, move)
+
+    value, by_modulus, by_motion, alone, both = rates(*at)
+    assert np.abs(value[1:4]).max() > 10.0
+    for found, expected in ((by_modulus, value), (alone, value), (both, value + by_motion)):
+        np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(value).max())
+
+
 # At the second pose rays graze at six points: two rows of three are searched thoroughly.
 @pytest.mark.long
 @pytest.mark.parametrize(("tilt", "up", "unusual"), [(0.02, 1.5, 0), (-0.9, 8.0, 6)])
