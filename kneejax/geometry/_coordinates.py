@@ -245,7 +245,7 @@ def prescribed_of(columns: Mapping[str, ArrayLike]) -> dict[str, Array]:
     for column, x in columns.items():
         one, xp = names[column], numpy_for(x)
         x = xp.asarray(x, float)
-        found[one.name] = jnp.asarray(xp.deg2rad(x) if one.unit == "deg" else x)
+        found[one.name] = jnp.asarray(xp.deg2rad(x) if one.unit == "deg" else x, float)
     return found
 
 
@@ -272,13 +272,15 @@ class State(eqx.Module):
             q: the others, `(free, ...)`, rad and mm, in the order of `kneejax.geometry.free_of`.
             bodies: that move.
         """
-        values = {**prescribed, **dict(zip(free_of(prescribed, bodies), q, strict=True))}
+        free, rows = free_of(prescribed, bodies), numpy_for(q).asarray(q)
+        values = {**prescribed, **dict(zip(free, rows, strict=True))}
         if "drawer" in values:
             turned = from_drawer(values["flexion"], values["drawer"], values["lift"])
             values["anterior"], values["superior"] = turned
         names = coordinates_of(bodies)
-        every = jnp.broadcast_arrays(*(jnp.asarray(values[name], float) for name in names))
-        rows = dict(zip(names, every, strict=True))
+        xp = numpy_for(values)
+        every = xp.broadcast_arrays(*(xp.asarray(values[name], float) for name in names))
+        rows = {name: jnp.asarray(x, float) for name, x in zip(names, every, strict=True)}
         return cls({body: Pose(*(rows[name] for name in BODIES[body])) for body in bodies})
 
     @property
@@ -295,7 +297,8 @@ class State(eqx.Module):
         """Some of the coordinates, `(len(names), ...)`, rad and mm."""
         places = [coordinate(name) for name in names]
         values = [getattr(self.poses[one.body], one.way) for one in places]
-        return jnp.stack(jnp.broadcast_arrays(*values))
+        xp = numpy_for(values)
+        return jnp.asarray(xp.stack(xp.broadcast_arrays(*values)), float)
 
     def between(self, pair: Pair) -> Placement:
         """The motion from the second body's coordinates to the first's."""

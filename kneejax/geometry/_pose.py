@@ -147,7 +147,7 @@ class Pose(eqx.Module):
         xp = numpy_for(self)
         angles = xp.stack([self.flexion, self.adduction, self.internal_rotation], -1)
         shifts = xp.stack([self.anterior, self.superior, self.lateral], -1)
-        return jnp.asarray(xp.concatenate([xp.rad2deg(angles), shifts], -1))
+        return _floats(xp.concatenate([xp.rad2deg(angles), shifts], -1))
 
     @property
     def drawer(self) -> Array:
@@ -169,7 +169,8 @@ class Pose(eqx.Module):
 
 
 def _floats(x: ArrayLike) -> Array:
-    return jnp.asarray(numpy_for(x).asarray(x, float))
+    # Of a stated type, since without one JAX compiles a program for every shape.
+    return jnp.asarray(numpy_for(x).asarray(x, float), float)
 
 
 def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Array]:

@@ -25,6 +25,7 @@ from kneejax.geometry import (
     numbers,
 )
 from kneejax.mechanics._wrench import Wrench, generalised_force
+from kneejax.numerics import numpy_for
 
 #: The bones in whose frame a point may be stated.
 BONES = FEMUR_AND_TIBIA
@@ -78,7 +79,9 @@ class Load(eqx.Module):
     @property
     def sizes(self) -> Array:
         """How much acts, `(..., 6)`: force, N, and moment at `ARM_MM`, N."""
-        return jnp.concatenate([self.force, self.moment / ARM_MM], axis=-1)
+        xp = numpy_for(self)
+        moment = xp.asarray(self.moment) / ARM_MM
+        return jnp.asarray(xp.concatenate([self.force, moment], axis=-1), float)
 
     @property
     def places(self) -> tuple[Array, ...]:
@@ -92,7 +95,8 @@ class Load(eqx.Module):
 
     def at_each(self, shape: tuple[int, ...]) -> Load:
         """Once for each of `shape` load cases."""
-        return jax.tree.map(lambda x: jnp.broadcast_to(x, (*shape, 3)), self)
+        xp = numpy_for(self)
+        return jax.tree.map(lambda x: jnp.asarray(xp.broadcast_to(x, (*shape, 3)), float), self)
 
     def wrench(self, there: Placement) -> Wrench:
         """On the bone, about its origin in femur axes.

@@ -6,10 +6,10 @@ import dataclasses
 import re
 from collections.abc import Mapping
 
-import jax.numpy as jnp
 from jax.typing import ArrayLike
 
 from kneejax.mechanics._loads import GROOD_SUNTAY, Load
+from kneejax.numerics import numpy_for
 
 #: N mm of a newton metre.
 _NMM = 1000.0
@@ -126,13 +126,14 @@ def load_of(
         [10000.0, 0.0, 0.0]
     """
     sizes = (anterior_N, compression_N, lateral_N, varus_Nm, internal_Nm)
-    numbers = jnp.broadcast_arrays(*(jnp.asarray(size, float) for size in sizes))
+    xp = numpy_for(sizes, point)
+    numbers = xp.broadcast_arrays(*(xp.asarray(size, float) for size in sizes))
     forward, up, outward, varus, internal = numbers
-    still = jnp.zeros_like(varus)
+    still = xp.zeros_like(varus)
     return Load(
-        jnp.stack([forward, up, outward], -1),
-        _NMM * jnp.stack([varus, internal, still], -1),
-        jnp.broadcast_to(jnp.asarray(point, float), (*varus.shape, 3)),
+        xp.stack([forward, up, outward], -1),
+        _NMM * xp.stack([varus, internal, still], -1),
+        xp.broadcast_to(xp.asarray(point, float), (*varus.shape, 3)),
         axes=axes,
         point_in=point_in,
         name=name,

@@ -115,7 +115,7 @@ class Selection:
         for i in range(len(self)):
             leaf, (rows, quantity) = self.leaf(i), self._place(i)
             each.append(leaf.read(knee) if leaf else value_of(numbers(quantity), rows, quantity))
-        return jnp.asarray(numpy_for(each).stack(each))
+        return jnp.asarray(numpy_for(each).stack(each), float)
 
     def apply(self, knee: Knee, values: Array) -> Knee:
         """The knee with new values of the free parameters.

@@ -92,7 +92,7 @@ def write_value(knee: Knee, rows: tuple[int, ...], quantity: str, value: Array) 
 
 
 def _with(knee: Knee, field: str, values: Array) -> Knee:
-    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, jnp.asarray(values))
+    return eqx.tree_at(lambda k: getattr(k.ligaments, field), knee, jnp.asarray(values, float))
 
 
 def strained(knee: Knee, strains: Sequence[tuple[tuple[int, ...], Array]]) -> Knee:

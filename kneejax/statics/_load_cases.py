@@ -87,10 +87,10 @@ class LoadCases(eqx.Module):
         if "flexion_deg" in held:
             raise ValueError("flexion_deg stands among what is held: give it as flexion_deg itself")
         values = prescribed_of({"flexion_deg": flexion_deg, **held})
-        rows = [jnp.atleast_1d(x) for x in values.values()]
-        rows += [jnp.zeros(load.sizes.shape[:-1] or (1,)) for load in loads]
-        size = jnp.broadcast_shapes(*(row.shape for row in rows))
-        values = {name: jnp.broadcast_to(x, size) for name, x in values.items()}
+        shapes = [jnp.shape(x) or (1,) for x in values.values()]
+        shapes += [load.sizes.shape[:-1] or (1,) for load in loads]
+        size, xp = jnp.broadcast_shapes(*shapes), numpy_for(values)
+        values = {n: jnp.asarray(xp.broadcast_to(x, size), float) for n, x in values.items()}
         everywhere = tuple(load.at_each(size) for load in loads)
         if not flexion_is_free:
             return cls(values, everywhere)
@@ -142,7 +142,7 @@ class LoadCases(eqx.Module):
         named = [load for load in self.loads if isinstance(load, Load) and load.name != _PLAIN]
         if self.loads and not named:
             return self
-        nothing = jnp.zeros((len(self), 3))
+        nothing = np.zeros((len(self), 3))
         loads = self.loads or (Load(nothing, nothing, nothing, axes=GROOD_SUNTAY),)
         plain = tuple(
             dataclasses.replace(x, name=_PLAIN) if isinstance(x, Load) else x for x in loads

@@ -67,11 +67,19 @@ def _scaled(table, by: tuple[Component, Component] = (1.0, 1.0)):
     )
 
 
-@partial(jax.custom_jvp, nondiff_argnums=(3,))
+# One program where a surface is asked outside of what is traced, not one for each operation.
+@partial(jax.jit, static_argnums=(3,), inline=True)
 def _partials(
     coefficients: Array, s: Array, t: Array, order: int
 ) -> tuple[tuple[Array | None, ...], ...]:
     """As `partials`, None for 0.0."""
+    return _by_horner(coefficients, s, t, order)
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(3,))
+def _by_horner(
+    coefficients: Array, s: Array, t: Array, order: int
+) -> tuple[tuple[Array | None, ...], ...]:
     powers, batch = coefficients.shape[:2], coefficients.shape[2:]
     missing = max(jnp.ndim(s), jnp.ndim(t)) - len(batch)
     table = coefficients.reshape(powers + (1,) * missing + batch)
@@ -86,12 +94,12 @@ def _partials(
     return tuple(tuple(one(i, j) for j in range(order - i + 1)) for i in range(order + 1))
 
 
-@partial(_partials.defjvp, symbolic_zeros=True)
-def _partials_jvp(order, primals, tangents):
+@partial(_by_horner.defjvp, symbolic_zeros=True)
+def _by_horner_jvp(order, primals, tangents):
     coefficients, s, t = primals
-    more = _partials(coefficients, s, t, order + 1)
+    more = _by_horner(coefficients, s, t, order + 1)
     moved = not isinstance(tangents[0], SymbolicZero)
-    linear = _partials(tangents[0], s, t, order) if moved else None
+    linear = _by_horner(tangents[0], s, t, order) if moved else None
     return change_of_table(more, linear, tangents[1], tangents[2], order)
 
 

@@ -95,7 +95,7 @@ def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.nd
 def motion_of(problem: Problem, found: Slopes) -> Motion:
     """The poses of one fit that were measured as such, with the forces that hold them."""
     rows, knee = problem.cases.posed, problem.knee_at(found.values[0])
-    state = jax.tree.map(lambda x: x[rows], problem.state(found))
+    state = jax.tree.map(lambda x: np.asarray(x)[rows], problem.state(found))
     table, status = np.array(state.tibia.to_table()), found.status[0][rows]
     table[:, 0] = problem.measured[:, 0]
     if not len(table):

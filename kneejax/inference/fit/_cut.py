@@ -136,7 +136,7 @@ def without(knee: Knee, selection: Selection, names: tuple[str, ...]):
 
 def state_of(knee: Knee, cases: Observations, found: Slopes) -> State:
     """Where the bones are in the balances of one variant, `(load_cases,)`."""
-    return State.of(cases.load_cases.prescribed, jnp.asarray(found.q[0].T), knee.bodies)
+    return State.of(cases.load_cases.prescribed, jnp.asarray(found.q[0].T, float), knee.bodies)
 
 
 def slack_at(
@@ -144,8 +144,8 @@ def slack_at(
 ) -> dict[str, np.ndarray]:
     """Ligament or group -> where it is slack or cut in the balances of one variant,
     `(load_cases,)`."""
-    contact_points = jnp.moveaxis(jnp.asarray(found.contact_points[0]), 0, -1)
-    own = selection.apply(knee, jnp.asarray(found.values[0]))
+    contact_points = jnp.asarray(np.moveaxis(found.contact_points[0], 0, -1), float)
+    own = selection.apply(knee, found.values[0])
     slack = slack_poses(own, state_of(knee, cases, found), contact_points)
     for number, names in enumerate(cases.cuts):
         gone = {*fibres_cut(knee, names)}

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
@@ -193,7 +192,7 @@ class Problem:
 
     def knee_at(self, values: np.ndarray) -> Knee:
         """The knee with these parameters."""
-        return self.selection.apply(self.knee, jnp.asarray(values[: len(self.selection)]))
+        return self.selection.apply(self.knee, values[: len(self.selection)])
 
     def begin(self, values: np.ndarray) -> Slopes:
         """Balances at values `(fits, p)`, each followed from the knee's reference pose."""

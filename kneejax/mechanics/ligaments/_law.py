@@ -23,7 +23,7 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from kneejax.numerics import branch, positive_part, safe_sqrt
+from kneejax.numerics import branch, numpy_for, positive_part, safe_sqrt
 
 
 def exact_tension(strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike) -> Array:
@@ -158,7 +158,9 @@ def slack_length_from_strain(reference_length: ArrayLike, reference_strain: Arra
 
     Source: paper 1, Eq 4.
     """
-    return jnp.asarray(reference_length, float) / (1.0 + jnp.asarray(reference_strain, float))
+    xp = numpy_for(reference_length, reference_strain)
+    length, strain = (xp.asarray(x, float) for x in (reference_length, reference_strain))
+    return jnp.asarray(length / (1.0 + strain), float)
 
 
 def slack_length_from_force(
