@@ -159,11 +159,11 @@ def follow(
     read = jax.tree.map(
         lambda *x: np.concatenate(x)[: status.size].reshape(*shape, *x[0].shape[1:]), *parts
     )
-    by_value = None
+    by, by_value = read.pop("by", {}), None
+    for numbers in read.values():
+        numbers[~converged(status)] = np.nan
     if near is not None:
-        by_value = {
-            name: own + by_pose @ near.jacobian for name, (own, by_pose) in read.pop("by").items()
-        }
+        by_value = {name: own + by_pose @ near.jacobian for name, (own, by_pose) in by.items()}
     return Followed(**read, status=status, slopes=by_value, near=near)
 
 

@@ -97,7 +97,7 @@ def fix(
     at_fixation = Protocol(np.array([flexion_deg]), (), 0.0)
     pulled = follow(plan, values, at_fixation, slopes=slopes, near=near, grid=grid)
     grafts = plan.rows(plan.bundles)
-    length = np.where(pulled.converged, pulled.length_mm[:, 0, grafts], np.nan)
+    length = pulled.length_mm[:, 0, grafts]
     by_length = np.zeros((*length.shape, values.shape[1]))
     if pulled.slopes is not None:
         by_length = pulled.slopes["length_mm"][:, 0, grafts]

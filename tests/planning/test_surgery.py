@@ -12,6 +12,7 @@ from kneejax.planning import (
     Surgery,
     best_of,
     criteria_of,
+    follow,
     footprint_of,
     missed,
     octagon,
@@ -80,6 +81,15 @@ def test_a_graft_that_could_not_be_fixed_has_no_numbers(surgery):
     assert np.isnan(found.slack_mm).all() and found.status[0] != 0
     for told in (found.total, found.laxity_mm, found.peak_N, found.isometry_mm):
         assert np.isnan(told).all()
+
+
+def test_nothing_is_read_of_a_knee_without_a_balance(surgery):
+    ends, _ = surgery.ends(np.vstack([BASE[:4], BASE[:4]]) @ np.eye(4, 5))
+    pulled = surgery.plan.value(ends, tension_N=np.array([[80.0], [1e6]]), elastic=False)
+    found = follow(surgery.plan, pulled, Protocol(np.array([20.0]), (), 0.0))
+    assert found.converged[:, 0].tolist() == [True, False]
+    for read in (found.length_mm, found.strain, found.tension_N, found.anterior_mm):
+        assert np.isfinite(read[0]).all() and np.isnan(read[1]).all()
 
 
 def test_length_change_is_between_the_longest_and_the_shortest_of_the_motion(surgery, planned):

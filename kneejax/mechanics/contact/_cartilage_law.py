@@ -117,30 +117,6 @@ def _patch_energy_jvp(law: str, primals, tangents):
     return patch_energy(law, *primals), relative_energy(law, *primals) * tangents[0]
 
 
-def patch_force(law: str, c: ArrayLike) -> Array:
-    """Resultant over `pi K a b` of an elliptical patch with relative depth `c` at its centre.
-
-    Args:
-        law: one of `LAWS`.
-        c: relative depth at the centre.
-
-    Source: paper 3, Eq 15 (ratio); the others by the same integral.
-
-    Example:
-        >>> import math
-        >>> ab = 2 * 1.0 * math.sqrt(30 * 20)  # 1 mm deep, radii 30 and 20 mm
-        >>> round(float(math.pi * 18.9655 * ab * patch_force("log", 1 / 6)), 2)
-        258.01
-    """
-    c = jnp.asarray(c, float)
-    if law == "linear":
-        return 0.5 * c
-    # The mean of the pressure over 0..s is the energy density, divided by s.
-    return branch(
-        c > 0, lambda x: relative_energy(law, x) / x, lambda x: 0.5 * x, c, inside=0.5, outside=0.5
-    )
-
-
 def _series(c: Array, law: str, over_patch: bool) -> Array:
     total = jnp.zeros_like(c)
     for n in range(_TERMS + 1, 1, -1):

