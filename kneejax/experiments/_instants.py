@@ -15,7 +15,6 @@ from collections.abc import Iterable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from kneejax.experiments._branches import (
     APART_MM,
@@ -166,6 +165,8 @@ class Instants:
 
     def _between(self, known: np.ndarray) -> None:
         """Find what lies between instants that are known, half-way first."""
+        from scipy.interpolate import PchipInterpolator  # 0.2 s that no other command waits for
+
         while len(known) < len(self.load_cases):
             first, last = known[:-1], known[1:]
             apart = last - first > 1
