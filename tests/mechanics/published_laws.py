@@ -19,14 +19,7 @@ def exact_energy(
     transition_strain: ArrayLike,
     slack_length: ArrayLike,
 ) -> Array:
-    """Energy of a fibre by the published law, in N mm. Twice continuously differentiable.
-
-    Args:
-        strain: length over slack length, minus one.
-        stiffness: N per unit strain.
-        transition_strain: strain where the parabola meets the line.
-        slack_length: mm.
-    """
+    """Energy of a fibre by the published law, N mm. Twice continuously differentiable."""
     strain, toe = jnp.asarray(strain, float), jnp.asarray(transition_strain, float)
     parabola = strain**3 / (6.0 * toe)
     line = 0.5 * (strain - 0.5 * toe) ** 2 + toe * toe / 24.0

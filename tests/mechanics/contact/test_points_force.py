@@ -155,6 +155,25 @@ def test_a_force_is_proportional_to_its_modulus_whatever_moves(tilt, up, rng):
         np.testing.assert_allclose(found, expected, rtol=1e-10, atol=1e-10 * np.abs(value).max())
 
 
+@pytest.mark.long
+def test_a_force_follows_the_thickness_and_the_onset_of_its_layer(rng, central_difference):
+    (together,) = foundations_of(pair_of_splines(rng))
+    own, state = together.points, jnp.array([0.02, -0.05, 0.7, 1.5, -0.6])
+    tibia = geo.State.of({"flexion": jnp.asarray(0.5)}, state).tibia.placement
+
+    def pressed(parts):
+        layer, onset = parts[0] * own.layer, parts[1] * own.onset_width
+        points = dataclasses.replace(own, layer=layer, onset_width=onset)
+        energy, wrench, _ = dataclasses.replace(together, points=points).press(tibia)
+        value = jnp.stack([energy, *wrench.force, *wrench.moment])
+        return value, value
+
+    both = jax.jit(jax.jacfwd(pressed, has_aux=True))
+    expected = central_difference(lambda x: both(x)[1], np.ones(2), 1e-3)
+    size = 1e-6 * np.abs(expected).max(axis=0)
+    assert (np.abs(both(np.ones(2))[0] - expected) <= size).all() and (size > 0.0).all()
+
+
 # At the second pose rays graze at six points: two rows of three are searched thoroughly.
 @pytest.mark.long
 @pytest.mark.parametrize(("tilt", "up", "unusual"), [(0.02, 1.5, 0), (-0.9, 8.0, 6)])
