@@ -123,8 +123,10 @@ def run_test(arguments: Simulate) -> int:
     whole = whole_knee(arguments)
     knee = cut(whole, arguments.cut)
     with stages_on_terminal(knee.name):
+        ready = experiments.evaluate_beside(knee)
         from_intact = arguments.counted_from == "intact"
         curves = experiments.load_curves(knee, tests, whole if from_intact else None)
+        ready.result()
         mechanics = experiments.mechanics_of(curves[0])
         looked_at = curves if arguments.cut else ()
         others = [experiments.second_balances(one, whole) for one in looked_at]

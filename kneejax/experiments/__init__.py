@@ -13,6 +13,7 @@ from kneejax.experiments._cycle import cycle_of as cycle_of
 from kneejax.experiments._cycle import weights as weights
 from kneejax.experiments._evaluate import Mechanics as Mechanics
 from kneejax.experiments._evaluate import evaluate as evaluate
+from kneejax.experiments._evaluate import evaluate_beside as evaluate_beside
 from kneejax.experiments._evaluate import load_share as load_share
 from kneejax.experiments._evaluate import slack_poses as slack_poses
 from kneejax.experiments._evaluate import status_of as status_of

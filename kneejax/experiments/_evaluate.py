@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import Future
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -21,7 +23,7 @@ from kneejax.mechanics import (
     add_lane_axis,
     displacement,
 )
-from kneejax.numerics import Named, compiled, on_all_cores, safe_sqrt, traced
+from kneejax.numerics import Named, beside, compiled, on_all_cores, safe_sqrt, traced
 from kneejax.quantities import AXES
 from kneejax.statics import ContactFaults, Status, worst_fault
 
@@ -146,7 +148,7 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
         (1, 4)
     """
     state = poses if isinstance(poses, State) else State({TIBIA: poses})
-    count = len(jnp.atleast_1d(state.tibia.flexion))
+    count = jnp.size(state.tibia.flexion)
     if traced(knee, state, contact_points) or not count:
         return _evaluate(knee, state, contact_points)
     knee = knee.for_many_poses()
@@ -160,6 +162,25 @@ def evaluate(knee: Knee, poses: Pose | State, contact_points: Array | None = Non
 
     parts = on_all_cores(chunk, rows)
     return jax.device_put(jax.tree.map(lambda *x: np.concatenate(x)[:count], *parts))
+
+
+def evaluate_beside(knee: Knee) -> Future[Mechanics]:
+    """Begin to compile what `evaluate` needs for a knee, beside what the caller does next.
+
+    Args:
+        knee: any knee; only its structure counts.
+
+    Returns:
+        A future of the mechanics at its reference pose; `result()` waits until `evaluate` is ready.
+
+    Example:
+        >>> import kneejax as kj
+        >>> evaluate_beside(kj.load_knee("four_ligament")).result().tension.shape
+        (1, 4)
+    """
+    knee = knee.for_many_poses()
+    there = jax.tree.map(lambda x: np.reshape(np.asarray(x, float), 1), knee.at_reference)
+    return beside(evaluate, knee, there, np.full((knee.patch_count, 2, 1), np.nan))
 
 
 @compiled(effort="least")

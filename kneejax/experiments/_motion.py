@@ -17,7 +17,7 @@ from jax.typing import ArrayLike
 from kneejax.experiments._evaluate import Mechanics
 from kneejax.geometry import COLUMNS, COORDINATES, Pose, convert, coordinate, table_units
 from kneejax.mechanics import Knee, Load, add_lane_axis
-from kneejax.numerics import Named, WrongValue, compiled, imported, traced
+from kneejax.numerics import Named, WrongValue, compiled, imported, numpy_for, traced
 from kneejax.parameters import fibre_rows
 from kneejax.statics import (
     Equilibria,
@@ -156,7 +156,8 @@ class Motion(eqx.Module, Named):
         if convention == "femoral":
             return self.pose.to_table()
         found = convert(self.equilibrium.state.at(COORDINATES), "femoral", convention)
-        return found.T * table_units(COORDINATES)
+        rows = numpy_for(found).asarray(found).T * table_units(COORDINATES)
+        return jnp.asarray(rows, float)
 
     def tension(self, name: str) -> Array:
         """Tension of a ligament, the sum over its fibres.
@@ -332,7 +333,7 @@ def again(knee: Knee, load_cases: LoadCases, equilibrium: Equilibrium, reached: 
 
 def _of_one(load_cases: LoadCases, found: Equilibria) -> tuple[Equilibrium, Array]:
     nodes = {name: np.moveaxis(x, 0, -1) for name, x in found.in_nodes().items()}
-    return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0])
+    return equilibrium_of(load_cases, nodes), jnp.asarray(found.reached[0], float)
 
 
 @compiled()

@@ -1,5 +1,6 @@
 """Compiling, lanes, all cores, elimination, safe primitives. Knows no knee."""
 
+from kneejax.numerics._configure import beside as beside
 from kneejax.numerics._configure import collect_seldom as collect_seldom
 from kneejax.numerics._configure import compiled as compiled
 from kneejax.numerics._configure import compiler_options as compiler_options

@@ -1,9 +1,4 @@
-"""What a program asks of JAX before anything is computed: cores, compiler, kept executables.
-
-JAX takes what lies in its folder for whole, warns of an entry that it cannot read, and never
-replaces it: a half-written file costs its compilation in every later run, and where entries are
-packed without a checksum a flipped bit would be run.
-"""
+"""What a program asks of JAX before anything is computed: cores, compiler, kept programs."""
 
 from __future__ import annotations
 
@@ -12,7 +7,6 @@ import contextlib
 import ctypes
 import functools
 import gc
-import hashlib
 import os
 import sys
 import threading
@@ -25,8 +19,7 @@ import jax
 import numpy as np
 from jax.core import eval_context
 
-from kneejax._whole_files import write_whole
-from kneejax.numerics._kept_programs import keep_programs, kept
+from kneejax.numerics._kept_programs import check_executables, keep_programs, kept
 from kneejax.numerics._lanes import traced
 
 Part = TypeVar("Part")
@@ -66,84 +59,36 @@ def on_all_cores(work: Callable[[Part], Answer], parts: Iterable[Part]) -> list[
         raise
 
 
+def beside(work: Callable[..., Answer], *arguments: Any) -> concurrent.futures.Future[Answer]:
+    """Begin some work on a thread of its own, while the caller goes on.
+
+    One program compiles while another one does: the compiler leaves Python's lock, and takes one
+    core. Such work comes one after the other.
+
+    Args:
+        work: a function of the arguments.
+
+    Returns:
+        Its future; `result()` waits, and raises what the work has raised.
+
+    Example:
+        >>> beside(abs, -1).result()
+        1
+    """
+    return _one_thread().submit(work, *arguments)
+
+
+@functools.cache
+def _one_thread() -> concurrent.futures.ThreadPoolExecutor:
+    return concurrent.futures.ThreadPoolExecutor(1, "kneejax beside")
+
+
 @functools.cache
 def _threads() -> concurrent.futures.ThreadPoolExecutor:
     # Cores that this process may use: those of its affinity, where the system knows of any.
     affinity = getattr(os, "sched_getaffinity", None)
     cores = len(affinity(0)) if affinity else os.cpu_count()
     return concurrent.futures.ThreadPoolExecutor(cores, "kneejax")
-
-
-_SUM = "-sha256"
-
-
-def check_executables() -> None:
-    """Check entries of JAX's compilation cache from here on.
-
-    Where a version of JAX keeps them in another way, it keeps them as it does.
-    """
-    try:
-        from jax._src import compilation_cache as cache
-
-        usual = cache.get_file_cache
-        if getattr(usual, "checks", False):
-            return
-
-        def checked(path: str) -> Any:
-            found = usual(path)
-            return found and (_Checked(found[0], Path(path), cache.decompress_executable), path)
-
-        checked.checks = True
-        cache.get_file_cache = checked
-    except (ImportError, AttributeError):
-        pass
-
-
-class _Checked:
-    """A cache of JAX beside whose entries their checksums lie.
-
-    An entry without one, from JAX without kneejax, gets it when it can be unpacked.
-    """
-
-    def __init__(self, cache: Any, folder: Path, unpack: Any):
-        self._cache, self._folder, self._unpack = cache, folder, unpack
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._cache, name)
-
-    def get(self, key: str) -> bytes | None:
-        entry, file = self._cache.get(key), self._folder / f"{key}{_SUM}"
-        if entry is None:
-            return None
-        try:
-            if file.exists():
-                sound = file.read_bytes() == _sum_of(entry)
-            else:
-                self._unpack(entry)
-                sound = True
-                write_whole(file, _sum_of(entry), at_once=True)
-        except OSError:
-            return entry
-        except Exception:  # what cannot be unpacked, whatever it was packed with
-            sound = False
-        if not sound:
-            for end in ("-cache", _SUM):
-                (self._folder / f"{key}{end}").unlink(missing_ok=True)
-        return entry if sound else None
-
-    def put(self, key: str, entry: bytes) -> None:
-        if self._cache.get(key) is not None:
-            return
-        if not getattr(self._cache, "eviction_enabled", True):
-            # As JAX does, but whole.
-            write_whole(self._folder / f"{key}-cache", entry, at_once=True)
-        else:
-            self._cache.put(key, entry)
-        write_whole(self._folder / f"{key}{_SUM}", _sum_of(entry), at_once=True)
-
-
-def _sum_of(entry: bytes) -> bytes:
-    return hashlib.sha256(entry).hexdigest().encode()
 
 
 _CACHE = "jax_compilation_cache_dir"

@@ -118,6 +118,7 @@ def laboratory_answer(
     `(flexions, loads, 6)`; `bands` published laxities to be drawn beside; `intact` the knee before
     a meniscus was removed, in the same tests.
     """
+    mechanics = jax.tree.map(np.asarray, mechanics)
     status = [one.status(mechanics) for one in curves]
     wrong = [_curve_words(c, mechanics, o) for c, o in itertools.zip_longest(curves, second)]
     found = [x for one, own in zip(curves, status, strict=True) for x in laxity(one, own)]
@@ -139,13 +140,14 @@ def laboratory_answer(
     # Of poses and forces a row for each load of each flexion, by its size and by its step.
     nodes = np.concatenate([one.nodes.ravel() for one in curves])
     every, motion = np.concatenate([x.ravel() for x in status]), curves[0].motion
-    more = {"converged": motion.equilibrium.converged[nodes], "stable": motion.stable[nodes],
+    more = {"converged": converged(np.asarray(motion.equilibrium.status))[nodes],
+            "stable": np.asarray(motion.stable)[nodes],
             "doubt": [text for of_test in wrong for texts in of_test for text in texts]}
     reached = np.concatenate([_femoral_poses(one).reshape(-1, len(COLUMNS)) for one in curves])
     steps = [(one.test.name, flexion, step, one.nodes[i, k]) for one in curves
              for i, flexion in enumerate(one.test.flexion_deg) for step, k in enumerate(one.steps)]
     *keys, rows = zip(*steps, strict=True)
-    of_steps = jax.tree.map(lambda x: np.asarray(x)[list(rows)], mechanics)
+    of_steps = jax.tree.map(lambda x: x[list(rows)], mechanics)
     keys = dict(zip(("test", "flexion_deg", "step"), keys, strict=True))
     angles = dict.fromkeys(f"{x:g}" for one in curves for x in one.test.flexion_deg)
     heads = [f"{one.test.name}: {one.test.words}" for one in curves]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -12,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.mechanics import Knee
-from kneejax.numerics import compiled, on_all_cores
-from kneejax.statics._equilibria import equilibrium_of
+from kneejax.numerics import beside, compiled, on_all_cores
+from kneejax.statics._equilibria import Equilibria, equilibrium_of
 from kneejax.statics._equilibrium import differentiable
 from kneejax.statics._load_cases import LoadCases, Vary, in_lanes
 from kneejax.statics._many import balance_many, balance_near
@@ -146,23 +147,26 @@ def balance_with_slopes(
     mine = {leaf: x[which] for leaf, x in own.items()} if own else None
     every: Any = (mine, values) if own else values
     vary = _OfOwnKnee(vary) if own else vary
+    marks = jax.tree.map(np.asarray, load_cases.plain())
+    count, size = len(values), len(load_cases)
+
+    def some(found: Equilibria, first: int) -> np.ndarray:
+        rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
+        at = jax.tree.map(lambda x: x[rows % size], marks)
+        here = {name: np.moveaxis(x[rows], 0, -1) for name, x in found.in_nodes().items()}
+        numbers = jax.tree.map(lambda x: x[rows // size], (values, mine))
+        return np.asarray(_slopes(vary, knee, *numbers, at, here))
+
     if near is not None:
         q = near.q + np.einsum("vscp,vp->vsc", near.jacobian, values - near.values)
         found = balance_near(knee, vary, every, load_cases, q, near.contact_points)
     else:
+        # Whatever it computes: the program compiles while that of the balances does.
+        nothing = Equilibria.nothing((count, size), marks, knee.patch_count, forces=True)
+        slopes = beside(some, nothing, 0)
         found = balance_many(knee, vary, every, load_cases, forces=True)
-    marks = jax.tree.map(np.asarray, load_cases.plain())
-    count, size = found.status.shape
-    nodes = found.in_nodes()
-
-    def some(first: int) -> np.ndarray:
-        rows = np.minimum(np.arange(first, first + _LANES), count * size - 1)
-        at = jax.tree.map(lambda x: x[rows % size], marks)
-        here = {name: np.moveaxis(x[rows], 0, -1) for name, x in nodes.items()}
-        numbers = jax.tree.map(lambda x: x[rows // size], (values, mine))
-        return np.asarray(_slopes(vary, knee, *numbers, at, here))
-
-    parts = on_all_cores(some, range(0, count * size, _LANES))
+        slopes.result()
+    parts = on_all_cores(partial(some, found), range(0, count * size, _LANES))
     jacobian = np.concatenate(parts)[: count * size].reshape(count, size, -1, values.shape[1])
     return Slopes(
         values, found.q, jacobian, found.contact_points, found.forces["tangent"], found.status,

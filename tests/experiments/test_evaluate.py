@@ -7,8 +7,9 @@ import pytest
 
 import kneejax as kj
 import kneejax.geometry as geo
+from kneejax.experiments import evaluate_beside
 from kneejax.mechanics import Contact, Knee, Ligaments
-from kneejax.numerics import compiler_options
+from kneejax.numerics import compiler_options, counted_programs
 
 #: Answers that are smooth where a ball presses on a plane.
 SMOOTH = ("length", "tension", "contact_force", "area", "max_pressure", "max_depth", "center")
@@ -63,6 +64,14 @@ def test_nothing_is_told_of_a_pose_that_is_not_known(ball_on_a_plane):
     for name in ("length", "strain", "tension", "contact_force"):
         told = np.isfinite(np.asarray(getattr(found, name))).reshape(2, -1)
         assert told[0].all() and not told[1].any(), name
+
+
+def test_what_compiled_beside_is_ready(ball_on_a_plane):
+    evaluate_beside(ball_on_a_plane).result()
+    poses = geo.Pose.from_table(np.tile([0.0, 0.0, 0.0, 3.0, -29.0, -4.0], (5, 1)))
+    with counted_programs() as programs:
+        kj.evaluate(ball_on_a_plane, poses, np.full((1, 2, 5), np.nan))
+    assert not programs.compiled and not programs.read
 
 
 def test_every_contact_is_told_in_its_own_row():

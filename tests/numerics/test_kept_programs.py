@@ -17,8 +17,8 @@ from jax import monitoring
 
 import kneejax as kj
 from kneejax._whole_files import read_sealed, write_sealed
-from kneejax.numerics import _configure, compiled
 from kneejax.numerics import _kept_programs as programs
+from kneejax.numerics import compiled
 
 
 @jax.tree_util.register_dataclass
@@ -196,7 +196,7 @@ def test_what_jax_compiled_is_checked_and_mended_too(tmp_path):
             file = tmp_path / f"{key}-cache"
             return file.read_bytes() if file.exists() else None
 
-    cache = _configure._Checked(Store(), tmp_path, zlib.decompress)
+    cache = programs._Checked(Store(), tmp_path, zlib.decompress)
     entry = zlib.compress(b"machine code" * 99)
     cache.put("key", entry)
     assert cache.get("key") == entry

@@ -52,12 +52,6 @@ def of_points(
     """Border of contacts summed over points.
 
     All points lie on tibial cartilage; only the femoral region can be left.
-
-    Args:
-        femoral: whose region is meant.
-        sampled: depths at the points.
-        motion: from femoral to tibial axes.
-        of_each: makes `(contacts, ...)` of `(points, ...)`, by a sum or a maximum.
     """
     points = sampled.points
     away = femoral.beyond(points.in_femoral(motion, sampled.hit))
@@ -71,14 +65,7 @@ def of_points(
 
 
 def of_patch(contact: Contact, gap: Gap, contact_point: Array, off: Array) -> Border:
-    """Border of an elliptical patch: how far its rim reaches, and what is carried there.
-
-    Args:
-        contact: the surfaces and the pressure law.
-        gap: at the contact point.
-        contact_point: parameters of that point, shape `(2, ...)`.
-        off: how far the rim lies beyond the fitted regions, mm; see `rim_off`.
-    """
+    """Border of an elliptical patch: how far its rim reaches, and what is carried there."""
     inner = (np.arange(_RINGS) + 0.5) / _RINGS
     around = 2.0 * np.pi * (np.arange(_PLACES) + 0.5) / _PLACES
     square, angle = np.meshgrid(inner, around, indexing="ij")
@@ -97,14 +84,7 @@ def of_patch(contact: Contact, gap: Gap, contact_point: Array, off: Array) -> Bo
 
 def rim_off(femoral: Surface, tibial: Surface, gap: Gap, contact_point: Array) -> Array:
     """How far the rim of a patch, or its middle while the surfaces are apart, lies beyond either
-    region, mm.
-
-    Args:
-        femoral: the surface that carries the contact point.
-        tibial: the surface over which the gap is measured.
-        gap: at the contact point, in the tibial surface's frame.
-        contact_point: parameters of the contact point, shape `(2, ...)`.
-    """
+    region, mm."""
     half = gap.reach(1.0, 0.0), gap.reach(0.0, 1.0)
     reach = Vector(*(gap.reach(p, q) for p, q in zip(*gap.along, strict=True)))
     off = jnp.zeros(())

@@ -56,23 +56,13 @@ def confined_modulus(youngs_modulus: ArrayLike, poisson_ratio: ArrayLike) -> Arr
 
 
 def touching(depth: Array, onset_width: Array) -> Array:
-    """From 0 apart to 1 in touch: the slope of the rounded depth, `positive_part`, by the depth.
-
-    Args:
-        depth: overlap, mm.
-        onset_width: rounding at first touch, mm.
-    """
+    """From 0 apart to 1 in touch: the slope of the rounded depth, `positive_part`, by the depth."""
     root = jnp.sqrt(depth * depth + onset_width * onset_width)
     return positive_part(depth, onset_width) / root
 
 
 def relative_pressure(law: str, s: ArrayLike) -> Array:
-    """Pressure over the confined modulus at relative depth `s`.
-
-    Args:
-        law: one of `LAWS`.
-        s: depth over layer thickness.
-    """
+    """Pressure over the confined modulus at relative depth `s`."""
     s = jnp.asarray(s, float)
     if law == "linear":
         return s
@@ -99,10 +89,6 @@ def patch_energy(law: str, c: ArrayLike) -> Array:
 
     Over an elliptical patch with relative depth `c` at its centre the depth falls off as
     `s = c (1 - x^2 / a^2 - y^2 / b^2)`, so the mean energy is this integral, divided by `c`.
-
-    Args:
-        law: one of `LAWS`.
-        c: relative depth at the centre.
     """
     c = jnp.asarray(c, float)
     if law == "linear":

@@ -236,11 +236,6 @@ def midpoints(
     points, dense at the edges, are half as dense in the middle (an error of area of 9.6 instead of
     5.3 per cent with 28 x 20 points on a measured knee).
 
-    Args:
-        surface: the tibial surface.
-        count: number along each parameter.
-        trailing: number of axes that the poses take.
-
     Returns:
         Points and unit normals in the surface's frame, areas, and both parameters, scaled to -1..1.
     """

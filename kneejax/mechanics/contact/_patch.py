@@ -231,14 +231,7 @@ def nearby(
 def gap_at(
     femoral: Surface, tibial: Surface, motion: Placement, contact_point: Array | tuple[Array, Array]
 ) -> Gap:
-    """The gap at a point of the femoral surface.
-
-    Args:
-        femoral: the surface that carries the point.
-        tibial: the surface over which the gap is measured.
-        motion: from the femoral to the tibial surface's frame.
-        contact_point: the point's two parameters.
-    """
+    """The gap at a point of the femoral surface."""
     return nearby(femoral, tibial, motion, contact_point).gap
 
 

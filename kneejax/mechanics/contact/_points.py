@@ -3,6 +3,9 @@
 Of a knee with menisci one pose of ten has an unusual ray, at one point of 1,200. A row is also
 what is searched at once: a program's memory is that of its largest part, asked for in each call,
 and all points at once made every solve four times slower.
+
+In this file and `_points_force`, `femoral` is what presses, `points` lie on tibial surfaces,
+`motion` leads from femoral to tibial axes, and depths are in mm.
 """
 
 from __future__ import annotations
@@ -31,11 +34,7 @@ _ROW = 36
 
 
 def of_usual_rows(sound: Array) -> Array:
-    """Whether all rays of the row in which a point stands are sound, `(points, 1, ...)`.
-
-    Args:
-        sound: whose rays are, `(points, ...)`.
-    """
+    """Whether all rays of the row in which a point stands are sound, `(points, 1, ...)`."""
     rows = jnp.all(_split(sound), axis=tuple(range(1, sound.ndim + 1)))
     return jnp.repeat(rows, _ROW)[: len(sound)].reshape(-1, *(1,) * (sound.ndim - 1))
 
@@ -109,13 +108,6 @@ def over_rays(
 
     The usual rays take a short search; if one of them is not usual, the row of points that it is
     one of is searched thoroughly.
-
-    Args:
-        femoral: what presses.
-        points: of tibial surfaces.
-        motion: from femoral to tibial axes.
-        answer: returns arrays.
-        hoops: of rims that give way; None where none does.
     """
     surface = asked_at(femoral, points)
 
@@ -166,11 +158,6 @@ def quick_depths(
 
     Off the cartilage a fitted surface goes on where no tibia is: a condyle that hangs over the rim
     may be as deep in it as it likes. A point there counts as apart, farther than anything.
-
-    Args:
-        femoral: the surface whose solid presses.
-        points: of tibial surfaces.
-        motion: from femoral to tibial axes.
     """
     quick, sound = rays.quick_exit(femoral, *points.lines(motion))
     bare = points.area <= 0.0
@@ -178,14 +165,7 @@ def quick_depths(
 
 
 def quickly(femoral: Surface, points: Points, motion: Placement, quick: Array) -> Sampled:
-    """What the points see where their rays are the usual ones.
-
-    Args:
-        femoral: the surface whose solid presses.
-        points: of tibial surfaces.
-        motion: from femoral to tibial axes.
-        quick: depths of the short search, mm.
-    """
+    """What the points see where their rays are the usual ones."""
     lines = points.lines(motion)
     own = rays.follow(femoral, *lines, quick)
     level, gradient, steep = rays.look(femoral, own, *lines)
@@ -222,16 +202,7 @@ def thoroughly(
     femoral: Surface, points: Points, motion: Placement, known: Array, is_known: Array,
     found: rays.Exit,
 ) -> Sampled:  # fmt: skip
-    """What the points see, whatever their rays.
-
-    Args:
-        femoral: the surface whose solid presses.
-        points: of tibial surfaces.
-        motion: from femoral to tibial axes.
-        known: depths that have been found, mm.
-        is_known: where they have.
-        found: where the rays leave the solid, by `thorough_exit`.
-    """
+    """What the points see, whatever their rays."""
     depth, by_point, by_normal = rays.any_depth(femoral, *points.lines(motion), found)
     depth = jnp.where(is_known & (known <= -rays.APART), lax.stop_gradient(known), depth)
     slope = points.turned(motion, by_point)
@@ -315,21 +286,12 @@ class Points(eqx.Module):
         return positive_part(near, self.onset_width)
 
     def lines(self, motion: Placement) -> tuple[Vector, Vector]:
-        """Points and their normals in the femoral surfaces' frames.
-
-        Args:
-            motion: from femoral to tibial axes.
-        """
+        """Points and their normals in the femoral surfaces' frames."""
         along = self.femoral.turn_back(motion.turn_back(self.normal))
         return self.in_femoral(motion, self.point).full(), along.full()
 
     def in_femoral(self, motion: Placement, place: Vector) -> Vector:
-        """A place beside each point, in its femoral surface's frame, mm.
-
-        Args:
-            motion: from femoral to tibial axes.
-            place: in tibial axes.
-        """
+        """A place beside each point, in its femoral surface's frame, mm."""
         return self.femoral.apply_inverse(motion.apply_inverse(place))
 
     def turned(self, motion: Placement, direction: Vector) -> Vector:

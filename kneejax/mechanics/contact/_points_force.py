@@ -86,9 +86,6 @@ def sampled_wrenches(sampled: Sampled) -> Wrench:
 
     A displacement of the tibia changes a depth by its slope, at the point where the normal's line
     leaves the femur: the force is pressure times area times that slope, there.
-
-    Args:
-        sampled: depths at the points.
     """
     share = -sampled.points.force(sampled.depth)
     couple = share * sampled.twist
@@ -96,13 +93,7 @@ def sampled_wrenches(sampled: Sampled) -> Wrench:
 
 
 def faults_at(femoral: Surface, sampled: Sampled, motion: Placement) -> PointFaults:
-    """What is wrong at each point.
-
-    Args:
-        femoral: whose region is meant.
-        sampled: depths at the points.
-        motion: from femoral to tibial axes.
-    """
+    """What is wrong at each point."""
     depth, points = sampled.depth, sampled.points
     off = femoral.beyond(points.in_femoral(motion, sampled.hit)) > OFF_SURFACE_MM
     return PointFaults(depth, depth >= points.layer, (depth > 0) & off, sampled.lost)
@@ -113,12 +104,6 @@ def press_points(
     femoral: Surface | Condyles, points: Points, motion: Placement, hoops: Hoops | None
 ) -> tuple[Array, Wrench, PointFaults]:
     """Energy and wrench of springs at points, and what is wrong with them.
-
-    Args:
-        femoral: what presses.
-        points: of tibial surfaces.
-        motion: from femoral to tibial axes.
-        hoops: of rims that give way; None where none does.
 
     Returns:
         N mm; the wrench on the tibia about its origin and in its axes; faults, of which the depth
@@ -309,12 +294,6 @@ def stiffness(
     sampled: Sampled, motion: Placement, gradient: Vector, bend: Matrix
 ) -> list[Wrench]:
     """Change of the wrench on the tibia by motions of the femur, about its origin in its axes.
-
-    Args:
-        sampled: depths at the points, none of them held.
-        motion: from femoral to tibial axes.
-        gradient: of the femoral level where the rays end, in the femoral surface's frame.
-        bend: its derivative, rows by x, y, z.
 
     Returns:
         Per mm along X, Y and Z; per rad about them, through the origin.

@@ -11,6 +11,9 @@ A line that grazes the solid leaves it ever farther away, and then not at all. W
 quadratic, that happens at twice `first`. Beyond 1.5 times `first` the depth therefore comes to rest
 below 1.8 times `first`, and stays there for lines that have no exit: the depth, its slope and its
 bend are continuous, and no point beneath the surface is ever taken for one that is apart.
+
+Lines start at `start`, mm, in the axes of the solid `femoral`, and go against the unit direction
+`along`; what is `known` of them stays as it is where `is_known`.
 """
 
 from __future__ import annotations
@@ -75,11 +78,6 @@ def look(femoral: Surface, depth: Array, start: Vector, along: Vector):
 def quick_exit(femoral: Surface, start: Vector, along: Vector) -> tuple[Array, Array]:
     """Exits of lines that leave the solid nearby and steeply, from two looks or a few more.
 
-    Args:
-        femoral: the solid.
-        start: mm, in its frame.
-        along: unit direction; one goes against it.
-
     Returns:
         Depths, mm, and whose are sound: those whose steps have ended unheld, or so far apart that
         nothing depends on them. The look that uses a depth takes the step that is left.
@@ -132,15 +130,7 @@ def _apart(depth: Array, first: Array) -> Array:
 def thorough_exit(
     femoral: Surface, start: Vector, along: Vector, known: Array, is_known: Array
 ) -> Exit:
-    """Exit of any line, by Newton's steps in a bracket that halves where they do not end.
-
-    Args:
-        femoral: the solid.
-        start: mm, in its frame.
-        along: unit direction; one goes against it.
-        known: depths that have been found, mm.
-        is_known: whose they are; these stay as they are.
-    """
+    """Exit of any line, by Newton's steps in a bracket that halves where they do not end."""
     femoral, start, along, known = lax.stop_gradient((femoral, start, along, known))
 
     def closer(state):
@@ -179,10 +169,6 @@ def thorough_exit(
 
 def rise(gradient: Vector, along: Vector) -> tuple[Array, Array, Array]:
     """How fast the level rises against a direction, never less than a fifth of its gradient.
-
-    Args:
-        gradient: of the level.
-        along: unit direction.
 
     Returns:
         The rise `c`, and what it is made of: `dc = by_size * d|gradient| - by_slope * d(slope)`
@@ -223,12 +209,6 @@ def any_depth(
     femoral: Surface, start: Vector, along: Vector, found: Exit
 ) -> tuple[Array, Vector, Vector]:
     """Depth of any line, held or not, and its slopes.
-
-    Args:
-        femoral: the solid.
-        start: mm, in its frame.
-        along: unit direction; one goes against it.
-        found: its exit.
 
     Returns:
         Depth, mm; its derivatives by a motion of the start and by one of the direction.

@@ -210,11 +210,7 @@ class Hoops(eqx.Module):
     counts: tuple[tuple[int, int], ...] = eqx.field(static=True)
 
     def tension(self, outward: Array) -> Array:
-        """Of each ring, N, `(rings, ...)`.
-
-        Args:
-            outward: motion of each section, mm, `(sections, ...)`.
-        """
+        """Of each ring, N, `(rings, ...)`."""
         return self.stiffness * self._of_rings(self.angle * outward)
 
     def energy(self, outward: Array) -> Array:
@@ -224,12 +220,7 @@ class Hoops(eqx.Module):
         return 0.5 * (own + jnp.sum(self.stiffness * longer * longer, axis=0))
 
     def settled(self, points: Points, depth: Array) -> Array:
-        """Outward motion of each section, mm, `(sections, ...)`, differentiable.
-
-        Args:
-            points: of the rings and others.
-            depth: overlap of each point if no section moved, mm, `(points, ...)`.
-        """
+        """Outward motion of each section, mm, `(sections, ...)`, differentiable."""
         points, depth = self._own((points, depth))
         still, fixed, below = lax.stop_gradient((self, points, depth))
 
@@ -269,20 +260,11 @@ class Hoops(eqx.Module):
         return jnp.concatenate([others, lost])
 
     def pushed(self, x: Array) -> Array:
-        """Sum over the points of each section of what moves it outwards, `(sections, ...)`.
-
-        Args:
-            x: force of each point, N, or its change, `(points, ...)`, of the rings and others.
-        """
+        """Sum over the points of each section of what moves it outwards, `(sections, ...)`."""
         return jnp.tensordot(self._members, self.outwards * self._own(x), 1)
 
     def solved(self, firm: Array, right: Array) -> Array:
-        """Solution of the system with the second derivative of the energy.
-
-        Args:
-            firm: N/mm by which points hold each section, `(sections, ...)`.
-            right: `(sections, ...)`.
-        """
+        """Solution of the system with the second derivative of the energy."""
         inverse = 1.0 / (firm + self.held)
         along, across = inverse * right, inverse * self.angle
         share = self._of_rings(self.angle * along)
@@ -292,12 +274,7 @@ class Hoops(eqx.Module):
         return along - across * self._to_sections(share)
 
     def firm(self, points: Points, depth: Array) -> Array:
-        """N/mm by which points hold each section, `(sections, ...)`.
-
-        Args:
-            points: of the rings and others.
-            depth: that presses, mm.
-        """
+        """N/mm by which points hold each section, `(sections, ...)`."""
         points, depth = self._own((points, depth))
         _, firm = jax.jvp(points.force, (depth,), (jnp.ones_like(depth),))
         return self.pushed(self.outwards * firm)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from kneejax.geometry import (
@@ -74,7 +75,7 @@ class Course(eqx.Module):
 
     def __post_init__(self):
         if self.via is None:
-            self.via = jnp.zeros((len(self.via_bones), len(self.rows), 3))
+            self.via = np.zeros((len(self.via_bones), len(self.rows), 3))
 
     def __check_init__(self):
         for bone in {*self.via_bones, *([self.obstacle_bone] if self.obstacle else [])}:
@@ -172,10 +173,6 @@ def by_kind(courses: Sequence[Course], batched: bool) -> tuple[Course, ...]:
 
     However many fibres it has, each course is a program of its own: on lenhart2015, two instead of
     three save a fifth of the time to compile a solve, which then runs as fast.
-
-    Args:
-        courses: numbers of obstacles one for all fibres of a course.
-        batched: whether arrays end in an axis of a batch.
     """
     kinds: dict[tuple, list[Course]] = {}
     for course in courses:
