@@ -27,7 +27,7 @@ import kneejax as kj
 from kneejax.geometry import COLUMNS, FREE_COORDINATES
 from kneejax.inference import Observations, balances_of, fit_lanes
 from kneejax.inference.fit import Noise, observations
-from kneejax.inference.fit._observed import add_offsets, best_offsets, with_offsets
+from kneejax.inference.fit._problem import add_offsets, best_offsets, with_offsets
 from kneejax.inference.intervals._estimate import IntervalKind, estimate
 from kneejax.inference.intervals._profiles import named
 from kneejax.parameters import stated

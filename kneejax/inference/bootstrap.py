@@ -19,8 +19,7 @@ _MOST_EVALUATIONS = 100
 
 
 def answered(problem: CalibrationProblem, answer: Sequence[float]) -> tuple[Observations, Slopes]:
-    """Load cases, of which those count at which an answer balances, and its balances; refuses what
-    `bootstrap` refuses."""
+    """Load cases of which those count at which an answer balances, and its balances."""
     check_redrawn(problem.fitted.tests)
     fitted = problem.fitted
     first = fitted.begin(np.asarray(answer, float)[None])
@@ -33,8 +32,7 @@ def _refitted(
     problem: CalibrationProblem, cases: Observations, first: Slopes, draws: Sequence[int],
     drawn: Callable[[int], tuple[np.ndarray, np.ndarray]],
 ) -> np.ndarray:  # fmt: skip
-    """Fit the data of each draw, target and spread by its number, with all parameters free, from
-    the answer, `(draws, p)`; NaN where a fit did not converge."""
+    """Fits of each draw, `(draws, p)`, from the answer; NaN where one did not converge."""
     found = [np.empty((0, len(problem.start)))]
     for place in range(0, len(draws), _AT_ONCE):
         some = draws[place : place + _AT_ONCE]
@@ -49,71 +47,43 @@ def _refitted(
 
 
 def check_redrawn(tests: Sequence[MeasuredTest]) -> None:
-    """Refuse (`UnsuitableData`) tests in which forces, strains or the patella were read: these are
-    not drawn again."""
+    """Refuse (`UnsuitableData`) readings of parts: these are not drawn again."""
     for test in tests:
         if test.readings:
             words = ", ".join(test.readings)
             raise UnsuitableData(f"bootstrap: {test.name}: {words}: expected poses alone")
 
 
-#: Flexions of one test that are farther apart are curves of their own, degrees.
+#: Flexions of one test are one curve as long as neighbours are no farther apart, degrees.
 _APART_DEG = 2.0
 #: Curves of which draws tell anything: of five, one draw in 26 is less than three of them.
 FEWEST_CURVES = 6
 
 
 def curves_of(poses: int, tests: Sequence[MeasuredTest]) -> list[np.ndarray]:
-    """Load cases of each curve that was measured: of the passive motion, or a test at one flexion.
-
-    Rows of a test that share unknown constants, or that a knee in motion passes, are one curve.
-
-    Args:
-        poses: of the passive motion; they are one curve.
-        tests: that were made beside it.
-
-    Returns:
-        Their numbers among the load cases, as `observations` orders these.
-
-    Example:
-        >>> import kneejax as kj
-        >>> (test,) = kj.lab_tests("drawer", [0.0, 30.0], steps=2)
-        >>> (curves,) = kj.load_curves(kj.load_knee("four_ligament"), test)
-        >>> [one.tolist() for one in curves_of(2, [kj.MeasuredTest.of(curves)])]
-        [[0, 1], [2, 3, 4], [5, 6, 7]]
-    """
+    """Load cases of each measured curve, in the order of `observations`: the passive motion of so
+    many poses, and each test at one flexion. Rows that share unknown constants, or that a knee in
+    motion passes, are one."""
     found = [np.arange(poses)] if poses else []
     for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
-        own = _within(test)
-        found += [place.start + np.flatnonzero(own == k) for k in range(own.max() + 1)]
+        flexion = np.asarray(test.flexion_deg)
+        own = np.zeros(len(flexion), int)
+        if test.frames is None and (test.groups >= 0).any():
+            own = test.groups
+        elif test.frames is None:
+            order = np.argsort(flexion, kind="stable")
+            own[order] = np.r_[0, np.cumsum(np.diff(flexion[order]) > _APART_DEG)]
+        found += [place.start + np.flatnonzero(own == k) for k in np.unique(own)]
     return found
 
 
 def bootstrap_by_blocks(
     problem: CalibrationProblem, answer: Sequence[float], draws: Sequence[int], seed: int = 0
 ) -> np.ndarray:
-    """Fit as many of the measured curves as there are, drawn with replacement, many times.
-
-    What all rows of a curve share (how the leg lay in the rig, where the load took hold) is drawn
-    with it, which no noise of single readings knows. A draw depends on the seed and on its own
-    number alone, begins at the answer, and is fitted with all parameters free.
-
-    Args:
-        problem: that was solved (`calibrate`).
-        answer: values of its parameters, then of constants between frames, `(p,)`.
-        draws: numbers of the draws, from zero.
-        seed: of the draws.
-
-    Returns:
-        Values of each draw, `(draws, p)`; NaN where its fit did not converge.
-
-    Raises:
-        UnsuitableData: fewer than six curves, forces were read beside poses, or the answer has no
-            balance.
-
-    Source: A. C. Davison and D. V. Hinkley, Bootstrap Methods and their Application (1997),
-    section 3.8.
-    """
+    """Values that as many measured curves as there are, drawn with replacement, give, `(draws, p)`;
+    as `bootstrap`. What all rows of a curve share (how the leg lay in the rig, where the load took
+    hold) is drawn with it, which no noise of single readings knows (A. C. Davison and D. V.
+    Hinkley, Bootstrap Methods and their Application, 1997, section 3.8)."""
     cases, first = answered(problem, answer)
     curves = curves_of(int(cases.posed.sum()), problem.fitted.tests)
     check_curves(curves)
@@ -140,44 +110,15 @@ def check_curves(curves: Sequence[np.ndarray]) -> None:
         )
 
 
-def _within(test: MeasuredTest) -> np.ndarray:
-    """Which of a test's curves each of its rows is of, `(n,)`."""
-    flexion = np.asarray(test.flexion_deg)
-    if test.frames is not None:
-        return np.zeros(len(flexion), int)
-    if (test.groups >= 0).any():
-        return np.unique(test.groups, return_inverse=True)[1]
-    order = np.argsort(flexion, kind="stable")
-    number = np.zeros(len(flexion), int)
-    number[order] = np.r_[0, np.cumsum(np.diff(flexion[order]) > _APART_DEG)]
-    return number
-
-
 def bootstrap(
     problem: CalibrationProblem, answer: Sequence[float], noise: Sequence[float],
     draws: Sequence[int], seed: int = 0,
 ) -> np.ndarray:  # fmt: skip
-    """Fit data that the answer itself would give, with new noise, many times.
-
-    A draw depends on the seed and on its own number alone. Each begins at the answer and is fitted
-    with all parameters free, whatever the procedure; a prior stays as it is.
-
-    Args:
-        problem: that was solved (`calibrate`).
-        answer: values of its parameters, then of constants between frames, `(p,)`.
-        noise: standard deviation of each coordinate, degrees and mm, `(5,)`.
-        draws: numbers of the draws, from zero.
-        seed: of the noise.
-
-    Returns:
-        Values of each draw, `(draws, p)`; NaN where its fit did not converge.
-
-    Raises:
-        UnsuitableData: forces were read beside poses, which are not made again, or the answer has
-            no balance.
-
-    Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5.
-    """
+    """Values that the answer's own data, `(p,)`, with new noise, `(5,)` in degrees and mm, give,
+    `(draws, p)`; NaN where a fit did not converge. A draw depends on the seed and its own number
+    alone, begins at the answer, and is fitted with all parameters free, whatever the procedure; a
+    prior stays. Source: B. Efron and R. J. Tibshirani, An Introduction to the Bootstrap (1993),
+    section 6.5."""
     cases, first = answered(problem, answer)
     model, spread = cases.observed(first)[0][0], cases.spread
     scatter = np.where(np.isfinite(noise), noise, 0.0) * spread

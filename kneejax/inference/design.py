@@ -10,7 +10,6 @@ import numpy as np
 from kneejax.geometry import FREE_COORDINATES
 from kneejax.inference.fit import table_of
 from kneejax.inference.identification import Information
-from kneejax.inference.optimal_design import CRITERIA, choose, criterion_of, standard_errors
 from kneejax.mechanics import NAMED_LOADS, RANGES, Knee, load_of, load_words
 from kneejax.numerics import Named
 from kneejax.parameters import Selection, UnsuitableData
@@ -23,6 +22,11 @@ USUAL_LOADS: tuple[dict[str, float], ...] = (
 )  # fmt: skip
 #: Flexions of the usual tests, degrees.
 USUAL_FLEXION_DEG = tuple(range(0, 121, 15))
+#: What a choice of tests makes small: D the volume of the joint confidence region, A the mean
+#: squared standard error in units of the parameters' scales.
+CRITERIA = ("D", "A")
+# Exchanges that gain less are rounding.
+_GAIN = 1e-10
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,12 +103,7 @@ def usual_candidates(flexion_deg: Sequence[float] = USUAL_FLEXION_DEG) -> tuple[
 
 
 def load_cases_of(candidates: Sequence[Candidate]) -> LoadCases:
-    """The load cases at which a knee must be balanced to predict each candidate.
-
-    Example:
-        >>> load_cases_of([Candidate("drawer", 30.0, anterior_N=100.0)]).flexion.shape
-        (1,)
-    """
+    """The load cases at which a knee must be balanced to predict each candidate."""
     sizes = {name: np.array([test.loads[name] for test in candidates]) for name in NAMED_LOADS}
     return LoadCases.at([test.flexion_deg for test in candidates], [load_of(**sizes, name="test")])
 
@@ -263,13 +262,9 @@ def departures(
     selection: Selection, knee: Knee, values: np.ndarray, covariance: np.ndarray, noise: np.ndarray,
     candidates: Sequence[Candidate], chosen: Sequence[int], foreseen: Slopes,
 ) -> np.ndarray:  # fmt: skip
-    """How wrong first derivatives are over the width that matters, for each chosen test,
-    `(chosen,)`.
-
-    Parameters, of `covariance` `(p, p)` before the tests, move by one standard deviation along what
-    the test tells most about, both ways: the change of the pose that the derivative leaves out, as
-    a part of the one it gives. Infinite where the moved knee has no balance.
-    """
+    """How wrong first derivatives are for each chosen test, as a part of the change that they give,
+    `(chosen,)`: parameters move both ways by one standard deviation of `covariance`, `(p, p)`,
+    along what the test tells most about. Infinite where that knee has no balance."""
     parts: dict[int, float] = {}
     (table,), (slope,) = table_of(foreseen)
     for row in set(chosen):
@@ -291,8 +286,7 @@ def departures(
 def told_by(
     candidates: Sequence[Candidate], jacobian: np.ndarray, noise: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
-    """Information of what each candidate measures, by the derivatives of the five coordinates,
-    `(candidates, 5, p)`, in units of the parameters' scales, `(candidates, p, p)`."""
+    """Information of each candidate, `(candidates, p, p)`, in units of the scales."""
     measured = np.array([[c in test.measured for c in FREE_COORDINATES] for test in candidates])
     rows = np.where(measured[:, :, None], jacobian, 0.0) / np.asarray(noise)[:, None] * scale
     return np.einsum("tci,tcj->tij", rows, rows)
@@ -301,8 +295,7 @@ def told_by(
 def check_tests(
     candidates: Sequence[Candidate], count: int, criterion: str, *, repeat: bool = False
 ) -> None:
-    """Refuse (`UnsuitableData`), before anything is computed, what `design_tests` cannot choose;
-    arguments as there."""
+    """Refuse (`UnsuitableData`) what `design_tests` cannot choose, before anything is computed."""
     if criterion not in CRITERIA:
         raise UnsuitableData(f"unknown criterion {criterion!r}: expected D or A")
     if count < 1:
@@ -327,3 +320,54 @@ def _check(selection, known, noise, prior) -> None:
     for name, width in zip(known.names, prior, strict=True):
         if not width > 0:
             raise UnsuitableData(f"{name}: prior of width {width:g}: expected above 0")
+
+
+def choose(
+    base: np.ndarray, told: np.ndarray, count: int, criterion: str = "D", *,
+    usable: np.ndarray | None = None, repeat: bool = False,
+) -> tuple[int, ...]:  # fmt: skip
+    """Rows of the best `count` candidates, whose information is `told`, `(candidates, p, p)`, on
+    top of `base`: one by one (greedy), then exchanged for others while the criterion falls
+    (Fedorov), in the order in which each next one tells most; of those `usable`, several times with
+    `repeat`."""
+    usable = np.ones(len(told), bool) if usable is None else np.asarray(usable, bool)
+    rows: list[int] = _greedy(base, told, count, criterion, usable, repeat)
+    total = base + told[rows].sum(axis=0)
+    best = float(criterion_of(total, criterion))
+    improved = True
+    while improved:
+        improved = False
+        for place in range(count):
+            others = total - told[rows[place]]
+            values = criterion_of(others + told, criterion)
+            values[~usable] = np.inf
+            if not repeat:
+                values[rows] = np.inf
+            candidate = int(np.argmin(values))
+            if values[candidate] < best - _GAIN * max(1.0, abs(best)):
+                rows[place], best = candidate, float(values[candidate])
+                total, improved = others + told[candidate], True
+    own, order = told[rows], np.ones(count, bool)
+    return tuple(rows[i] for i in _greedy(base, own, count, criterion, order, False))
+
+
+def criterion_of(information: np.ndarray, criterion: str) -> np.ndarray:
+    """What is made small: minus the log determinant (D) or the trace of the inverse (A)."""
+    if criterion == "D":
+        return -np.linalg.slogdet(information)[1]
+    return np.trace(np.linalg.inv(information), axis1=-2, axis2=-1)
+
+
+def standard_errors(information: np.ndarray) -> np.ndarray:
+    """Standard errors that regular information promises, `(..., p)`."""
+    return np.sqrt(np.diagonal(np.linalg.inv(information), axis1=-2, axis2=-1))
+
+
+def _greedy(base, told, count, criterion, usable, repeat) -> list[int]:
+    rows, total, free = [], base, usable.copy()
+    for _ in range(count):
+        values = np.where(free, criterion_of(total + told, criterion), np.inf)
+        rows.append(int(np.argmin(values)))
+        total = total + told[rows[-1]]
+        free[rows[-1]] = repeat
+    return rows

@@ -20,7 +20,6 @@ from kneejax.inference.fit import (
 )
 from kneejax.inference.intervals import (
     Interval,
-    MaximumLikelihood,
     Pace,
     Profile,
     estimate,
@@ -125,20 +124,23 @@ def identify(problem: CalibrationProblem, *, with_profiles: bool = True) -> Iden
     box, names = (lower, upper), named(fitted.selection)
     if with_profiles:
         (sure,) = estimate(balance, data, begin, noise, *box, names, Pace.FINE, far=True)
+        fit, left, ended = sure.best, sure.noise, sure.converged
+        limits = {"profiles": sure.profiles, "intervals": sure.intervals}
     else:
         fits, weighed = maximum_likelihood(balance, data, begin, noise, *box, far=True)
-        sure = MaximumLikelihood.of_fit(fits, weighed, noise)
-    fit, data = sure.best, dataclasses.replace(data, noise=sure.noise)
+        fit, left, ended = fits.slopes, weighed.noise[0], bool(fits.converged[0])
+        limits = {"profiles": (), "intervals": ()}
+    data = dataclasses.replace(data, noise=left)
     values, (residual, _) = fit.values[0], data.residual(fit)
     at_bound, alone = on_bounds(values, lower, upper), dataclasses.replace(data, prior=None)
     information = fit_information(fitted.knee, fitted.selection, alone, fit, at_bound=at_bound)
     cases = dataclasses.replace(alone, offsets=())
     return Identification(
         selection=fitted.selection, values=values, lower=lower, upper=upper, at_bound=at_bound,
-        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)), noise=sure.noise,
+        offsets=dict(zip(offsets, best_offsets(data, fit), strict=True)), noise=left,
         noise_estimated=noise.estimated, chi2=float(residual[0] @ residual[0]),
-        data=fitted.counted_numbers, converged=sure.converged, information=information,
-        profiles=sure.profiles, intervals=sure.intervals, motion=motion_of(fitted, fit),
+        data=fitted.counted_numbers, converged=ended, information=information,
+        motion=motion_of(fitted, fit), **limits,
         problem=dataclasses.replace(fitted, cases=cases, offsets=offsets),
         lost=int((~fitted.used).sum()), spare=spare,
     )  # fmt: skip

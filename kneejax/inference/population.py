@@ -23,45 +23,28 @@ _LEVELS = (0.025, 0.5, 0.975)
 
 
 def in_log(name: str) -> bool:
-    """Whether a parameter's logarithm is what scatters like a normal number: of stiffnesses and the
-    law's own strains.
-
-    Example:
-        >>> in_log("ACL.stiffness"), in_log("ACL.reference_strain")
-        (True, False)
-    """
+    """Whether a logarithm scatters like a normal number: of stiffnesses, the law's strains."""
     return name.rpartition(".")[2] in _FACTORS
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Population:
-    """A parameter over a cohort.
+    """A parameter over a cohort; all of its logarithm where `log`."""
 
-    Attributes:
-        mean: of the population, posterior mean; of the logarithm where `log`.
-        mean_limits: its 95 % limits.
-        spread: standard deviation between knees, posterior median.
-        spread_limits: its 95 % limits.
-        shrunk: of each knee, posterior mean, `(knees,)`: what its own data say, drawn to the mean
-            as far as they leave room.
-        deviation: standard deviation of that, `(knees,)`.
-        own: part of what is known of each knee that its own data bring, `(knees,)`: one minus the
-            variance beside the others', as a share of the variance without its data.
-        next_deviation: standard deviation of a knee of which nothing is measured, with that spread.
-        log: whether all of it is of the logarithm.
-        knees: how many bring an estimate.
-    """
-
-    mean: float
-    mean_limits: tuple[float, float]
-    spread: float
-    spread_limits: tuple[float, float]
+    mean: float  # of the population, posterior mean
+    mean_limits: tuple[float, float]  # of 95 %
+    spread: float  # standard deviation between knees, posterior median
+    spread_limits: tuple[float, float]  # of 95 %
+    # Of each knee, `(knees,)`: posterior mean, which its own data say, drawn to the mean as far as
+    # they leave room, and its standard deviation.
     shrunk: np.ndarray
     deviation: np.ndarray
+    # Part of what is known of each knee that its own data bring, `(knees,)`: one minus the variance
+    # beside the others', as a share of the variance without its data.
     own: np.ndarray
-    next_deviation: float
+    next_deviation: float  # of a knee of which nothing is measured, with that spread
     log: bool
-    knees: int
+    knees: int  # how many bring an estimate
 
     def in_own_unit(self, value: float) -> float:
         """A value as the parameter has it."""
@@ -69,8 +52,7 @@ class Population:
 
     @property
     def prior(self) -> tuple[float, float]:
-        """Mean and standard deviation of a knee of which nothing is measured, in the parameter's
-        unit."""
+        """Mean and standard deviation of a knee not measured, in the parameter's unit."""
         if not self.log:
             return self.mean, self.next_deviation
         # The mean and the deviation of a logarithmic normal number.
@@ -80,23 +62,9 @@ class Population:
 
 
 def population(value: ArrayLike, error: ArrayLike, log: bool = False) -> Population | None:
-    """Mean and spread of a parameter over knees, and each knee in their light.
-
-    Args:
-        value: estimates, `(knees,)`; of the logarithm where `log`. NaN where there is none.
-        error: standard errors, `(knees,)`; infinite or NaN where the data say nothing.
-        log: whether values are logarithms.
-
-    Returns:
-        The `Population`; None where fewer than three knees bring an estimate.
-
-    Source: Gelman et al., Bayesian Data Analysis, 3rd ed., eqs 5.17 to 5.21.
-
-    Example:
-        >>> found = population([1.0, 2.0, 3.0, 4.0], [0.1, 0.1, 0.1, 0.1])
-        >>> round(found.mean, 3), bool(found.spread > 1.0), found.knees
-        (2.5, True, 4)
-    """
+    """Mean and spread of a parameter over knees, and each knee in their light (Gelman et al., eqs
+    5.17 to 5.21), by estimates and standard errors, `(knees,)`, of the logarithm where `log`; NaN
+    or infinite where there is none. None where fewer than three knees bring an estimate."""
     y, s = np.asarray(value, float), np.asarray(error, float)
     known = np.isfinite(y) & np.isfinite(s) & (s > 0)
     if known.sum() < 3:

@@ -31,34 +31,24 @@ _GRIDS = 3
 _SIDES = 1.96
 
 
-def _of_contacts(moving: MovingKnee, size: Array) -> MovingKnee:
-    each = {name: size for name in moving.knee.contact_names}
-    return dataclasses.replace(moving, contact_dissipation=each)
-
-
 #: What can be found within `RANGES`, by the names of the options of `kneejax simulate`, and what
 #: gives a knee that damping.
 DAMPING: Mapping[str, Callable[[MovingKnee, Array], MovingKnee]] = {
     "critical": MovingKnee.critically_damped,
     "damping_N_s_per_mm": MovingKnee.damped_everywhere,
-    "dissipation_s_per_mm": _of_contacts,
+    "dissipation_s_per_mm": lambda moving, size: dataclasses.replace(
+        moving, contact_dissipation=dict.fromkeys(moving.knee.contact_names, size)
+    ),
 }
 
 
 @dataclasses.dataclass(frozen=True)
 class Recorded:
-    """A recorded motion.
+    """A recorded motion; refuses (`ValueError`) coordinates that are none of `FREE_COORDINATES`, or
+    none at all."""
 
-    Attributes:
-        time_s: rising, the start of the motion first, `(times,)`.
-        changes: coordinate -> its change from the start, degrees or mm, `(times,)`; NaN where it
-            was not seen.
-
-    Raises:
-        ValueError: a coordinate that is none of `FREE_COORDINATES`, or none at all.
-    """
-
-    time_s: np.ndarray
+    time_s: np.ndarray  # rising, the start of the motion first, `(times,)`
+    # Coordinate -> its change from the start, degrees or mm, `(times,)`; NaN where it was not seen.
     changes: Mapping[str, np.ndarray]
 
     def __post_init__(self):
@@ -84,34 +74,20 @@ class Recorded:
 
 @dataclasses.dataclass(frozen=True)
 class FittedTransient:
-    """Dampers that were found.
+    """Dampers that were found."""
 
-    Attributes:
-        names: of `DAMPING`.
-        values: of these, `(p,)`.
-        lower: of an interval of 95 %, by linear propagation; NaN at a bound.
-        upper: likewise.
-        moving: the knee with these dampers.
-        trajectory: its motion.
-        uncertainty: covariance, standard errors, correlations.
-        noise: of the record as estimated from what is left of it, `(5,)`, degrees and mm; infinite
-            for a coordinate that was not seen.
-        rms: coordinate -> root of the mean square of what is left, degrees or mm.
-        converged: whether the search ended by itself.
-        evaluations: of a motion with its derivative.
-    """
-
-    names: tuple[str, ...]
-    values: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    moving: MovingKnee
-    trajectory: Trajectory
+    names: tuple[str, ...]  # of `DAMPING`
+    values: np.ndarray  # of these, `(p,)`
+    lower: np.ndarray  # of an interval of 95 %, by linear propagation; NaN at a bound
+    upper: np.ndarray  # likewise
+    moving: MovingKnee  # with these dampers
+    trajectory: Trajectory  # its motion
     uncertainty: Uncertainty
+    # As the fit leaves it, `(5,)`, degrees and mm; infinite for a coordinate that was not seen.
     noise: np.ndarray
-    rms: Mapping[str, float]
-    converged: bool
-    evaluations: int
+    rms: Mapping[str, float]  # coordinate -> of what is left, degrees or mm
+    converged: bool  # whether the search ended by itself
+    evaluations: int  # of a motion with its derivative
 
 
 def fit_transient(
@@ -124,25 +100,11 @@ def fit_transient(
     progress: Callable[[int], None] | None = None,
     **options,
 ) -> FittedTransient:
-    """Find the dampers with which a knee moves as was recorded.
-
-    Degrees and mm count each by their own scatter, as the fit leaves it.
-
-    Args:
-        moving: the knee, with its mass and what dampers are known.
-        start: all coordinates at the start, rad and mm, `(6 bodies,)`: a balance.
-        recorded: the motion.
-        free: name of `DAMPING` -> where its search begins.
-        most_mm: that is left of the error of the steps.
-        progress: is told how many evaluations have been made.
-        options: of `kneejax.dynamics.move`: `loads`, `held`, `rate`.
-
-    Returns:
-        The dampers, with intervals.
-
-    Raises:
-        ValueError: a name that is none of `DAMPING`, no name at all, or no motion to begin with.
-    """
+    """Find the dampers, `free` names of `DAMPING` with the values where the search begins, with
+    which a knee moves as `recorded` from a balance `start`, rad and mm, `(6 bodies,)`. Degrees and
+    mm count each by their own scatter, as the fit leaves it; `most_mm` is left of the error of the
+    steps, and `options` are those of `kneejax.dynamics.move`. Raises `ValueError` for names that
+    are not in `DAMPING`, none, or no motion to begin with."""
     names = tuple(free)
     if not names or not set(names) <= set(DAMPING):
         raise WrongValue("free", str(list(names)), f"some of {', '.join(DAMPING)}")
@@ -211,10 +173,7 @@ class _Damped:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class _Motions:
-    """Changes from the start on given steps, for `fit_lanes`: free coordinates, rad and mm.
-
-    One program serves all records on as many steps.
-    """
+    """Changes from the start, rad and mm; one program serves all records on as many steps."""
 
     moving: MovingKnee
     names: tuple[str, ...]

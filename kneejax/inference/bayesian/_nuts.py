@@ -70,15 +70,10 @@ def sample(
     target: Target, start: ChainState, origin: np.ndarray, covariance: np.ndarray, *, draws: int,
     warmup: int, seed: int = 0, progress: Callable[[int, int], None] | None = None,
 ) -> Chains:  # fmt: skip
-    """Draw from a density by the no-U-turn sampler.
-
-    Positions are scaled so that the density is near a standard normal one: about an `origin`,
-    `(p,)`, by the given covariance `(p, p)` at first, then twice by that of the warm-up's draws,
-    which are rounded up to a multiple of 75. Step size and scaling are those of all chains
-    together. `progress` is called now and then with draws done and asked for, warm-up included.
-
-    Source: Hoffman and Gelman 2014, J. Machine Learning Research 15, 1593.
-    """
+    """Draw by the no-U-turn sampler (Hoffman and Gelman 2014, J. Machine Learning Research 15,
+    1593), scaled about an `origin`, `(p,)`, by a covariance `(p, p)`, then twice by that of the
+    warm-up's draws, which are rounded up to a multiple of 75; step size and scaling are those of
+    all chains. `progress` is told of draws done and asked for."""
     begin, _, final = _tuning()
     scaled = _Scaled(target, jnp.asarray(origin), jnp.linalg.cholesky(jnp.asarray(covariance)))
     state, key, tuning = scaled.inwards(start), jax.random.key(seed), begin(_FIRST_STEP)
@@ -146,8 +141,7 @@ class _Scaled(eqx.Module):
         return ChainState(position, outside.value, outside.gradient @ self.scale)
 
     def scaled_by(self, seen: np.ndarray) -> _Scaled:
-        """The same scaled by the covariance of draws `(draws, chains, p)`, drawn towards the
-        present one."""
+        """Scaled by the covariance of draws `(draws, chains, p)`, drawn towards the present one."""
         points = seen.reshape(-1, seen.shape[-1])
         count, size = points.shape
         trust = count / (count + 5.0 * size)
@@ -209,11 +203,8 @@ def _trajectory(
 
 
 def _stored(update, kept, momentum_sum: Array, momentum: Array, step: Array):
-    """Keep the momenta of even steps for the criterion.
-
-    BlackJAX writes them by index. Under `jax.vmap` that becomes two scatters, which XLA 0.10 aborts
-    on where it fuses operations with shared values (`use_shared_fusion`). Choosing serves as well.
-    """
+    """Keep the momenta of even steps. BlackJAX writes them by index: under `jax.vmap` two scatters,
+    on which XLA 0.10 aborts with `use_shared_fusion`. Choosing serves as well."""
     _, _, low, high = update(kept, momentum_sum, momentum, step)
     row = (jnp.arange(_DOUBLINGS)[:, None] == high) & (step % 2 == 0)
     return type(kept)(

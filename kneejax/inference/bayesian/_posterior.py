@@ -296,26 +296,20 @@ def _starts(
     away = 2.0 * random.standard_normal((chains, len(origin))) @ np.linalg.cholesky(spread).T
     rows = []
     for shift in away:
-        places = (origin + part * shift for part in (1.0, 0.5, 0.25, 0.1, 0.0))
-        looks = ((place, *_density_at(problem, density, near, place)) for place in places)
-        row = next((look for look in looks if np.isfinite(look[1])), None)
-        if row is None:
+        for part in (1.0, 0.5, 0.25, 0.1, 0.0):
+            place = jnp.asarray(origin + part * shift)
+            values, rate = jax.jvp(density.values, (place,), (jnp.ones_like(place),))
+            # The problem's own poses are compiled already.
+            residual, jacobian = problem.residual(problem.balance(np.asarray(values)[None], near))
+            prior, slope = jax.value_and_grad(density.prior)(place)
+            value = float(prior) - 0.5 * float(residual @ residual)
+            if np.isfinite(value):
+                gradient = np.asarray(slope) - (residual @ jacobian) * np.asarray(rate)
+                rows.append((origin + part * shift, value, gradient))
+                break
+        else:
             raise UnsuitableData("no balance near the most probable parameters: check the bounds")
-        rows.append(row)
     return ChainState(*(jnp.array(column) for column in zip(*rows, strict=True)))
-
-
-def _density_at(
-    problem: Problem, density: MotionDensity, near: Slopes, position
-) -> tuple[float, np.ndarray]:
-    """Log density and gradient by the problem's own poses, which are compiled already."""
-    place = jnp.asarray(position)
-    values, rate = jax.jvp(density.values, (place,), (jnp.ones_like(place),))
-    values = np.asarray(values)
-    residual, jacobian = problem.residual(problem.balance(values[None], near))
-    prior, slope = jax.value_and_grad(density.prior)(place)
-    value = float(prior) - 0.5 * float(residual @ residual)
-    return value, np.asarray(slope) - (residual @ jacobian) * np.asarray(rate)
 
 
 def _motions(problem: Problem, near: Slopes, values: np.ndarray) -> np.ndarray:

@@ -121,40 +121,30 @@ def parameter_priors(
     lower, upper = stated_bounds(knee, selection, bounds or {})
     found = []
     for i, own in enumerate(stated(selection, given or {}, "prior")):
-        mean, sd = own or (values[i], usual[i])
+        name, (mean, sd) = selection.names[i], own or (values[i], usual[i])
         if own:
-            doubt_value(knee, selection.names[i], mean)
-            doubt_prior(knee, selection.names[i], sd)
-        numbers = map(float, (mean, sd, lower[i], upper[i]))
-        found.append(_checked(Prior(selection.names[i], *numbers)))
+            doubt_value(knee, name, mean)
+            doubt_prior(knee, name, sd)
+        if not sd > 0:
+            raise UnsuitableData(
+                f"{name}: prior of width {sd:g}: expected a standard deviation above zero; "
+                "leave the parameter out if it is known exactly"
+            )
+        if not np.isfinite(mean):
+            raise UnsuitableData(f"{name}: prior of mean {mean:g}: expected a number")
+        if not lower[i] <= mean <= upper[i]:
+            raise UnsuitableData(
+                f"{name}: bounds {lower[i]:g} to {upper[i]:g} exclude the prior's mean {mean:g}"
+            )
+        found.append(Prior(name, *map(float, (mean, sd, lower[i], upper[i]))))
     return tuple(found)
-
-
-def _checked(prior: Prior) -> Prior:
-    if not prior.sd > 0:
-        raise UnsuitableData(
-            f"{prior.name}: prior of width {prior.sd:g}: expected a standard deviation above zero; "
-            "leave the parameter out if it is known exactly"
-        )
-    if not np.isfinite(prior.mean):
-        raise UnsuitableData(f"{prior.name}: prior of mean {prior.mean:g}: expected a number")
-    if not prior.lower <= prior.mean <= prior.upper:
-        raise UnsuitableData(
-            f"{prior.name}: bounds {prior.lower:g} to {prior.upper:g} exclude the prior's mean "
-            f"{prior.mean:g}"
-        )
-    return prior
 
 
 _MOST_STEPS = 60
 
 
 def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) -> Slopes:
-    """Balances, one variant, where likelihood times prior is largest within the bounds.
-
-    The problem is weighted by one over the noise's variances; the search begins at parameters and
-    offsets `fit`, `(p,)`, and raises where a pose that counts has no balance there.
-    """
+    """Balances where likelihood times prior is largest within the bounds, from `(p,)`."""
     lower, upper, mean, sd = np.array([(p.lower, p.upper, p.mean, p.sd) for p in priors]).T
     begin = problem.begin(np.clip(fit[None], lower, upper))
     cases = dataclasses.replace(problem.cases, prior=(mean, sd))
@@ -170,8 +160,7 @@ def most_probable(problem: Problem, priors: tuple[Prior, ...], fit: np.ndarray) 
 
 
 def laplace_covariance(precision: np.ndarray) -> np.ndarray:
-    """Covariance of the normal density at the most probable parameters (Laplace's approximation),
-    `(p, p)`; NaN where data and priors do not determine the parameters."""
+    """Laplace's approximation, `(p, p)`; NaN where the parameters are not determined."""
     unit = np.sqrt(np.maximum(np.diag(precision), 1e-300))
     scaled = precision / np.outer(unit, unit)
     if not np.linalg.cond(scaled) < 1e14:
@@ -215,12 +204,8 @@ class MotionDensity(eqx.Module):
         cls, problem: Problem, noise: np.ndarray, priors: tuple[Prior, ...], near: Slopes,
         deviation: np.ndarray,
     ) -> MotionDensity:  # fmt: skip
-        """The density of a problem.
-
-        `noise` are standard deviations, `(5,)`, degrees and mm; `near` balances at parameters and
-        offsets, one variant; `deviation` tells about how far these are uncertain, `(p,)`, NaN if
-        unknown.
-        """
+        """The density of a problem with noise `(5,)`, from balances `near` at values that are
+        uncertain by about a `deviation`, `(p,)`, NaN if unknown."""
         values, own = near.values[0], without_offsets(near, problem.offsets, problem.cases.posed)
         in_log = np.array([p.name.endswith(".stiffness") and p.lower > 0.0 for p in priors])
         ends = np.array([(p.lower, p.upper) for p in priors])
@@ -275,11 +260,9 @@ class MotionDensity(eqx.Module):
         return jnp.sum(at_upper + at_lower + stretch, axis=-1)
 
     def __call__(self, position: Array) -> tuple[Array, Array]:
-        """Log densities and their gradients at positions `(chains, p)`.
-
-        The gradient is taken in reverse through the implicit derivative: chains share no lane, so
-        that of the sum has each chain's in its row.
-        """
+        """Log densities and gradients at positions `(chains, p)`; chains share no lane, so the
+        gradient of their sum, in reverse through the implicit derivative, has each chain's in its
+        row."""
 
         def total(position: Array) -> tuple[Array, tuple[Array, Array]]:
             likelihood, balanced = self._likelihood(self.values(position))
@@ -290,11 +273,23 @@ class MotionDensity(eqx.Module):
         return (jnp.where(balanced, value, -jnp.inf), jnp.where(balanced[:, None], gradient, 0.0))
 
     def _likelihood(self, values: Array) -> tuple[Array, Array]:
-        """Log likelihood of each chain, and whether all poses that count are balanced."""
-        chains, size = values.shape[0], len(self.selection)
-        equilibrium = self._equilibrium_of(values[:, :size])
-        own = equilibrium.q[: len(TABLE_UNITS)]
-        table = own.reshape(len(own), chains, -1) * TABLE_UNITS[:, None, None]
+        """Log likelihood of each chain, and whether all poses that count are balanced; lanes run
+        over the chains' poses, chain by chain, each from the known poses to first order."""
+        (chains, _), poses, size = values.shape, len(self.load_cases), len(self.selection)
+        own, near = values[:, :size], self.near
+
+        def of_its_chain(leaf: Array) -> Array:
+            return jnp.repeat(leaf, poses, axis=-1) if leaf.shape[-1] == chains else leaf
+
+        lanes = in_lanes(self.knee, self.selection.apply, own)
+        q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], own - near["values"])
+        points = jnp.broadcast_to(near["contact_points"], (chains, *near["contact_points"].shape))
+        known = (x.reshape(chains * poses, *x.shape[2:]) for x in (q, points))
+        guess = Guess(*(jnp.moveaxis(x, 0, -1) for x in known))
+        every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.load_cases)
+        knees = every.load(jax.tree.map(of_its_chain, lanes))
+        found = solve_equilibrium(knees, every.prescribed, guess).q[: len(TABLE_UNITS)]
+        table = found.reshape(len(found), chains, -1) * TABLE_UNITS[:, None, None]
         for k, name in enumerate(self.offsets):
             table = table.at[FREE_COORDINATES.index(name)].add(values[:, size + k, None])
         # Gradients of a NaN are NaN even where it is not chosen: it is replaced beforehand.
@@ -303,28 +298,6 @@ class MotionDensity(eqx.Module):
         error = (table - self.target[:, None]) / self.noise[:, None, None]
         error = jnp.where(jnp.isnan(self.target[:, None]), 0.0, error)
         return -0.5 * jnp.sum(error**2, axis=(0, 2)), balanced
-
-    def _equilibrium_of(self, values: Array):
-        """Every pose of every chain: lanes run over the chains' poses, chain by chain."""
-        chains, poses = values.shape[0], len(self.load_cases)
-
-        def of_its_chain(leaf: Array) -> Array:
-            return jnp.repeat(leaf, poses, axis=-1) if leaf.shape[-1] == chains else leaf
-
-        lanes = in_lanes(self.knee, self.selection.apply, values)
-        guess = self._predicted(values)
-        every = jax.tree.map(lambda x: jnp.concatenate([x] * chains), self.load_cases)
-        knees = every.load(jax.tree.map(of_its_chain, lanes))
-        return solve_equilibrium(knees, every.prescribed, guess)
-
-    def _predicted(self, values: Array) -> Guess:
-        """Poses to first order from the known ones."""
-        near, step = self.near, values - self.near["values"]
-        q = near["q"] + jnp.einsum("ncp,vp->vnc", near["jacobian"], step)
-        points = near["contact_points"]
-        points = jnp.broadcast_to(points, (len(q), *points.shape))
-        lanes = (x.reshape(len(q) * q.shape[1], *x.shape[2:]) for x in (q, points))
-        return Guess(*(jnp.moveaxis(x, 0, -1) for x in lanes))
 
 
 def _softplus_inverse(x: Array) -> Array:

@@ -39,12 +39,11 @@ _APART = 3.84
 
 
 def fit_of(
-    one: CalibrationProblem, problem: Problem, procedure: str, trail: Trail,
-    likely: MaximumLikelihood | None,
-) -> Fit:  # fmt: skip
-    """The answer of one procedure; `likely` says how sure it is, None for a procedure that is there
-    to compare."""
-    found, size = trail.known, len(problem.selection)
+    one: CalibrationProblem, procedure: str, trail: Trail, likely: MaximumLikelihood | None
+) -> Fit:
+    """The answer of one procedure; `likely` is None of one that is there to compare."""
+    problem, found = one.fitted, trail.known
+    size = len(problem.selection)
     own = without_offsets(found, problem.offsets, problem.cases.posed)
     slack = slack_at(problem.knee, problem.selection, problem.cases, own)
     held = on_bounds(trail.x, one.lower, one.upper)
@@ -78,8 +77,7 @@ def fit_of(
 
 
 def starts_of(problem: Problem, answer: Fit, ends: np.ndarray, objectives: np.ndarray) -> Starts:
-    """Where several starts ended, parameters and offsets `(starts, p)` with their objectives, and
-    which of them are not the answer."""
+    """Where several starts ended, `(starts, p)`, and which ends are not the answer."""
     order = np.argsort(objectives)
     ends, objectives = ends[order], objectives[order]
     estimates = (*answer.estimates, *answer.offsets)
@@ -126,10 +124,10 @@ def rmse_of(problem: Problem, found: Slopes) -> dict[str, float]:
 
 
 def answer_of(
-    one: CalibrationProblem, problem: Problem, first: Slopes, fits: list[Fit],
-    likely: MaximumLikelihood,
-) -> Calibration:  # fmt: skip
+    one: CalibrationProblem, first: Slopes, fits: list[Fit], likely: MaximumLikelihood
+) -> Calibration:
     """What is reported of one knee; seconds are those of all, and follow."""
+    problem = one.fitted
     start_rmse, start_tests = rmse_of(problem, first), fitted_tests(problem, first)
     poses = int(problem.used[problem.cases.posed].sum())
     stated, counted = one.noise.stated, one.noise.counted
@@ -154,11 +152,7 @@ def misfits(
     rmse: Mapping[str, float], start_rmse: Mapping[str, float], stated: np.ndarray,
     counted: np.ndarray, poses: int,
 ) -> tuple[Misfit, ...]:  # fmt: skip
-    """Coordinates in which a fit of `poses` is poor, by its root mean square error and the start's.
-
-    `stated` are standard deviations, NaN where none is stated, and `counted` says which coordinates
-    are fitted, `(5,)` each.
-    """
+    """Coordinates in which a fit is poor; `stated` noise is NaN where there is none, `(5,)`."""
     # A root mean square of so few scatters by 1 / sqrt(2 n); twice that is more than luck.
     scatter = 1.0 + float(np.sqrt(2.0 / max(poses, 1)))
     beyond = more_than_luck(poses)
@@ -180,10 +174,7 @@ def misfits(
 
 
 def more_than_luck(numbers: int) -> float:
-    """Times the noise beyond which a root mean square error of so many numbers is more than noise.
-
-    What so few errors leave by luck once in a thousand is no misfit either.
-    """
+    """Times the noise that a root mean square of so many numbers exceeds once in a thousand."""
     # `scipy.special` at the top would be part of every start.
     from scipy.special import chdtri
 
@@ -219,8 +210,7 @@ def fitted_tests(problem: Problem, found: Slopes) -> tuple[FittedTest, ...]:
 def misfits_of_test(
     own: FittedTest, before: FittedTest, stated: np.ndarray, counted: np.ndarray
 ) -> tuple[Misfit, ...]:
-    """Coordinates of a test in which a fit is poor, by the rules of poses (`misfits`); `before` is
-    the test at the start."""
+    """Coordinates of a test in which a fit is poor, by the rules of poses."""
     for row, name in enumerate(FREE_COORDINATES):
         sd = own.test.sd_mm if COORDINATES[name].unit == "mm" else own.test.sd_deg
         stated = np.where(np.arange(5) == row, sd, stated) if sd is not None else stated

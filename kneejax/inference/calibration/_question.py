@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import fnmatch
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import jax
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
@@ -145,7 +146,16 @@ class CalibrationProblem:
                 )
         weights = noise.first**-2.0
         fitted = Problem.of(knee, selection, measured, weights, offsets, loads, tests, noise.stated)
-        _check_measured(fitted)
+        lost = np.flatnonzero(~np.isfinite(fitted.measured).all(axis=-1))
+        if len(lost):
+            raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
+        angles = len(np.unique(np.round(np.deg2rad(fitted.measured[:, 0]), 12)))
+        if offsets and angles < 2:
+            raise UnsuitableData(
+                f"frame_offset: {', '.join(offsets)} with {angles} measured "
+                f"pose{'s' * (angles != 1)}; expected two poses or more, since an unknown constant "
+                "absorbs a single one"
+            )
         lower, upper = stated_bounds(knee, selection, bounds or {})
         start = start_within(knee, selection, lower, upper)
         # A frame is rarely off by more than 10 mm or 10 degrees.
@@ -164,16 +174,45 @@ class CalibrationProblem:
         return dataclasses.replace(self, fitted=self.fitted.weighing(np.asarray(noise, float)))
 
 
-def _check_measured(problem: Problem) -> None:
-    """Refuse poses that are not finite, and constants between frames that absorb all of them."""
-    lost = np.flatnonzero(~np.isfinite(problem.measured).all(axis=-1))
-    if len(lost):
-        raise UnsuitableData(f"measured row {lost[0]} is not finite: leave it out")
-    poses = np.asarray(problem.cases.load_cases.flexion)[problem.cases.posed]
-    angles = len(np.unique(np.round(poses, 12)))
-    if problem.offsets and angles < 2:
-        raise UnsuitableData(
-            f"frame_offset: {', '.join(problem.offsets)} with {angles} measured "
-            f"pose{'s' * (angles != 1)}; expected two poses or more, since an unknown constant "
-            "absorbs a single one"
+@dataclasses.dataclass(frozen=True, eq=False)
+class SeveralKnees:
+    """Calibrations of one form, each of a knee of its own; a single one is the plainest case."""
+
+    members: tuple[CalibrationProblem, ...]  # alike (`kneejax.inference.fit.form_of`)
+    whole: Problem  # what is fitted of all, with what was observed a fit each
+
+    @classmethod
+    def of(cls, members: Sequence[CalibrationProblem]) -> SeveralKnees:
+        """Calibrations of one form."""
+        problems = [one.fitted for one in members]
+        first = problems[0]
+        if len(problems) == 1:
+            return cls(tuple(members), first)
+        leaves = [jax.tree.leaves(one.knee) for one in problems]
+        stacks = (np.stack([np.asarray(x) for x in each]) for each in zip(*leaves, strict=True))
+        own = {place: x for place, x in enumerate(stacks) if (x != x[:1]).any()}
+        target = np.stack([one.cases.target for one in problems])
+        prior = first.cases.prior
+        if prior is not None:
+            prior = np.stack([one.cases.prior[0] for one in problems if one.cases.prior]), prior[1]
+        cases = dataclasses.replace(first.cases, target=target, prior=prior)
+        return cls(tuple(members), dataclasses.replace(first, cases=cases, own=own or None))
+
+    def take(self, rows: Sequence[int]) -> SeveralKnees:
+        """Some of the knees. Balances of all go on saying whose they are."""
+        whole = dataclasses.replace(self.whole, cases=self.whole.cases.take(list(rows)))
+        return SeveralKnees(tuple(self.members[row] for row in rows), whole)
+
+    def each(self, change: Callable[..., Problem], given: Any) -> SeveralKnees:
+        """The same with what is fitted changed by a method of `Problem`."""
+        members = (
+            dataclasses.replace(one, fitted=change(one.fitted, given)) for one in self.members
         )
+        return SeveralKnees(tuple(members), change(self.whole, given))
+
+    def weighing(self, noise: Sequence[np.ndarray]) -> SeveralKnees:
+        """The same with a noise each, `(5,)`, where it is known and was to be estimated."""
+        every = zip(self.members, noise, strict=True)
+        members = tuple(one if np.isnan(own).any() else one.weighing(own) for one, own in every)
+        now = np.stack([one.fitted.cases.noise for one in members])
+        return SeveralKnees(members, self.whole.weighing(now if len(now) > 1 else now[0]))

@@ -1,15 +1,23 @@
-"""The searches that move parameters: stages, procedures I to III, several starts."""
+"""The searches that move parameters: stages, procedures I to III, by Jacobian or gradient."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
-from kneejax.inference.calibration._question import PROCEDURES, CalibrationProblem
+from kneejax.inference.calibration._question import (
+    PROCEDURES,
+    CalibrationProblem,
+    SeveralKnees,
+)
 from kneejax.inference.calibration._result import Ending, Iteration
-from kneejax.inference.fit import Problem, Progress, SeveralKnees, fit_lanes, minimise_bounded
+from kneejax.inference.fit import Problem, Progress, fit_lanes
+from kneejax.numerics import imported
 from kneejax.statics import Slopes
 
 _MAX_EVALUATIONS = 200
@@ -56,59 +64,46 @@ class Trail:
         """Evaluations of all poses and their Jacobian."""
         return sum(self.counts.values())
 
-    def weighed(self, problem: Problem) -> Trail:
-        """The same with the weights of a problem without a prior or readings."""
-        history = [
-            dataclasses.replace(step, objective=float(squares @ problem.weights))
-            for step, squares in zip(self.history, self.squares, strict=True)
-        ]
-        objective = problem.objective(self.known)
-        return dataclasses.replace(self, history=history, objective=objective)
-
-    def moved(self, problem: Problem, there: Slopes, stage: str) -> Trail:
-        """The same, ended by itself where its problem has its best fit."""
-        trail = dataclasses.replace(
-            self, history=[*self.history], squares=[*self.squares], converged=True, flat=False,
-            counts={**self.counts, stage: self.counts.get(stage, 0) + 1},
-        )  # fmt: skip
-        _move(problem, trail, there, problem.objective(there), stage)
-        return trail
+    def move(self, problem: Problem, found: Slopes, objective: float, stage: str) -> None:
+        """Take a step."""
+        self.known, self.objective = found, objective
+        self.history.append(Iteration(stage, self.evaluations, objective))
+        self.squares.append(problem.squares(found))
 
 
 def run_procedure(
-    one: CalibrationProblem, knees: SeveralKnees, procedure: str, starts: Sequence[Slopes],
-    progress: Progress | None = None,
-) -> list[Trail]:  # fmt: skip
+    knees: SeveralKnees, procedure: str, starts: Sequence[Slopes], progress: Progress | None = None
+) -> list[Trail]:
     """Search by one of paper 1's procedures, or in stages of one's own, side by side where the
-    search allows it, from balances at the first values, one variant a knee; `one` says between
-    which bounds and how. Of a knee alone `progress` is told of each step and its errors."""
+    search allows it, from balances at the first values, one variant a knee. Of a knee alone
+    `progress` is told of each step and its errors."""
+    one, alone = knees.members[0], len(knees.members) == 1
     by_turns = one.cycles > 1 and len(PROCEDURES[procedure]) > 1
-    if len(knees) > 1 and (by_turns or one.method != "least_squares"):
-        each = ((SeveralKnees.of([x]), [y]) for x, y in zip(knees.problems, starts, strict=True))
-        return [run_procedure(one, knee, procedure, start, progress)[0] for knee, start in each]
+    if not alone and (by_turns or one.method != "least_squares"):
+        each = ((SeveralKnees.of([x]), [y]) for x, y in zip(knees.members, starts, strict=True))
+        return [run_procedure(knee, procedure, start, progress)[0] for knee, start in each]
+    knees = SeveralKnees.of(knees.members) if alone else knees
     if by_turns:
-        return [_by_turns(one, knees, procedure, starts[0], progress)]
-    trails = [Trail(start, np.inf, [], {}) for start in starts]
-    if len(knees) == 1:
-        knees, trails[0].progress = SeveralKnees.of(knees.problems), progress
-    _go_through(one, knees, procedure, trails)
+        return [_by_turns(knees, procedure, starts[0], progress)]
+    told = progress if alone else None
+    trails = [Trail(start, np.inf, [], {}, progress=told) for start in starts]
+    _go_through(knees, procedure, trails)
     return trails
 
 
 def _by_turns(
-    one: CalibrationProblem, knees: SeveralKnees, procedure: str, start: Slopes,
-    progress: Progress | None,
-) -> Trail:  # fmt: skip
+    knees: SeveralKnees, procedure: str, start: Slopes, progress: Progress | None
+) -> Trail:
     """Cycles through the stages of one knee, until they no longer lower the objective."""
-    (problem,), trail = knees.problems, Trail(start, np.inf, [], {}, progress=progress)
-    knees, begun, ended, before = SeveralKnees.of([problem]), [], [], None
+    (one,), trail = knees.members, Trail(start, np.inf, [], {}, progress=progress)
+    begun, ended, before = [], [], None
     for _ in range(one.cycles):
         reached, here = trail.objective, trail.x
-        _go_through(one, knees, procedure, [trail])
-        if trail.objective < 1e-16 * problem.cases.numbers:
+        _go_through(knees, procedure, [trail])
+        if trail.objective < 1e-16 * one.fitted.cases.numbers:
             return trail
         if begun and reached - trail.objective <= _TOLERANCE * reached:
-            if before is None and (anew := _taut_again(problem, trail, start)) is not None:
+            if before is None and (anew := _taut_again(one.fitted, trail, start)) is not None:
                 before, begun, ended = trail, [], []
                 trail = Trail(anew, np.inf, [], dict(trail.counts), progress=progress)
                 continue
@@ -117,31 +112,29 @@ def _by_turns(
             return trail
         begun.append(here)
         ended.append(trail.x)
-        _accelerate(one, problem, trail, begun[-_MEMORY:], ended[-_MEMORY:])
+        _accelerate(one, trail, begun[-_MEMORY:], ended[-_MEMORY:])
     trail.converged = False
     return trail
 
 
-def _go_through(
-    one: CalibrationProblem, knees: SeveralKnees, procedure: str, trails: Sequence[Trail]
-) -> None:
+def _go_through(knees: SeveralKnees, procedure: str, trails: Sequence[Trail]) -> None:
     """Once through all stages of a procedure."""
+    one = knees.members[0]
     several = PROCEDURES[procedure] or one.stages
     search = _stage if one.method == "least_squares" else _stage_by_lbfgsb
     for number, stage in enumerate(several, 1):
-        chosen = [stage.frees(name) for name in knees.problems[0].selection.names]
+        chosen = [stage.frees(name) for name in one.fitted.selection.names]
         if any(chosen):
-            free = np.array(chosen + [True] * len(knees.problems[0].offsets))
+            free = np.array(chosen + [True] * len(one.fitted.offsets))
             name = f"{procedure}.{number}" if len(several) > 1 else procedure
-            search(one, knees.with_data(stage.data), trails, free, name)
+            search(knees.each(Problem.with_data, stage.data), trails, free, name)
     if any(stage.data for stage in several):
-        for problem, trail in zip(knees.problems, trails, strict=True):
-            trail.objective = problem.objective(trail.known)
+        for own, trail in zip(knees.members, trails, strict=True):
+            trail.objective = own.fitted.objective(trail.known)
 
 
 def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
-    """Balances with what poses hardly depend on, numbers of a ligament that went slack, as it was
-    at the start: by turns it would stay slack. None where there is none, or no balance."""
+    """Balances with what poses hardly depend on as at the start, or None: it would stay slack."""
     _, jacobian = problem.residual(trail.known)
     effect = np.linalg.norm(jacobian, axis=0) * np.abs(start.values[0])
     silent = effect < _SILENT * effect.max()
@@ -149,27 +142,22 @@ def _taut_again(problem: Problem, trail: Trail, start: Slopes) -> Slopes | None:
     return found if silent.any() and found.converged.all() else None
 
 
-def _accelerate(
-    one: CalibrationProblem, problem: Problem, trail: Trail, begun: list, ended: list
-) -> None:
-    """Go on where the cycles were heading; kept only where it lowers the objective.
-
-    Alternating between coupled blocks converges linearly: near the answer of paper 1's twin the
-    slowest error shrinks by 1.7 per cent a cycle. Anderson's extrapolation cures that, but not
-    the crawl along bounds and round the bends of the valley before: there its guess is refused,
-    and the last cycle's move is repeated as long as that helps, twice as far each time (the
-    pattern move of Hooke and Jeeves 1961).
-    """
+def _accelerate(one: CalibrationProblem, trail: Trail, begun: list, ended: list) -> None:
+    """Go on where the cycles were heading, if that lowers the objective: alternating between
+    coupled blocks converges linearly, by 1.7 per cent a cycle on paper 1's twin. Anderson's
+    extrapolation cures that but for the crawl along bounds and bends, where the last move is
+    repeated, twice as far each time (the pattern move of Hooke and Jeeves 1961)."""
     if len(begun) < 2:
         return
 
     def improves(trial: np.ndarray) -> bool:
+        problem = one.fitted
         found = problem.balance(np.clip(trial, one.lower, one.upper)[None], trail.known)
         objective = problem.objective(found)
         trail.counts["acceleration"] = trail.counts.get("acceleration", 0) + 1
         lower = objective < trail.objective
         if lower:
-            _move(problem, trail, found, objective, "acceleration")
+            trail.move(problem, found, objective, "acceleration")
         return lower
 
     if len(begun) > 2:
@@ -192,16 +180,9 @@ def _count(problem: Problem, trail: Trail, found: Slopes, stage: str) -> None:
         trail.progress(f"procedure {stage}, step {trail.counts[stage]}, {errors}", 0, 0)
 
 
-def _move(problem: Problem, trail: Trail, found: Slopes, objective: float, stage: str) -> None:
-    trail.known, trail.objective = found, objective
-    trail.history.append(Iteration(stage, trail.evaluations, objective))
-    trail.squares.append(problem.squares(found))
-
-
-def _stage(
-    one: CalibrationProblem, knees: SeveralKnees, trails: Sequence[Trail], free, name: str
-) -> None:
+def _stage(knees: SeveralKnees, trails: Sequence[Trail], free, name: str) -> None:
     """A stage, of several knees at once; each ends by itself."""
+    one = knees.members[0]
     here = np.stack([trail.x for trail in trails])
     box = (np.where(free, bound, here) for bound in (one.lower, one.upper))
     reached: list[list[float]] = [[] for _ in trails]
@@ -210,13 +191,13 @@ def _stage(
         trail.flat = False
 
     def watch(rows: np.ndarray, found: Slopes, objective: np.ndarray, taken: np.ndarray):
-        """Note each step; end where steps gain less than the noise (in units of chi squared): a
-        valley that the data cannot tell from flat."""
+        """Note each step; end where steps gain less than the noise: a valley that is flat to the
+        data."""
         for k, row in enumerate(rows):
-            trail, own = trails[row], found.take([k])
-            _count(knees.problems[row], trail, own, name)
+            trail, problem, own = trails[row], knees.members[row].fitted, found.take([k])
+            _count(problem, trail, own, name)
             if taken[k]:
-                _move(knees.problems[row], trail, own, float(objective[k]), name)
+                trail.move(problem, own, float(objective[k]), name)
                 reached[row].append(trail.objective)
                 steps = reached[row]
                 gain = steps[-_WINDOW] - steps[-1] if len(steps) >= _WINDOW else np.inf
@@ -233,17 +214,13 @@ def _stage(
 
 def together(trails: Sequence[Trail]) -> Slopes:
     """Where several searches are, one variant each."""
-    fields = [field.name for field in dataclasses.fields(Slopes)]
-    known = [trail.known for trail in trails]
-    return Slopes(*(np.concatenate([getattr(one, name) for one in known]) for name in fields))
+    return jax.tree.map(lambda *each: np.concatenate(each), *(trail.known for trail in trails))
 
 
-def _stage_by_lbfgsb(
-    one: CalibrationProblem, knees: SeveralKnees, trails: Sequence[Trail], free, name: str
-) -> None:
+def _stage_by_lbfgsb(knees: SeveralKnees, trails: Sequence[Trail], free, name: str) -> None:
     """A stage of one knee."""
-    (problem,), (trail,) = knees.problems, trails
-    origin = trail.x
+    (one,), (trail,) = knees.members, trails
+    problem, origin = one.fitted, trail.x
 
     def balance(values: np.ndarray) -> Slopes:
         x = origin.copy()
@@ -256,7 +233,7 @@ def _stage_by_lbfgsb(
         value = float(residual @ residual)
         _count(problem, trail, found, name)
         if value < trail.objective:
-            _move(problem, trail, found, value, name)
+            trail.move(problem, found, value, name)
         return value, 2.0 * (residual @ jacobian)[free]
 
     # How far each parameter alone must move to move the poses as far as they are off; its ligament
@@ -270,3 +247,64 @@ def _stage_by_lbfgsb(
     if answer.converged:
         trail.known, trail.objective = balance(answer.x), answer.value
     trail.converged, trail.reason = answer.converged, answer.reason
+
+
+_MAX_STEPS = 500
+#: Bound of the projected gradient, in units of the scale and of the value at the start.
+_TOLERANCE = 1e-8
+_LEAST_CACHED = "jax_persistent_cache_min_compile_time_secs"
+
+
+class Minimum(NamedTuple):
+    """Where a minimisation ended: the point `(p,)`, the value there, whether the projected gradient
+    is below the tolerance, and why it is not; that is empty if it is."""
+
+    x: np.ndarray
+    value: float
+    converged: bool
+    reason: str
+
+
+def minimise_bounded(
+    value_and_gradient: Callable, start: np.ndarray, lower: np.ndarray, upper: np.ndarray,
+    scale: np.ndarray | None = None, max_steps: int | None = None,
+) -> Minimum:  # fmt: skip
+    """Minimise a function `(p,) -> value, gradient` of numbers within bounds by L-BFGS-B of jaxopt;
+    steps are cut back where it is not finite. `scale` is the change of each unknown that matters as
+    much as one of any other, the width of the bounds by default."""
+    jaxopt = imported("jaxopt", "jaxopt", "lbfgsb")
+    scale = np.where(upper > lower, upper - lower, 1.0) if scale is None else scale
+    first = float(value_and_gradient(np.asarray(start))[0])
+    if not np.isfinite(first):
+        reason = "L-BFGS-B could not begin: the function is not finite at the start"
+        return Minimum(np.asarray(start), first, False, reason)
+    unit = max(abs(first), 1e-12)
+
+    def scaled(z):
+        with jax.disable_jit(False):  # jaxopt calls this without compilation, which it needs
+            value, gradient = value_and_gradient(np.clip(np.asarray(z) * scale, lower, upper))
+            if not np.isfinite(value):
+                return jnp.asarray(jnp.inf), jnp.zeros(len(z))
+            return jnp.asarray(value / unit), jnp.asarray(gradient * scale / unit)
+
+    solver = jaxopt.LBFGSB(
+        scaled, value_and_grad=True, tol=_TOLERANCE, maxiter=max_steps or _MAX_STEPS,
+        stop_if_linesearch_fails=True, implicit_diff=False, jit=False,
+    )  # fmt: skip
+    bounds, least = (jnp.asarray(lower / scale), jnp.asarray(upper / scale)), _LEAST_CACHED
+    usual = getattr(jax.config, least)
+    jax.config.update(least, 0.0)  # its loops are 200 small programs, slower to compile than to run
+    try:
+        with jax.disable_jit():  # which close over arrays: compiled again in every iteration
+            answer, state = solver.run(jnp.asarray(start / scale), bounds=bounds)
+    finally:
+        jax.config.update(least, usual)
+    error, failed, reason = float(state.error), bool(state.failed_linesearch), ""
+    if not error <= _TOLERANCE:
+        ended = "its line search found no lower point" if failed else "the limit of iterations"
+        reason = (
+            f"L-BFGS-B ended after {int(state.iter_num)} iterations ({ended}): projected gradient "
+            f"{error:.1e}, expected at most {_TOLERANCE:.0e}"
+        )
+    x = np.clip(np.asarray(answer) * scale, lower, upper)
+    return Minimum(x, float(state.value) * unit, not reason, reason)

@@ -9,17 +9,17 @@ import numpy as np
 
 from kneejax.geometry import scales
 from kneejax.inference.calibration._answer import answer_of, fit_of, starts_of
-from kneejax.inference.calibration._question import CalibrationProblem
+from kneejax.inference.calibration._question import CalibrationProblem, SeveralKnees
 from kneejax.inference.calibration._result import Calibration, Fit
 from kneejax.inference.calibration._search import Trail, run_procedure, together
 from kneejax.inference.fit import (
-    Noise,
     Problem,
     Progress,
-    SeveralKnees,
+    balances_of,
+    best_offsets,
+    fit_lanes,
     form_of,
     named,
-    several_starts,
 )
 from kneejax.inference.intervals import MaximumLikelihood, estimate
 from kneejax.numerics import adding_up, lap, stopwatch
@@ -73,7 +73,13 @@ def calibrate_side_by_side(
     found: dict[int, Calibration | UnsuitableData] = {}
     forms: dict[object, list[tuple[int, CalibrationProblem]]] = {}
     for place, one in enumerate(problems):
-        forms.setdefault(_form(place, one), []).append((place, one))
+        form, noise = form_of(one.fitted), one.noise
+        numbers = noise.stated, noise.ratio, one.lower, one.upper
+        alike = (
+            form, noise.given, *(x.tobytes() for x in numbers), one.procedures, one.stages,
+            one.starts, one.seed, one.method, one.cycles,
+        )  # fmt: skip
+        forms.setdefault(place if form is None else alike, []).append((place, one))
     for members in forms.values():
         places, alike = zip(*members, strict=True)
         with stopwatch() as watch:
@@ -85,18 +91,6 @@ def calibrate_side_by_side(
         ]
         found |= dict(zip(places, answers, strict=True))
     return [found[place] for place in range(len(problems))]
-
-
-def _form(place: int, one: CalibrationProblem) -> object:
-    """What problems have in common that are solved side by side."""
-    form = form_of(one.fitted)
-    if form is None:
-        return place
-    numbers = (one.noise.stated, one.noise.ratio, one.lower, one.upper)
-    return (
-        form, one.noise.given, *(x.tobytes() for x in numbers), one.procedures, one.stages,
-        one.starts, one.seed, one.method, one.cycles,
-    )  # fmt: skip
 
 
 def _with_short_steps(members: Sequence[CalibrationProblem], progress: Progress) -> list:
@@ -130,7 +124,7 @@ def _with_restless(answer: Calibration, restless: Mapping[str, float]) -> Calibr
 def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> list:
     """Answers of knees whose problems have one form."""
     progress("first balances", 0, 0)
-    knees = SeveralKnees.of([one.fitted for one in members])
+    knees = SeveralKnees.of(members)
     first = knees.whole.begin(np.stack([one.start for one in members]))
     lap("start")
     found, sets = {}, {}
@@ -143,30 +137,22 @@ def _of_one_form(members: Sequence[CalibrationProblem], progress: Progress) -> l
             sets.setdefault(first.converged[row].tobytes(), []).append(row)
     for rows in sets.values():
         # What has no balance counts for nothing; knees of one set of load cases go on together.
-        some, at_start = knees.take(rows).with_used(first.converged[rows[0]]), first.take(rows)
-        own = [members[row] for row in rows]
-        found |= dict(zip(rows, _answers(some, own, at_start, progress), strict=True))
+        some = knees.take(rows).each(Problem.with_used, first.converged[rows[0]])
+        found |= dict(zip(rows, _answers(some, first.take(rows), progress), strict=True))
     return [found[row] for row in range(len(members))]
 
 
-def _answers(
-    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Slopes, progress: Progress
-) -> list[Calibration]:
-    """Answers of knees whose load cases that count are the same.
-
-    A search follows each balance from one step to the next, and may follow it past the end of its
-    branch to another. Where tests were made or a fit is poor, a path leads to its answer as
-    tests are made; if that fits better, the search goes on from there. A reading at a limit point
-    lets no step pass that would take its balance away, and is then far off: where the fit without
-    it leads to a better one with it, the search goes on from that.
-    """
-    begin = [first.take([row]) for row in range(len(members))]
-    knees, fits, sure = _fits(knees, members, begin, progress)
-    every = zip(members, knees.problems, begin, fits, sure, strict=True)
-    answers = [answer_of(*each) for each in every]
+def _answers(knees: SeveralKnees, first: Slopes, progress: Progress) -> list[Calibration]:
+    """Answers of knees whose load cases that count are the same. A search may follow balances past
+    the end of their branch: it goes on from a path to its answer, as tests are made, that fits
+    better. A reading at a limit point lets no step pass: it goes on from a better fit found without
+    it."""
+    begin = [first.take([row]) for row in range(len(first.values))]
+    knees, fits, sure = _fits(knees, begin, progress)
+    answers = [answer_of(*each) for each in zip(knees.members, begin, fits, sure, strict=True)]
     anew = {}
-    for row, answer in enumerate(answers):
-        problem, objective = knees.problems[row], answer.fit.objective
+    for row, (one, answer) in enumerate(zip(knees.members, answers, strict=True)):
+        problem, objective = one.fitted, answer.fit.objective
         if (answer.misfits or problem.tests) and answer.fit.success:
             there = _continued(problem, first.knee[row], _values(answer))
             spare = max(problem.counted_numbers - problem.size, 1)
@@ -174,33 +160,29 @@ def _answers(
             if problem.objective(there) < lower:
                 anew[row] = there
                 continue
-            freed = _past_what_blocks(problem, members[row], there, objective / spare)
+            freed = _past_what_blocks(one, there, objective / spare)
             if freed is not None and problem.objective(freed) < lower:
                 anew[row] = freed
     if not anew:
         return answers
     progress("a better fit is in sight: again", 0, 0)
-    rows = list(anew)
-    own = [members[row] for row in rows]
-    some, fits, sure = _fits(knees.take(rows), own, list(anew.values()), progress)
-    for row, problem, *rest in zip(rows, some.problems, fits, sure, strict=True):
-        again = answer_of(members[row], problem, begin[row], *rest)
+    some, fits, sure = _fits(knees.take(list(anew)), list(anew.values()), progress)
+    for row, one, *rest in zip(anew, some.members, fits, sure, strict=True):
+        again, problem = answer_of(one, begin[row], *rest), knees.members[row].fitted
         # Its own noise, where that is estimated, would make any fit as good as another.
-        there = _continued(knees.problems[row], first.knee[row], _values(again))
-        if knees.problems[row].objective(there) < answers[row].fit.objective:
+        there = _continued(problem, first.knee[row], _values(again))
+        if problem.objective(there) < answers[row].fit.objective:
             answers[row] = again
     return answers
 
 
 def _past_what_blocks(
-    problem: Problem, one: CalibrationProblem, there: Slopes, variance: float
+    one: CalibrationProblem, there: Slopes, variance: float
 ) -> Slopes | None:
-    """Balances where the fit ends that begins at the one without what may block the search: load
-    cases near a limit point, or those that are far off.
-
-    The best of them; None where nothing is far off by the residuals' `variance`, or a knee in
-    motion is fitted, which has no limit points.
-    """
+    """Balances where the fit ends that begins at the one without load cases near a limit point, or
+    far off by the residuals' `variance`; None without such, or of a knee in motion, which has no
+    limit points."""
+    problem = one.fitted
     if problem.cases.passages:
         return None
     residual, _ = problem.residual(there)
@@ -220,8 +202,9 @@ def _past_what_blocks(
             continue
         used, begin = problem.used.copy(), there
         used[cases[far]] = False
-        for own in (problem.with_used(used), problem):
-            (trail,) = run_procedure(plain, SeveralKnees.of([own]), "III", [begin])
+        for fitted in (problem.with_used(used), problem):
+            alone = SeveralKnees.of([dataclasses.replace(plain, fitted=fitted)])
+            (trail,) = run_procedure(alone, "III", [begin])
             begin = _continued(problem, there.knee[0], trail.x)
             found.append(begin)
     known = [one for one in found if np.isfinite(problem.objective(one))]
@@ -238,29 +221,26 @@ def _continued(problem: Problem, knee: int, values: np.ndarray) -> Slopes:
 
 
 def _fits(
-    knees: SeveralKnees, members: Sequence[CalibrationProblem], first: Sequence[Slopes],
-    progress: Progress,
-) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:  # fmt: skip
-    """The knees with the noise that is known in the end; the answers of each procedure from given
-    balances; and how sure that of the first is, a knee each."""
-    one = members[0]
+    knees: SeveralKnees, first: Sequence[Slopes], progress: Progress
+) -> tuple[SeveralKnees, list[list[Fit]], list[MaximumLikelihood]]:
+    """Knees with the noise known in the end, answers of each procedure from given balances, and how
+    sure that of the first is, a knee each."""
+    one, fits, sure = knees.members[0], [[] for _ in knees.members], []
     lower, upper = one.lower, one.upper
-    fits, sure = [[] for _ in members], []
-    every = range(len(members))
     for number, procedure in enumerate(one.procedures):
         begin, reached = list(first), []
         if one.starts > 1 and procedure == "III":
             if one.noise.estimated and not number:
                 # Ends of several starts are compared with the noise that one of them leaves.
-                trails = run_procedure(one, knees, procedure, begin, progress)
+                trails = run_procedure(knees, procedure, begin, progress)
                 left = one.noise.left(knees.whole.cases, together(trails), lower, upper)
                 knees = knees.weighing(left) if one.noise.weighs else knees
             progress(f"procedure III, {one.starts} starts side by side", 0, 0)
-            reached = [_from_several(knees.problems[row], members[row]) for row in every]
+            reached = [_from_several(own) for own in knees.members]
             best = [ends[np.argmin(objectives)] for ends, objectives in reached]
-            pairs = zip(knees.problems, first, best, strict=True)
-            begin = [_continued(one, found.knee[0], values) for one, found, values in pairs]
-        trails = run_procedure(one, knees, procedure, begin, progress)
+            every = zip(knees.members, first, best, strict=True)
+            begin = [_continued(own.fitted, x.knee[0], values) for own, x, values in every]
+        trails = run_procedure(knees, procedure, begin, progress)
         lap("search")
         if not number:
             progress(f"95 % limits of {len(lower)} numbers", 0, 0)
@@ -271,50 +251,69 @@ def _fits(
             if procedure == "III":
                 if one.noise.weighs:
                     knees = knees.weighing([likely.noise for likely in sure])
-                where = zip(knees.problems, first, trails, sure, strict=True)
-                trails = [_at_the_bottom(*each, one.noise) for each in where]
+                for own, *where in zip(knees.members, first, trails, sure, strict=True):
+                    _to_the_bottom(own, *where)
             lap("limits")
-        for row, trail in enumerate(trails):
-            problem = knees.problems[row]
-            fit = fit_of(members[row], problem, procedure, trail, None if number else sure[row])
+        for row, (own, trail) in enumerate(zip(knees.members, trails, strict=True)):
+            fit = fit_of(own, procedure, trail, None if number else sure[row])
             if reached:
                 ends, objectives = reached[row]
                 known = np.isfinite(objectives)
-                objectives[known] = _continued_objectives(problem, ends[known])
-                fit = dataclasses.replace(fit, starts=starts_of(problem, fit, ends, objectives))
+                objectives[known] = _continued_objectives(own.fitted, ends[known])
+                starts = starts_of(own.fitted, fit, ends, objectives)
+                fit = dataclasses.replace(fit, starts=starts)
             fits[row].append(fit)
     return knees, fits, sure
 
 
-def _at_the_bottom(
-    problem: Problem, first: Slopes, trail: Trail, likely: MaximumLikelihood, noise: Noise
-) -> Trail:
-    """The trail on to the best fit, around which the limits are."""
-    if noise.weighs:
-        trail = trail.weighed(problem)
-    if not trail.converged:
-        return trail
+def _to_the_bottom(
+    one: CalibrationProblem, first: Slopes, trail: Trail, likely: MaximumLikelihood
+) -> None:
+    """Lead a trail on to the best fit, around which the limits are."""
+    problem = one.fitted
+    if one.noise.weighs:  # without a prior or readings
+        trail.history = [
+            dataclasses.replace(step, objective=float(squares @ problem.weights))
+            for step, squares in zip(trail.history, trail.squares, strict=True)
+        ]
+        trail.objective = problem.objective(trail.known)
+    if not (trail.converged and likely.converged):
+        return
     there = _continued(problem, first.knee[0], likely.best.values[0])
-    lost = problem.used & ~there.converged[0]
-    if lost.any() or problem.objective(there) > trail.objective:
-        return trail
-    return trail.moved(problem, there, "III") if likely.converged else trail
+    objective = problem.objective(there)
+    if not (problem.used & ~there.converged[0]).any() and not objective > trail.objective:
+        trail.flat = False
+        trail.counts["III"] = trail.counts.get("III", 0) + 1
+        trail.move(problem, there, objective, "III")
 
 
-def _from_several(problem: Problem, one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
-    """Where the starts of one knee end, and their objectives.
+#: Evaluations of each of several starts.
+_STEPS_OF_STARTS = 40
 
-    Besides the knee's own they are drawn from what is believed, where there is a prior, otherwise
-    between the bounds.
-    """
-    shape = one.starts - 1, len(one.start)
+
+def _from_several(one: CalibrationProblem) -> tuple[np.ndarray, np.ndarray]:
+    """Where the starts of one knee end, `(starts, p)`, and their objectives, infinite where one
+    found no balance; they are drawn from what is believed, or between the bounds."""
+    problem, shape = one.fitted, (one.starts - 1, len(one.start))
+    size, prior = len(problem.selection), problem.cases.prior
     draws = np.random.default_rng(one.seed)
     more = draws.uniform(one.lower, one.upper, shape)
-    if problem.cases.prior is not None:
-        mean, deviation = problem.cases.prior
+    if prior is not None:
+        mean, deviation = prior
         believed = mean + deviation * draws.standard_normal(shape)
         more = np.where(np.isfinite(deviation), np.clip(believed, one.lower, one.upper), more)
-    ends, reached = several_starts(problem, np.vstack([one.start, more]), one.lower, one.upper)
+        prior = mean[:size], deviation[:size]
+    # The best constants between frames are known at every step; they need no start.
+    data = dataclasses.replace(problem.cases, offsets=problem.offsets, prior=prior)
+    balance = balances_of(problem.knee, problem.selection, data)
+    values = np.vstack([one.start, more])[:, :size]
+    fit = fit_lanes(
+        balance, data, balance(values), values, one.lower[:size], one.upper[:size],
+        most=_STEPS_OF_STARTS, far=True,
+    )  # fmt: skip
+    shifts = [best_offsets(data, fit.slopes.take([row])) for row in range(len(fit.values))]
+    ends = np.hstack([fit.values, np.reshape(shifts, (len(shifts), -1))])
+    reached = fit.chi2
     # A search may have followed balances past the end of their branch, as tests do not.
     known = np.flatnonzero(np.isfinite(reached))
     there = _continued_objectives(problem, ends[known])
@@ -323,8 +322,7 @@ def _from_several(problem: Problem, one: CalibrationProblem) -> tuple[np.ndarray
 
 
 def _continued_objectives(problem: Problem, values: np.ndarray) -> np.ndarray:
-    """Of balances at values `(fits, p)` that are followed from the reference pose; infinite where
-    there are none."""
+    """Of balances followed from the reference pose to values `(fits, p)`; infinite without."""
     if not len(values):
         return np.empty(0)
     residual, _ = problem.cases.residual(problem.begin(values))

@@ -20,10 +20,15 @@ All of it is NumPy: by JAX a step compiles for every number of values and readin
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from kneejax.inference.fit._observed import Balance, Observations
+from kneejax.statics import Slopes
 
 #: A reading jumps if it changes by more than so many times what its slope at either end explains.
 _JUMP = 2.0
@@ -100,24 +105,10 @@ class BoundedLevenbergMarquardt:
         self.lower, self.upper = (
             np.broadcast_to(np.asarray(x, float), self.trial.shape) for x in (lower, upper)
         )
-        self.rtol, self.atol = rtol, atol
-        self.ended = np.zeros(len(self.trial), bool)
-        self._damping = first_damping
+        self.rtol, self.atol, self._first_damping = rtol, atol, first_damping
+        self.x, self.chi2 = self.trial.copy(), np.full(len(self.trial), np.inf)
+        self.accepted, self.ended = np.zeros((2, len(self.trial)), bool)
         self._best: _Point | None = None
-
-    @property
-    def x(self) -> np.ndarray:
-        return self.trial if self._best is None else self._best.x
-
-    @property
-    def chi2(self) -> np.ndarray:
-        if self._best is None:
-            return np.full(len(self.trial), np.inf)
-        return np.sum(self._best.residual**2, axis=1)
-
-    @property
-    def accepted(self) -> np.ndarray:
-        return np.zeros(len(self.trial), bool) if self._best is None else self._best.accepted
 
     def tell(self, rows: np.ndarray, residual: np.ndarray, jacobian: np.ndarray) -> None:
         """Take or refuse trials, and propose the next ones.
@@ -128,7 +119,15 @@ class BoundedLevenbergMarquardt:
             jacobian: there, `(rows, readings, p)`.
         """
         if self._best is None:
-            self._best = self._begun(residual.shape[1])
+            count, size = self.trial.shape
+            each = count, residual.shape[1]
+            self._best = _Point(
+                x=self.x, residual=np.full(each, np.inf), jacobian=np.zeros((*each, size)),
+                damping=np.full(count, self._first_damping), steepest=np.zeros((count, size)),
+                led=np.full(each, np.nan), inwards=np.zeros(each), jumps=np.zeros(each, bool),
+                earlier=np.zeros((count, 2, each[1])), reduction=np.full(count, np.inf),
+                seen=np.zeros(count, bool), accepted=self.accepted, refused=np.zeros(count, int),
+            )  # fmt: skip
         width = np.where(self.upper > self.lower, self.upper - self.lower, 1.0)[rows]
         with np.errstate(all="ignore"):
             before = _Point(*(x[rows] for x in self._best))
@@ -137,24 +136,13 @@ class BoundedLevenbergMarquardt:
             trial, promise = _following(point, bounds, width, self.rtol)
             upcoming = np.max(np.abs(trial - point.x) / width, axis=1, initial=0.0)
             flat = point.accepted & (point.reduction < self.rtol)
-            negligible = promise <= self.rtol * np.sum(point.residual**2, axis=1)
+            chi2 = np.sum(point.residual**2, axis=1)
+            negligible = promise <= self.rtol * chi2
         for old, new in zip(self._best, point, strict=True):
             old[rows] = new
-        self.trial[rows] = trial
+        self.trial[rows], self.chi2[rows] = trial, chi2
         ends = flat | negligible | (upcoming < self.atol) | (point.refused > _STUCK)
         self.ended[rows] = ends & np.isfinite(point.residual).all(axis=1)
-
-    def _begun(self, readings: int) -> _Point:
-        count, size = self.trial.shape
-        each = count, readings
-        return _Point(
-            x=self.trial.copy(), residual=np.full(each, np.inf), jacobian=np.zeros((*each, size)),
-            damping=np.full(count, self._damping), steepest=np.zeros((count, size)),
-            led=np.full(each, np.nan), inwards=np.zeros(each), jumps=np.zeros(each, bool),
-            earlier=np.zeros((count, 2, readings)), reduction=np.full(count, np.inf),
-            seen=np.zeros(count, bool), accepted=np.zeros(count, bool),
-            refused=np.zeros(count, int),
-        )  # fmt: skip
 
 
 def _judged(
@@ -201,8 +189,8 @@ def _judged(
 def _refuses_alone(
     best: _Point, y: np.ndarray, residual: np.ndarray, jacobian: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which reading jumps and refuses a trial that the others would take, and how far each was
-    led. A fibre that becomes taut refuses too, but its slope there tells of it."""
+    """Which reading jumps and refuses a trial that the others would take, and how far each was led.
+    A fibre that becomes taut refuses too, but its slope there tells of it."""
     move, back = (_along(slope, y - best.x) for slope in (best.jacobian, jacobian))
     lost = np.asarray(~np.isfinite(residual))
     worse = np.where(lost, 0.0, residual**2 - best.residual**2)
@@ -297,3 +285,85 @@ def _predicted(best: _Point, y: np.ndarray) -> np.ndarray:
 def _along(matrices: np.ndarray, vectors: np.ndarray) -> np.ndarray:
     """Products of matrices and vectors, one for each fit."""
     return np.einsum("fij,fj->fi", matrices, vectors)
+
+
+#: Evaluations of a fit that is to reach the end of a long flat valley.
+PATIENT = 200
+#: Relative decrease of an objective, and relative step, that end a fit.
+_RTOL, _ATOL = 1e-9, 1e-8
+#: Called with fits, what a trial of each gave, its best sum of squares so far, and whether the
+#: trial was taken; says which of them end.
+Watch = Callable[[np.ndarray, Slopes, np.ndarray, np.ndarray], np.ndarray]
+
+
+@dataclasses.dataclass(frozen=True)
+class ManyFits:
+    """Where fits ended."""
+
+    slopes: Slopes  # balances and derivatives there
+    chi2: np.ndarray  # sum of squared errors over their variances, `(fits,)`
+    converged: np.ndarray  # whether a fit ended by itself, `(fits,)`
+    evaluations: int  # of all poses of one fit, summed over fits
+
+    @property
+    def values(self) -> np.ndarray:
+        """Parameters, `(fits, p)`."""
+        return self.slopes.values
+
+
+def fit_lanes(
+    balance: Balance,
+    data: Observations,
+    begin: Slopes,
+    starts: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    most: int = 60,
+    far: bool = False,
+    rtol: float = _RTOL,
+    atol: float = _ATOL,
+    watch: Watch | None = None,
+) -> ManyFits:
+    """Fit whatever can be balanced to motion, many times at once.
+
+    Args:
+        balance: of the values that are fitted; see `balances_of`.
+        data: measured motion, one for all or one per fit.
+        begin: known balances, one variant per fit, from which the starts are predicted.
+        starts: `(fits, p)`.
+        lower: bounds, `(p,)` or `(fits, p)`; equal to `upper` holds a parameter.
+        upper: bounds.
+        most: evaluations of a fit before it is given up.
+        far: whether the answers may be far from the starts; first steps are short then.
+        rtol: relative decrease of the sum of squares that ends a fit.
+        atol: relative step, of the width of the bounds, that ends a fit.
+        watch: called after every evaluation; may end fits, which does not count as an end by
+            itself.
+
+    Returns:
+        The `ManyFits`. A fit whose start has no balance at some pose that counts ends at once,
+        with an infinite `chi2`.
+    """
+    here, evaluations = np.arange(len(starts)), 0
+    known = begin.take(here)
+    fit = BoundedLevenbergMarquardt(
+        starts, lower, upper, rtol=rtol, atol=atol, first_damping=1.0 if far else 1e-3
+    )
+    for _ in range(most):
+        if not len(here):
+            break
+        found = balance(fit.trial[here], known.take(here))
+        evaluations += len(here)
+        residual, slope = data.take(here).residual(found)
+        # A step into the void is refused for its infinite squares; no NaN may spread from there.
+        residual[~(np.isfinite(residual) & np.isfinite(slope).all(axis=2))] = np.inf
+        slope[np.isinf(residual).any(axis=1)] = 0.0
+        fit.tell(here, residual, slope)
+        better, chi2 = fit.accepted[here], fit.chi2[here]
+        known.put(here[better], found.take(better))
+        through = fit.ended[here] | ~np.isfinite(chi2)
+        if watch is not None:
+            through |= watch(here, found, chi2, better)
+        here = here[~through]
+    return ManyFits(known, fit.chi2, fit.ended, evaluations)

@@ -46,17 +46,14 @@ from kneejax.statics import (
 
 @dataclasses.dataclass(frozen=True)
 class CutKnee:
-    """Sets parameters, then cuts fibres; hashable, since it steers compiling.
-
-    A ligament is cut after its number is set: a group's stiffness is shared out as that of the
-    whole knee.
-    """
+    """Sets parameters, then cuts fibres; hashable, since it steers compiling."""
 
     selection: Selection  # the free parameters
     fibres: tuple[int, ...]  # rows of those that are cut
 
     def __call__(self, knee: Knee, values: Any) -> Knee:
         """The knee with these values of the free parameters, and without those fibres."""
+        # A group's stiffness is shared out as that of the whole knee.
         knee = self.selection.apply(knee, values)
         torn = np.isin(np.arange(len(knee.ligaments.names)), self.fibres)
         left = jnp.where(torn, 0.0, knee.ligaments.stiffness)
@@ -169,15 +166,15 @@ class Passage:
 
     @classmethod
     def of(cls, knee: Knee, vary: Vary, values, frames: Frames, rows, load_cases) -> Passage:
-        """With steps that leave as little error as was asked for, chosen at `values`, `(p,)`;
-        raises where the motion has no start, or ends early."""
-        begin = _started(knee, vary, np.asarray(values, float)[None], frames, load_cases)
+        """With steps short enough at `values`, `(p,)`; raises where no motion begins, or it ends
+        early."""
+        at = np.asarray(values, float)[None]
+        begin, (start,), _ = _started(knee, vary, at, frames, load_cases)
         if not begin.converged.all():
             status = Status(int(begin.status[0, 0]))
             raise UnsuitableData(f"no balance from which a motion could begin: {status.sentence}")
         moving = frames.moving(vary(knee, jnp.asarray(values))).critically_damped(frames.critical)
         moving = moving.damped_everywhere(frames.damping_N_s_per_mm)
-        start = _start(knee, frames, begin)[0][0]
         led = _led(knee, frames, load_cases)
         found = move_within(frames.most_mm, moving, start, frames.since_start_s, **led)
         if not converged(np.asarray(found.status)).all():
@@ -194,11 +191,10 @@ class Passage:
     def slopes(
         self, knee: Knee, vary: Vary, values: np.ndarray, _: Slopes | None = None
     ) -> Slopes:
-        """Poses of variants `(variants, p)` at the frames, and their derivatives. Each begins anew:
-        nothing of near ones is of use."""
+        """Poses of variants `(variants, p)` at the frames, with derivatives; each begins anew."""
         frames = self.frames
-        begin = _started(knee, vary, values, frames, self.load_cases)
-        moving, varied, (q, slope) = frames.moving(knee), _Varied(vary), _start(knee, frames, begin)
+        begin, q, slope = _started(knee, vary, values, frames, self.load_cases)
+        moving, varied = frames.moving(knee), _Varied(vary)
         dampers = jnp.array([frames.critical]), jnp.array([frames.damping_N_s_per_mm])
         asked = jnp.asarray(self.grid.asked[-len(self.rows) :])
         led = _led(knee, frames, self.load_cases)
@@ -278,29 +274,24 @@ def _passed(lanes_of, moving, fixed, given: Given, equilibrium, asked, values, s
     )  # fmt: skip
 
 
-def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, load_cases) -> Slopes:
-    """Balances from which the variants begin to move, at one load case."""
-    flexion = np.rad2deg(frames.led(np.zeros(1)))
+def _started(knee: Knee, vary: Vary, values: np.ndarray, frames: Frames, load_cases):
+    """Balances from which variants begin to move, at one load case; all coordinates there,
+    `(variants, 6 bodies)`, and by the values."""
+    flexion, names = frames.led(np.zeros(1)), coordinates_of(knee.bodies)
     heavy = dataclasses.replace(knee, loads=frames.moving(knee).loads)
-    first = LoadCases.at(flexion, jax.tree.map(lambda x: x[:1], load_cases.loads))
-    return balance_with_slopes(heavy, vary, values, first)
-
-
-def _start(knee: Knee, frames: Frames, begin: Slopes) -> tuple[np.ndarray, np.ndarray]:
-    """All coordinates of these balances, `(variants, 6 bodies)`, and by the values."""
-    names = coordinates_of(knee.bodies)
+    first = LoadCases.at(np.rad2deg(flexion), jax.tree.map(lambda x: x[:1], load_cases.loads))
+    begin = balance_with_slopes(heavy, vary, values, first)
     rows = [k for k, name in enumerate(names) if name != "flexion"]
-    size = len(begin.values), len(names)
-    q, slope = np.zeros(size), np.zeros((*size, begin.values.shape[1]))
-    q[:, names.index("flexion")] = frames.led(np.zeros(1))[0]
+    size = len(values), len(names)
+    q, slope = np.zeros(size), np.zeros((*size, values.shape[1]))
+    q[:, names.index("flexion")] = flexion[0]
     q[:, rows] = np.nan_to_num(begin.q[:, 0])
     slope[:, rows] = np.nan_to_num(begin.jacobian[:, 0])
-    return q, slope
+    return begin, q, slope
 
 
 def _led(knee: Knee, frames: Frames, load_cases: LoadCases) -> dict[str, Any]:
-    """What acts besides the knee's own loads, over the time since the start; and the flexion that
-    is led from there on, while all other coordinates are at rest there."""
+    """Loads besides the knee's own, and the flexion that is led, over the time since the start."""
     along = jax.tree.map(lambda x: jnp.asarray(frames.over_time(np.asarray(x))), load_cases.loads)
     flexes = [name == "flexion" for name in coordinates_of(knee.bodies)]
     return {

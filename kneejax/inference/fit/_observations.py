@@ -1,21 +1,26 @@
-"""Measured poses and measured tests under load, as the load cases of one fit."""
+"""Measured poses, tests under load, and what was read of parts, as load cases of one fit."""
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from kneejax.experiments import MeasuredTest, counts_like_poses
-from kneejax.geometry import COORDINATES, FREE_COORDINATES
-from kneejax.inference.fit._observed import Observations
-from kneejax.inference.fit._readings import Readings, check_readable
+from kneejax.geometry import COORDINATES, FREE_COORDINATES, OTHER_COLUMNS, State
+from kneejax.inference.fit._cut import without
+from kneejax.inference.fit._observed import Observations, without_mean
 from kneejax.mechanics import NAMED_LOADS, Knee, Load, Pull, load_of, pull_of
-from kneejax.parameters import Selection, UnsuitableData
-from kneejax.statics import LoadCases, balance_one
+from kneejax.numerics import compiled, on_all_cores, safe_sqrt
+from kneejax.parameters import Selection, UnknownParameter, UnsuitableData, fibre_rows
+from kneejax.quantities import nearest_name
+from kneejax.statics import LoadCases, Slopes, Vary, balance_one, in_lanes
 
 
 def observations(
@@ -74,8 +79,7 @@ def observations(
 def _acting(
     tests: Sequence[MeasuredTest], places: Sequence[slice], blocks: Sequence[slice], count: int
 ) -> list[Load | Pull]:
-    """What acts throughout, what lines pull and what grows, at the rows and the unloaded poses of
-    tests: a load for each of the axes, zero where others act."""
+    """Constant loads, pulls of lines and loads that grow, `(count,)` each, zero elsewhere."""
     point = np.zeros((count, 3))
     for test, block in zip(tests, blocks, strict=True):
         point[block] = test.point_mm
@@ -106,26 +110,26 @@ def _acting(
 def readings_of(
     knee: Knee, selection: Selection, poses: int, tests: Sequence[MeasuredTest]
 ) -> Readings | None:
-    """What tests read of ligaments and contacts, in the order of tests, names and rows, as
-    observations after those of so many poses; None without any."""
+    """What tests read of ligaments and contacts, in the order of tests, names and rows; None
+    without any."""
     names = tuple(dict.fromkeys(name for test in tests for name in test.readings))
     check_readable(knee, names)
     found, groups = [], 0
     for test, place in zip(tests, rows_of_tests(poses, tests), strict=True):
         _, counted = _seen(test, place.start)
         weight = np.ones(len(counted)) if test.weight is None else test.weight
+        none = np.full(len(counted), -1)
         for name, sizes in test.readings.items():
-            like_poses = counts_like_poses(name)
-            seen = _from_partners(test, sizes) if like_poses else sizes
+            seen, sd, rest, own = sizes, test.sd_of(name), none, none
+            if counts_like_poses(name):
+                seen, sd = _from_partners(test, sizes), sd * test.scatter
+                rest, own = counted, test.groups
             rows = np.flatnonzero(np.isfinite(seen) & (weight > 0))
-            sd = test.sd_of(name) / np.sqrt(weight[rows])
-            sd *= test.scatter if like_poses else 1.0
-            rest = counted[rows] if like_poses else np.full(len(rows), -1)
+            sd, own = sd / np.sqrt(weight[rows]), own[rows]
             kind = np.full(len(rows), names.index(name))
-            own = test.groups[rows] if like_poses else np.full(len(rows), -1)
             group = np.where(own < 0, -1, own + groups)
             groups += 1 + int(own.max(initial=-1))
-            found.append((kind, place.start + rows, rest, seen[rows], sd, group))
+            found.append((kind, place.start + rows, rest[rows], seen[rows], sd, group))
     if not found:
         return None
     return Readings(knee, selection, names, *map(np.concatenate, zip(*found, strict=True)))
@@ -160,8 +164,7 @@ def _seen(test: MeasuredTest, first: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _from_partners(test: MeasuredTest, observed: np.ndarray) -> np.ndarray:
-    """What was observed, counted from the rows that a test counts from: zero in those themselves,
-    NaN in one that a single other is counted from."""
+    """What was observed, less that of the row it is counted from, NaN in one of a pair."""
     seen, partner = observed.copy(), test.partner
     paired = partner >= 0
     seen[paired] -= observed[partner[paired]]
@@ -222,3 +225,152 @@ def synthetic_motion(
     scatter = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm])
     noise = np.random.default_rng(seed).standard_normal((len(flexion_deg), 5))
     return np.column_stack([flexion_deg, poses + scatter * noise])
+
+
+#: Lanes of a call, as of the derivatives of balances.
+_LANES = 128
+#: What is read: its kind, and the rows of the fibres, the row of the contact, or none of a
+#: coordinate, whose kind is its column.
+_Asked = tuple[str, tuple[int, ...]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Readings:
+    """What was read of ligaments and contacts, and where other bones were, a number each."""
+
+    knee: Knee  # gives everything that is not free
+    selection: Selection  # the free parameters
+    # What can be read, `PART.KIND` of `kneejax.experiments.READINGS`, or the column of another
+    # bone's coordinate.
+    names: tuple[str, ...]
+    name: np.ndarray  # which of these each number is of, `(r,)`
+    case: np.ndarray  # its load case, `(r,)`
+    neutral: np.ndarray  # load case from which it is counted, `(r,)`, -1 where it counts as it is
+    target: np.ndarray  # what was read, `(r,)`, N, strain, degrees or mm
+    sd: np.ndarray  # its standard deviation, `(r,)`
+    # Numbers that are off by one unknown constant share a number, `(r,)`; -1 where there is none.
+    group: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.target)
+
+    def counted(self, cases: Observations) -> np.ndarray:
+        """Of which numbers the load case counts, and the one that it is counted from, `(r,)`."""
+        zero = np.where(self.neutral >= 0, self.neutral, self.case)
+        return cases.used[self.case] & cases.used[zero]
+
+    def error(self, cases: Observations, found: Slopes) -> tuple[np.ndarray, np.ndarray]:
+        """Knee minus what was read, the best unknown constants taken out, `(fits, r)`, and by the
+        values, `(fits, r, p)`; zero where the load case does not count."""
+        counts, counted = self.neutral >= 0, self.counted(cases)
+        zero = np.where(counts, self.neutral, self.case)
+        shape = len(found.values), len(cases.load_cases), len(self.names)
+        at, slope = np.full(shape, np.nan), np.full((*shape, found.values.shape[1]), np.nan)
+        asked = tuple(_asked(self.knee, name) for name in self.names)
+        rows = np.unique(np.r_[self.case, zero])
+        for number, names in enumerate(cases.cuts):
+            own = rows[cases.cut[rows] == number]
+            if len(own):
+                knee, vary = without(self.knee, self.selection, names)
+                there = cases.load_cases.of(knee).take(own).plain()
+                pair = _read_all(asked, vary, knee, len(self.selection), there, found.at(own))
+                at[:, own], slope[:, own] = pair
+        own, rest = ((slice(None), rows, self.name) for rows in (self.case, zero))
+        value = at[own] - np.where(counts, at[rest], 0.0)
+        slope = slope[own] - np.where(counts[:, None], slope[rest], 0.0)
+        error = np.where(counted, value - self.target, 0.0)
+        slope = np.where(counted[:, None], slope, 0.0)
+        for group in np.unique(self.group[self.group >= 0]):
+            own = counted & (self.group == group)
+            without_mean(error, slope, np.where(own, self.sd**-2.0, 0.0))
+        return error, slope
+
+
+def _asked(knee: Knee, name: str) -> _Asked:
+    """What is to be computed of a ligament, a contact or a bone; raises of an unknown name."""
+    if name in OTHER_COLUMNS:
+        bone = OTHER_COLUMNS[name].body
+        if bone not in knee.bodies:
+            raise UnknownParameter(
+                f"knee {knee.name!r} has no {bone}, whose {name} was read: expected `{bone}: true` "
+                "in the study, or a knee of three bones"
+            )
+        return name, ()
+    part, _, kind = name.rpartition(".")
+    if kind != "contact_N":
+        return kind, tuple(fibre_rows(knee, part))
+    if part not in knee.contact_names:
+        near = nearest_name(part, knee.contact_names)
+        known = ", ".join(knee.contact_names)
+        end = f"; did you mean {near!r}?" if near else f": expected one of {known}"
+        raise UnknownParameter(f"knee {knee.name!r} has no contact {part!r}{end}")
+    return kind, (knee.contact_names.index(part),)
+
+
+def check_readable(knee: Knee, names) -> None:
+    """Refuse (`UnknownParameter`, with the nearest name) readings of what a knee does not have."""
+    for name in names:
+        _asked(knee, name)
+
+
+def _read_all(asked, vary: Vary, knee: Knee, free: int, load_cases: LoadCases, found: Slopes):
+    """Readings of all variants, `(variants, load_cases, names)`, and by the values."""
+    fits, size = found.values.shape
+    count = len(load_cases)
+    in_nodes = [
+        x.reshape(fits * count, *x.shape[2:])
+        for x in (found.q, found.contact_points, found.jacobian)
+    ]
+
+    def some(first: int):
+        rows = np.minimum(np.arange(first, first + _LANES), fits * count - 1)
+        there = jax.tree.map(lambda x: np.asarray(x)[rows % count], load_cases)
+        q, contact_points, moved = (np.moveaxis(x[rows], 0, -1) for x in in_nodes)
+        values = found.values[rows // count, :free]
+        at = values, there, q, contact_points, np.moveaxis(moved, -2, 0)
+        return tuple(map(np.asarray, _read(asked, vary, knee, *at)))
+
+    parts = on_all_cores(some, range(0, fits * count, _LANES))
+    whole = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+    value, slope = (x[..., : fits * count] for x in whole)
+    shape = fits, count, len(asked)
+    return value.T.reshape(shape), np.moveaxis(slope, 0, -1).swapaxes(0, 1).reshape(*shape, size)
+
+
+@compiled(static_argnums=(0, 1))
+def _read(asked, vary: Vary, knee: Knee, values, load_cases: LoadCases, q, contact_points, moved):
+    """Readings `(names, lanes)`, and in each direction of the values, `(p, names, lanes)`."""
+
+    def at(values: Any, q: Array) -> Array:
+        lanes = load_cases.load(in_lanes(knee, vary, values))
+        state = State.of(load_cases.prescribed, q, load_cases.bodies)
+        length = lanes.ligaments.length(state)
+        springs = length / lanes.ligaments.slack_length - 1.0, lanes.ligaments.tension_at(length)
+        return jnp.stack([_one(lanes, state, contact_points, springs, *each) for each in asked])
+
+    read, push = jax.linearize(at, values, q)
+    # Lanes do not touch each other. Values beyond the parameters are constants between frames.
+    units = jnp.eye(len(moved), values.shape[1])[:, None]
+    units = jnp.broadcast_to(units, (len(moved), *values.shape))
+    return read, jax.vmap(push)(units, moved)
+
+
+def _one(
+    lanes: Knee, state: State, contact_points: Array, springs, kind: str, rows: tuple[int, ...]
+):
+    if kind in OTHER_COLUMNS:
+        place = OTHER_COLUMNS[kind]
+        return state.at([place.name])[0] * place.table_unit
+    strain, tension = springs
+    if kind == "strain":
+        return jnp.mean(strain[jnp.array(rows)], axis=0)
+    if kind == "tension_N":
+        return jnp.sum(tension[jnp.array(rows)], axis=0)
+    contact = lanes.contacts[rows[0]]
+    there = state.between(contact.bodies)
+    if contact.has_patch:
+        patch = sum(one.has_patch for one in lanes.contacts[: rows[0]])
+        force = contact.press(there, contact_points[patch]).wrench.force
+    else:
+        force = contact.wrench(there).force
+    return safe_sqrt(sum(x * x for x in force))

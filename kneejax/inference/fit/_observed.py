@@ -1,23 +1,25 @@
-"""What was observed, where, and how well; and constants between model and laboratory frames."""
+"""What was observed, where, and how well: as stated, or as a fit leaves it."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from numpy.typing import ArrayLike
 
 from kneejax.geometry import CLINICAL, FEMORAL, FREE_COORDINATES, convert, table_units
 from kneejax.numerics import lanes_for
+from kneejax.parameters import UnsuitableData
 from kneejax.statics import LoadCases, Slopes
 
 if TYPE_CHECKING:
     from kneejax.inference.fit._cut import Passage
-    from kneejax.inference.fit._readings import Readings
+    from kneejax.inference.fit._observations import Readings
 
 #: Degrees and mm per internal unit of a free coordinate.
 TABLE_UNITS = table_units(FREE_COORDINATES)
@@ -181,8 +183,8 @@ class Observations:
 
 
 def without_mean(error: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> None:
-    """Take the best constant out of errors `(fits, n)` with a weight, `(n,)` or `(fits, n)`, and
-    out of their slopes `(fits, n, p)`, in place."""
+    """Take the best constant out of errors `(fits, n)`, weight `(n,)` or `(fits, n)`, and of
+    slopes, in place."""
     own = np.flatnonzero(weight.reshape(-1, weight.shape[-1]).any(axis=0))
     share = weight[..., own] / np.maximum(weight.sum(axis=-1, keepdims=True), 1e-300)
     error[:, own] -= np.sum(error[:, own] * share, axis=-1, keepdims=True)
@@ -195,9 +197,8 @@ def _read_all(flexion: np.ndarray, q: np.ndarray) -> tuple[np.ndarray, np.ndarra
     count = shape[0] * shape[1]
     # Arms of profiles end one by one: a program for each number of fits took a second each.
     node = np.minimum(np.arange(lanes_for(count)), count - 1)
-    read, turn = _read(np.broadcast_to(flexion, shape).ravel()[node], q.reshape(count, -1)[node])
-    every = (np.asarray(x)[:count] for x in (read, turn))
-    read, turn = (x.reshape(*shape, *x.shape[1:]) for x in every)
+    found = _read(np.broadcast_to(flexion, shape).ravel()[node], q.reshape(count, -1)[node])
+    read, turn = (np.asarray(x)[:count].reshape(*shape, *x.shape[1:]) for x in found)
     return read, turn
 
 
@@ -211,53 +212,144 @@ def _read(flexion: Array, q: Array) -> tuple[Array, Array]:
     return jax.vmap(lambda f, x: (one(f, x), jax.jacfwd(one, 1)(f, x)))(flexion, q)
 
 
-def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:
-    """A balance whose last values are constants added to some free coordinates of the load cases
-    `posed`, degrees and mm.
+#: Weights of paper 1, section 3.4: 8 per degree^2, 1 per mm^2, in the order of the coordinates.
+DEFAULT_WEIGHTS = np.array([8.0, 8.0, 1.0, 1.0, 1.0])
+#: No data are better known than this, degrees and mm: what a fit without noise leaves is rounding.
+_LEAST = 1e-9
 
-    `Observations.offsets` takes the best constants out of every residual; this makes them values
-    like any other, which have bounds and can be held.
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Noise:
+    """Standard deviations of the five free coordinates, degrees and mm.
+
+    What is not stated is estimated from what the best fit leaves, of rotations and of displacements
+    apart, and the fit is made again with it, so that estimates and their limits are of one sum of
+    squares. Weights that a person gives fix the ratios of the deviations, and one factor of all is
+    estimated.
+
+    Attributes:
+        stated: standard deviations, NaN where nobody states one, infinite for a coordinate that
+            does not count, `(5,)`.
+        ratio: of those that are estimated to each other, `(5,)`.
+        given: whether weights were given, so that all is estimated, whatever is stated.
+
+    Example:
+        >>> Noise.of(noise_mm=0.2).first.round(3).tolist()
+        [0.071, 0.071, 0.2, 0.2, 0.2]
     """
 
-    def shifted(values: np.ndarray, near: Slopes) -> Slopes:
-        size = values.shape[1] - len(offsets)
-        found = balance(values[:, :size], without_offsets(near, offsets, posed))
-        return add_offsets(found, values[:, size:], offsets, posed)
+    stated: np.ndarray
+    ratio: np.ndarray
+    given: bool = False
 
-    return shifted if offsets else balance
+    @classmethod
+    def of(
+        cls,
+        noise_mm: float | None = None,
+        noise_deg: float | None = None,
+        weights: ArrayLike | None = None,
+    ) -> Noise:
+        """From what a person states.
+
+        Args:
+            noise_mm: standard deviation of measured displacements; None to be estimated.
+            noise_deg: of measured rotations.
+            weights: of squared errors, per degree^2 and per mm^2, `(5,)`: 0 for a coordinate that
+                does not count, NaN for one whose noise weighs it.
+
+        Raises:
+            UnsuitableData: a deviation that is not a positive number.
+        """
+        for name, value in (("noise_mm", noise_mm), ("noise_deg", noise_deg)):
+            if value is not None and not (np.isfinite(value) and value > 0):
+                raise UnsuitableData(f"{name}: {value:g}: expected a standard deviation above 0")
+        stated = np.array([noise_deg, noise_deg, noise_mm, noise_mm, noise_mm], float)
+        weights = np.full(5, np.nan) if weights is None else np.asarray(weights, float)
+        counts = ~(weights == 0)
+        stated = np.where(counts, stated, np.inf)
+        given = weights[counts]
+        if np.isnan(given).any():
+            return cls(stated, DEFAULT_WEIGHTS**-0.5)
+        units = given * stated[counts] ** 2
+        ratio = np.where(counts, weights, 1.0) ** -0.5
+        if np.allclose(units, units[0], rtol=1e-6):
+            return cls(stated, ratio)
+        return cls(stated, ratio, given=True)
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Coordinates that count, `(5,)`."""
+        return ~np.isinf(self.stated)
+
+    @property
+    def unknown(self) -> np.ndarray:
+        """Coordinates whose noise is estimated, `(5,)`."""
+        return self.counted if self.given else np.isnan(self.stated)
+
+    @property
+    def estimated(self) -> bool:
+        """Whether any of it is."""
+        return bool(self.unknown.any())
+
+    @property
+    def weighs(self) -> bool:
+        """Whether it decides, as estimated, what a square weighs."""
+        return self.estimated and not self.given
+
+    @property
+    def unit(self) -> float:
+        """What the first sum of squares rises by where chi squared does by one; infinite where the
+        noise is not known."""
+        return np.inf if self.estimated else 1.0
+
+    @property
+    def first(self) -> np.ndarray:
+        """Standard deviations with which a search begins, `(5,)`: where some are stated, the others
+        in their ratio to these."""
+        known = self.counted & ~self.unknown
+        scale = (self.stated / self.ratio)[known].mean() if known.any() else 1.0
+        return np.where(self.unknown, scale * self.ratio, self.stated)
+
+    def as_stated(self) -> Noise:
+        """The same by what is stated alone: of weights counts only which are zero."""
+        return Noise(self.stated, DEFAULT_WEIGHTS**-0.5)
+
+    def left(
+        self, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray
+    ) -> np.ndarray:
+        """The noise as the best fits within bounds leave it, `(fits, 5)`; what is stated stays. The
+        noise of the data weighs what the parameters have absorbed."""
+        noise = np.array(np.broadcast_to(data.noise, (len(fits.values), 5)), float)
+        noise = np.where(self.unknown, noise, self.stated)
+        if not self.estimated:
+            return noise
+        poses = int(data.used.sum())
+        seen = data.seen[data.used].T
+        # Each constant that was taken out takes the freedom of one number from its coordinate.
+        share = 1.0 - data.taken / np.maximum(seen.sum(axis=1), 1)
+        residual, slope = dataclasses.replace(data, noise=noise).residual(fits)
+        for row, free in enumerate(~on_bounds(fits.values, lower, upper)):
+            columns = slope[row, : 5 * poses, free].T.reshape(poses, 5, -1)
+            errors = residual[row, : 5 * poses].reshape(poses, 5)
+            # A pose that was lost says nothing.
+            known = np.isfinite(columns).all(axis=(1, 2)) & np.isfinite(errors).all(axis=1)
+            columns = columns[known].reshape(5 * known.sum(), -1)
+            size = np.linalg.norm(columns, axis=0)
+            left, *_ = np.linalg.svd(columns / np.where(size > 0, size, 1.0), full_matrices=False)
+            absorbed = (left**2).sum(axis=1).reshape(-1, 5).T
+            squares = errors[known].T ** 2
+            # Coordinates that share an estimated factor.
+            for group in ((0, 1, 2, 3, 4),) if self.given else ((0, 1), (2, 3, 4)):
+                own = [k for k in group if self.unknown[k]]
+                spare = float((seen[own][:, known] - absorbed[own]).sum(axis=1) @ share[own])
+                if spare > 1e-9:
+                    sums = squares[own].sum(axis=1) * (noise[row, own] / self.ratio[own]) ** 2
+                    factor = np.sqrt(sums.sum() / spare)
+                    noise[row, own] = np.maximum(factor * self.ratio[own], _LEAST)
+        return noise
 
 
-def add_offsets(
-    found: Slopes, shifts: np.ndarray, offsets: Sequence[str], posed: np.ndarray
-) -> Slopes:
-    """Balances with constants `(fits, offsets)` added, degrees and mm, as their last values."""
-    q, more = np.array(found.q), np.zeros((*found.q.shape, len(offsets)))
-    for k, name in enumerate(offsets):
-        row = FREE_COORDINATES.index(name)
-        q[..., row] += shifts[:, [k]] * posed / TABLE_UNITS[row]
-        more[..., row, k] = posed / TABLE_UNITS[row]
-    return dataclasses.replace(
-        found,
-        values=np.hstack([found.values, shifts]),
-        q=q,
-        jacobian=np.concatenate([found.jacobian, more], axis=-1),
-    )
-
-
-def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) -> Slopes:
-    """The reverse of `add_offsets`."""
-    q, size = np.array(found.q), found.values.shape[1] - len(offsets)
-    for k, name in enumerate(offsets):
-        row = FREE_COORDINATES.index(name)
-        q[..., row] -= found.values[:, [size + k]] * posed / TABLE_UNITS[row]
-    return dataclasses.replace(
-        found, values=found.values[:, :size], q=q, jacobian=found.jacobian[..., :size]
-    )
-
-
-def best_offsets(data: Observations, fit: Slopes) -> list[float]:
-    """The best constant of each of `data.offsets`, to be added to the model's coordinate in the
-    balances of one variant, degrees or mm."""
-    target = data.target.reshape(len(data.load_cases), 5)
-    error = (data.observed(fit)[0][0] - target)[data.used & data.posed]
-    return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
+def on_bounds(values: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Which values lie on a bound."""
+    width = upper - lower
+    return (values - lower < 1e-9 * width) | (upper - values < 1e-9 * width)

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import hashlib
+import json
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import numpy as np
 
 from kneejax.experiments import MeasuredTest
-from kneejax.geometry import COORDINATES, State
+from kneejax.geometry import COORDINATES, FREE_COORDINATES, State
 from kneejax.inference.fit._cut import Passage, balances_of, state_of, without
 from kneejax.inference.fit._observations import observations, readings_of, rows_of_tests
-from kneejax.inference.fit._observed import (
-    TABLE_UNITS,
-    Balance,
-    Observations,
-    add_offsets,
-    with_offsets,
-    without_offsets,
-)
+from kneejax.inference.fit._observed import TABLE_UNITS, Balance, Observations
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import Selection, UnsuitableData, stated
 from kneejax.statics import Own, Slopes
@@ -196,9 +191,7 @@ class Problem:
 
     def begin(self, values: np.ndarray) -> Slopes:
         """Balances at values `(fits, p)`, each followed from the knee's reference pose."""
-        parameters, shifts = np.split(np.asarray(values, float), [len(self.selection)], axis=1)
-        found = balances_of(self.knee, self.selection, self.cases, self.own)(parameters)
-        return add_offsets(found, shifts, self.offsets, self.cases.posed)
+        return self.balance(np.asarray(values, float))
 
     @property
     def balance(self) -> Balance:
@@ -250,3 +243,81 @@ def named(selection: Selection, offsets: Sequence[str] = ()) -> list[tuple[str, 
     """Names and units of parameters, then of constants between frames."""
     parameters = [(name, selection.unit(i)) for i, name in enumerate(selection.names)]
     return parameters + [(name, COORDINATES[name].unit) for name in offsets]
+
+
+def with_offsets(balance: Balance, offsets: Sequence[str], posed: np.ndarray) -> Balance:
+    """A balance whose last values are constants added to coordinates of the load cases `posed`,
+    degrees and mm: they have bounds and can be held, which those of `Observations.offsets` have
+    not."""
+
+    def shifted(values: np.ndarray, near: Slopes | None = None) -> Slopes:
+        size = values.shape[1] - len(offsets)
+        found = balance(values[:, :size], near and without_offsets(near, offsets, posed))
+        return add_offsets(found, values[:, size:], offsets, posed)
+
+    return shifted if offsets else balance
+
+
+def add_offsets(
+    found: Slopes, shifts: np.ndarray, offsets: Sequence[str], posed: np.ndarray
+) -> Slopes:
+    """Balances with constants `(fits, offsets)` added, degrees and mm, as their last values."""
+    q, more = np.array(found.q), np.zeros((*found.q.shape, len(offsets)))
+    for k, name in enumerate(offsets):
+        row = FREE_COORDINATES.index(name)
+        q[..., row] += shifts[:, [k]] * posed / TABLE_UNITS[row]
+        more[..., row, k] = posed / TABLE_UNITS[row]
+    return dataclasses.replace(
+        found,
+        values=np.hstack([found.values, shifts]),
+        q=q,
+        jacobian=np.concatenate([found.jacobian, more], axis=-1),
+    )
+
+
+def without_offsets(found: Slopes, offsets: Sequence[str], posed: np.ndarray) -> Slopes:
+    """The reverse of `add_offsets`."""
+    q, size = np.array(found.q), found.values.shape[1] - len(offsets)
+    for k, name in enumerate(offsets):
+        row = FREE_COORDINATES.index(name)
+        q[..., row] -= found.values[:, [size + k]] * posed / TABLE_UNITS[row]
+    return dataclasses.replace(
+        found, values=found.values[:, :size], q=q, jacobian=found.jacobian[..., :size]
+    )
+
+
+def best_offsets(data: Observations, fit: Slopes) -> list[float]:
+    """The best constant of each of `data.offsets`, to be added to the model's coordinate in the
+    balances of one variant, degrees or mm."""
+    target = data.target.reshape(len(data.load_cases), 5)
+    error = (data.observed(fit)[0][0] - target)[data.used & data.posed]
+    return [-float(error[:, FREE_COORDINATES.index(name)].mean()) for name in data.offsets]
+
+
+#: Of load cases what knees that stand side by side must have in common, beside what is observed.
+_ALIKE = ("noise", "used", "clinical", "neutral", "group", "spread")
+
+
+def form_of(problem: Problem) -> bytes | None:
+    """What problems have in common that may stand side by side; None for one that may not: where
+    ligaments were cut, forces were read, or the knee moved."""
+    cases = problem.cases
+    if any(cases.cuts) or cases.readings is not None or cases.passages:
+        return None
+    plain = dataclasses.replace(problem.knee, name="", side="right")
+    leaves, tree = jax.tree.flatten(plain)
+    load_cases, kinds = jax.tree.flatten(cases.load_cases)
+    known = None if cases.prior is None else cases.prior[1]
+    arrays = [
+        *jax.tree.leaves(problem.knee.reference_pose), *load_cases, ~np.isnan(cases.target), known,
+        *(getattr(cases, name) for name in _ALIKE),
+    ]  # fmt: skip
+    words = [
+        str(tree), [np.shape(leaf) for leaf in leaves], str(kinds), problem.selection.names,
+        problem.offsets, [test.name for test in problem.tests],
+        [None if x is None else [np.shape(x), str(np.asarray(x).dtype)] for x in arrays],
+    ]  # fmt: skip
+    found = hashlib.sha256(json.dumps(words).encode())
+    for x in arrays:
+        found.update(b"" if x is None else np.ascontiguousarray(x).tobytes())
+    return found.digest()

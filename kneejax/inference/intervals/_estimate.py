@@ -168,13 +168,6 @@ class MaximumLikelihood:
     converged: bool  # whether the fit converged
     profiles: tuple[Profile, ...] = ()  # from which the intervals are read
 
-    @classmethod
-    def of_fit(cls, fits: ManyFits, weighed: Observations, noise: Noise) -> MaximumLikelihood:
-        """A single fit of which no limits were asked."""
-        size = fits.values.shape[1]
-        nothing, own = np.full((size, size), np.nan), weighed.noise[0]
-        return cls(fits.slopes, (), nothing, own, noise.estimated, bool(fits.converged[0]))
-
 
 def maximum_likelihood(
     balance: Balance, data: Observations, near: Slopes, noise: Noise, lower: np.ndarray,
@@ -209,8 +202,11 @@ def estimate(
     """
     size = len(names)
     spare = int((data.seen.sum(axis=0) - data.taken)[noise.counted].sum()) - size
+    rows, kind = range(len(near.values)), IntervalKind.NOT_COMPUTED
     if noise.estimated and spare <= 0:
-        return [_nothing_known(near.take([row]), NO_NOISE) for row in range(len(near.values))]
+        intervals = (Interval(kind, np.nan, np.nan, reason=NO_NOISE),) * size
+        nothing = np.full((size, size), np.nan), np.full(5, np.nan), True, True
+        return [MaximumLikelihood(near.take([row]), intervals, *nothing) for row in rows]
     if noise.estimated:
         # What earlier fits leave tells more than the first weights.
         data = dataclasses.replace(data, noise=noise.left(data, near, lower, upper))
@@ -225,13 +221,12 @@ def estimate(
     prior = np.full(size, np.inf) if data.prior is None else data.prior[1]
     _, slope = weighed.residual(here)
     judged = []
-    for row, profiles in enumerate(found):
+    for row, profiles in zip(rows, found, strict=True):
         values = here.values[row]
         linear = uncertainty(slope[row], on_bounds(values, lower, upper))
         if any(one.better for one in profiles):
             # Where lower valleys are found over and over, limits are those of none.
-            nothing = _nothing_known(here.take([row]), LOWER_MINIMA)
-            intervals = nothing.intervals
+            intervals = (Interval(kind, np.nan, np.nan, reason=LOWER_MINIMA),) * size
         else:
             every = profiles, values, linear.standard_error, lower, upper, prior
             intervals = tuple(map(Interval.of, *every))
@@ -242,11 +237,3 @@ def estimate(
             )
         )  # fmt: skip
     return judged
-
-
-def _nothing_known(best: Slopes, reason: str) -> MaximumLikelihood:
-    size = best.values.shape[1]
-    nothing = Interval(IntervalKind.NOT_COMPUTED, np.nan, np.nan, reason=reason)
-    return MaximumLikelihood(
-        best, (nothing,) * size, np.full((size, size), np.nan), np.full(5, np.nan), True, True
-    )

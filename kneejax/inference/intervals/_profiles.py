@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from kneejax.inference.fit import (
     fit_lanes,
     named,
 )
-from kneejax.inference.intervals._profile_arms import BETTER, Arms, Pace
+from kneejax.inference.intervals._profile_arms import BETTER, NEAR, Arm, Pace, Point, products
 from kneejax.mechanics import Knee
 from kneejax.parameters import Selection
 from kneejax.statics import Slopes
@@ -153,36 +153,84 @@ def follow(
     balance: Balance, data: Observations, fits: Slopes, lower: np.ndarray, upper: np.ndarray,
     threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE, leave: bool = False,
 ) -> tuple[list[tuple[Profile, ...]], Slopes]:  # fmt: skip
-    """Profiles of many fits at once, one per value each, and balances at the lowest of its arms'
-    last points; with `leave` a fit is left alone as soon as an arm of it finds a better one.
-
-    All arms advance together, an evaluation each, to where the linear model at their last points
-    says that the misfit allows no more. Any arm of a fit tells of all its parameters: where one has
-    been beyond the limit of another at a likelihood that the limit excludes, that one walks on from
-    there.
-    """
+    """Profiles of many fits at once and balances at the lowest last point of each fit's arms, which
+    advance together, an evaluation each. Where one has been beyond another's limit at a likelihood
+    that the limit excludes, that one walks on from there. With `leave` a fit is left as soon as an
+    arm finds a better one."""
     residual, slope = data.residual(fits)
-    arms = Arms(fits, residual, slope, lower, upper, np.sqrt(threshold), pace)
-    of_arms = data.take(arms.fit_of)
+    (count, size), width, level = fits.values.shape, upper - lower, np.sqrt(threshold)
+    chi2, models = np.sum(residual**2, axis=1), products(residual, slope * width)
+    arms = [
+        Arm(fits.values[fit], i, way, chi2[fit], models[fit], lower, upper, level, pace.value)
+        for fit in range(count)
+        for i in range(size)
+        for way in (-1.0, 1.0)
+    ]
+    of_fits = np.arange(len(arms)).reshape(count, -1)
+    fit_of = np.repeat(np.arange(count), 2 * size)
+    near, of_arms = fits.take(fit_of), data.take(fit_of)
     for last in [*[False] * _ROUNDS, True]:
-        while arms.active.any():
-            rows, values = arms.trials()
-            found = balance(values, arms.near.take(rows))
-            arms.advance(rows, found, *of_arms.take(rows).residual(found))
-            if leave:
-                arms.leave(rows)
-        narrow = list(arms.too_narrow())
+        while walking := [row for row, arm in enumerate(arms) if arm.active]:
+            rows = np.array(walking)
+            found = balance(np.array([arms[row].ahead for row in rows]), near.take(rows))
+            went = _look([arms[row] for row in rows], found, of_arms.take(rows), width)
+            near.put(rows[went], found.take(went))
+            better = [row for row in rows if leave and arms[row].points[-1].rise < -BETTER]
+            for row in of_fits[np.isin(of_fits, better).any(axis=1)].ravel():
+                arms[row].active = False
+        narrow = [each for rows in of_fits for each in _too_narrow(arms, rows)]
         if not narrow:
             break
-        rows, donors, points = map(list, zip(*narrow, strict=True))
-        there = _led(balance, arms.near.take(donors), np.array([p.parameters for p in points]))
-        arms.reopen(rows, points, there, *of_arms.take(rows).residual(there), close=last)
-    errors = [uncertainty(one).standard_error for one in slope]
-    each = [
-        tuple(_profile(arms, fit, i, *names[i], error[i], threshold) for i in range(len(names)))
-        for fit, error in enumerate(errors)
-    ]
-    return each, arms.near.take(arms.lowest())
+        rows, donors, points = zip(*narrow, strict=True)
+        rows, ends = np.array(rows), np.array([point.parameters for point in points])
+        there = _led(balance, near.take(np.array(donors)), ends)
+        residual, slopes = of_arms.take(rows).residual(there)
+        models = products(residual, slopes * width)
+        goes_on = np.isfinite(there.q).all(axis=(1, 2)) & (not last)
+        for row, point, model, on in zip(rows, points, models, goes_on, strict=True):
+            arms[row].reopen(point, model if on else None)
+        near.put(rows[goes_on], there.take(goes_on))
+    lowest = [rows[np.argmin([arms[row].points[-1].rise for row in rows])] for rows in of_fits]
+    found = []
+    for rows, own in zip(of_fits, slope, strict=True):
+        error, pairs = uncertainty(own).standard_error, rows.reshape(-1, 2)
+        found.append(tuple(
+            _profile(arms[down], arms[up], *names[i], error[i], threshold)
+            for i, (down, up) in enumerate(pairs)
+        ))  # fmt: skip
+    return found, near.take(lowest)
+
+
+def _look(arms: Sequence[Arm], found: Slopes, data: Observations, width: np.ndarray) -> np.ndarray:
+    """Tell each arm what was found where it looked; which of them went there."""
+    residual, slope = data.residual(found)
+    chi2 = np.sum(residual**2, axis=1)
+    good = np.isfinite(chi2) & np.isfinite(slope).all(axis=(1, 2))
+    residual[~good], slope[~good] = 0.0, 0.0
+    models, went = products(residual, slope * width), np.zeros(len(arms), bool)
+    for k, arm in enumerate(arms):
+        if good[k]:
+            went[k] = arm.look(found.values[k], chi2[k], models[k])
+        else:
+            arm.lost()
+    return went
+
+
+def _too_narrow(arms: Sequence[Arm], rows: np.ndarray) -> Iterator[tuple[int, int, Point]]:
+    """Arms whose limits leave out points of others that are likely: rows, others', points."""
+    highest = ((1.0 - NEAR) * arms[0].level) ** 2
+    inside = [(row, p) for row in rows for p in arms[row].points if p.rise < highest]
+    if any(point.rise < -BETTER for _, point in inside):
+        return  # The fit itself has to move first.
+    values = np.array([point.parameters for _, point in inside])
+    for row in rows:
+        arm = arms[row]
+        if arm.end or not np.isfinite(arm.limit):
+            continue
+        donor, point = inside[int(np.argmax(arm.way * values[:, arm.index]))]
+        value = float(point.parameters[arm.index])
+        if arm.way * (value - arm.limit) > NEAR * abs(arm.limit - arm.points[0].value):
+            yield row, donor, point._replace(value=value)
 
 
 def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
@@ -202,14 +250,13 @@ def _led(balance: Balance, near: Slopes, values: np.ndarray) -> Slopes:
 def follow_to_the_lowest(
     balance: Balance, data: Observations, fits: ManyFits, lower: np.ndarray, upper: np.ndarray,
     threshold: float, names: Sequence[tuple[str, str]], pace: Pace = Pace.FINE,
-    restarts: int = _RESTARTS,
 ) -> tuple[Slopes, list[tuple[Profile, ...]]]:  # fmt: skip
-    """Where fits are in the end, and their profiles; a fit moves, `restarts` times at most, where
-    one of its profiles has found a lower valley."""
+    """Where fits are in the end, and their profiles; one moves, ten times at most, to a
+    lower valley that a profile has found."""
     rows = np.arange(len(fits.values))
     here = fits.slopes.take(rows)
     found: list[tuple[Profile, ...]] = [()] * len(rows)
-    for left in reversed(range(restarts + 1)):
+    for left in reversed(range(_RESTARTS + 1)):
         own = data.take(rows)
         again, lowest = follow(
             balance, own, here.take(rows), lower, upper, threshold, names, pace, leave=left > 0
@@ -228,16 +275,13 @@ def follow_to_the_lowest(
 
 
 def _profile(
-    arms: Arms, fit: int, i: int, name: str, unit: str, error: float, threshold: float
+    down: Arm, up: Arm, name: str, unit: str, error: float, threshold: float
 ) -> Profile:
-    down, up = (2 * (fit * arms.size + i) + way for way in (0, 1))
-    points = [*reversed(arms.curve(down)[1:]), *arms.curve(up)]
-    low, high = (
-        float(np.where(arms.end[row], bound[i], arms.limit[row]))
-        for row, bound in ((down, arms.lower), (up, arms.upper))
-    )
+    points = [*reversed(down.curve()[1:]), *up.curve()]
     values, rise, parameters, _ = map(np.array, zip(*points, strict=True))
+    low = down.lower[down.index] if down.end else down.limit
+    high = up.upper[up.index] if up.end else up.limit
     return Profile(
-        name, unit, arms.points[up][0].value, float(error), values, rise, parameters, low, high,
-        arms.end[down], arms.end[up], threshold,
+        name, unit, up.points[0].value, float(error), values, rise, parameters, float(low),
+        float(high), down.end, up.end, threshold,
     )  # fmt: skip

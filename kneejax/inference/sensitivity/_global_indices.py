@@ -348,23 +348,18 @@ def motion_indices(
         objective = (error**2).sum(axis=1) @ weights
         return np.where(failed[:, None], np.nan, np.column_stack([poses, rmse, objective]))
 
-    outputs = _outputs(flexion[at])
+    units = [(name, COORDINATES[name].unit) for name in FREE_COORDINATES]
+    outputs = (
+        *(Output(f"{name} at {angle:g} deg", unit, name, angle)
+          for name, unit in units for angle in flexion[at].tolist()),
+        *(Output(f"rmse of {name}", unit, name, None) for name, unit in units),
+        Output("objective", "", "", None),
+    )  # fmt: skip
     indices = global_indices(
         model, selection.names, lower, upper, method=method, samples=samples, seed=seed,
         outputs=[one.name for one in outputs],
     )  # fmt: skip
     return MotionIndices(indices, outputs, tuple(left_out.tolist()))
-
-
-def _outputs(flexion_deg: np.ndarray) -> tuple[Output, ...]:
-    units = [(name, COORDINATES[name].unit) for name in FREE_COORDINATES]
-    poses = [
-        Output(f"{name} at {angle:g} deg", unit, name, float(angle))
-        for name, unit in units
-        for angle in flexion_deg
-    ]
-    errors = [Output(f"rmse of {name}", unit, name, None) for name, unit in units]
-    return (*poses, *errors, Output("objective", "", "", None))
 
 
 def index_ranges(

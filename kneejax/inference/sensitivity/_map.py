@@ -14,7 +14,6 @@ from kneejax.inference.fit import DEFAULT_WEIGHTS, TABLE_UNITS, Problem, distinc
 from kneejax.inference.sensitivity._parameter_map import BlockStore, ParameterMap, worst_condition
 from kneejax.mechanics import Knee, Load
 from kneejax.parameters import (
-    Selection,
     UnknownParameter,
     UnsuitableData,
     doubt_value,
@@ -107,7 +106,13 @@ def sensitivity_maps(
     weights = DEFAULT_WEIGHTS if weights is None else np.asarray(weights, float)
     limits = map_ranges(knee, pairs, grid=grid, bounds=bounds)
     selection = select(knee, tuple(dict.fromkeys((*(at or ()), *limits))))
-    base = _kept(knee, selection, at or {})
+    base = np.array(selection.read(knee))
+    for name, value in (at or {}).items():
+        if name not in selection.names:
+            raise UnknownParameter(f"{name!r} is many parameters: name each")
+        if not np.isfinite(value):
+            raise UnsuitableData(f"{name}: {value} is not finite")
+        base[selection.names.index(name)] = value
     if (loads or tests) and convention != "femoral":
         raise UnsuitableData(f"convention {convention}: expected femoral where loads act")
     moved = [test.name for test in tests if test.frames is not None]
@@ -125,18 +130,6 @@ def sensitivity_maps(
 
         maps.append(study.map(pair, x, y, store, report))
     return tuple(maps)
-
-
-def _kept(knee: Knee, selection: Selection, at: Mapping[str, float]) -> np.ndarray:
-    """Values of the parameters where a map does not vary them, `(p,)`."""
-    base = np.array(selection.read(knee))
-    for name, value in at.items():
-        if name not in selection.names:
-            raise UnknownParameter(f"{name!r} is many parameters: name each")
-        if not np.isfinite(value):
-            raise UnsuitableData(f"{name}: {value} is not finite")
-        base[selection.names.index(name)] = value
-    return base
 
 
 def map_ranges(
@@ -174,8 +167,8 @@ class _Maps:
         self, problem: Problem, base: np.ndarray, weights: np.ndarray, convention: str,
         failures: tuple[Status, ...],
     ):  # fmt: skip
-        """The knee's own balances say what counts and what is physiological; searches begin at
-        those of `base`, values of the parameters, `(p,)`."""
+        """Balances of the knee itself say what counts; searches begin at those of `base`,
+        `(p,)`."""
         self.selection, self.weights, self.base = problem.selection, weights, base
         self.convention, self.failures = convention, failures
         cases, knee = problem.cases, problem.knee
@@ -225,8 +218,7 @@ class _Maps:
         return found
 
     def map(self, pair, x, y, store: BlockStore | None, report: Progress) -> ParameterMap:
-        """One map over two parameters, with values `(nx,)` and `(ny,)`, block by block; the store
-        keeps finished blocks."""
+        """One map over two parameters, `(nx,)` and `(ny,)`; the store keeps finished blocks."""
         column, row = (self.selection.names.index(name) for name in pair)
         middle = int(np.abs(x - self.base[column]).argmin())
         # One block's rows do not depend on another's: all begin at the same column.
@@ -247,7 +239,16 @@ class _Maps:
                     values, np.full(len(values), middle), [one.at(0, block) for one in near],
                     lambda done, _, before=first: report(before * x.size * size + done, 0),
                 )  # fmt: skip
-                known = self._reduced(values, here)
+                shape, counted = values.shape[:-1], self.cases.used
+                table, status = (self._observed(here, name) for name in ("table", "status"))
+                strange = unphysiological(table, self.own_table)[..., counted]
+                objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), here)
+                known = {
+                    "objective": objective.reshape(shape),
+                    "partial": partial.reshape(5, *shape),
+                    "condition": worst_condition(status[..., counted], strange, self.failures),
+                    "lost": (~converged(status[..., counted])).sum(axis=-1),
+                }
                 if store:
                     store.save(name, known)
             parts.append(known)
@@ -266,21 +267,8 @@ class _Maps:
         values[..., column], values[..., row] = x, y[:, None]
         return values
 
-    def _reduced(self, values, found: list[Equilibria]) -> dict[str, np.ndarray]:
-        shape, counted = values.shape[:-1], self.cases.used
-        table, status = (self._observed(found, name) for name in ("table", "status"))
-        strange = unphysiological(table, self.own_table)[..., counted]
-        objective, partial = self._misfit(values.reshape(-1, values.shape[-1]), found)
-        return {
-            "objective": objective.reshape(shape),
-            "partial": partial.reshape(5, *shape),
-            "condition": worst_condition(status[..., counted], strange, self.failures),
-            "lost": (~converged(status[..., counted])).sum(axis=-1),
-        }
-
     def _misfit(self, values: np.ndarray, found: list[Equilibria]) -> tuple[np.ndarray, np.ndarray]:
-        """Sums of squares over all that was observed, `(points,)`, each as it is weighed, and of
-        errors by coordinate, `(5, points)`, as they are."""
+        """Weighed sums of squares, `(points,)`, and unweighed by coordinate, `(5, points)`."""
         axis = found[0].status.ndim - 1
 
         def nodes(name: str) -> np.ndarray:

@@ -307,34 +307,27 @@ def sweep_values(
     selection = select(knee, tuple(owner))
     values = []
     for i, name in enumerate(selection.names):
-        stated = given.get(owner[name])
-        line = _usual(knee, selection, i, count) if stated is None else np.asarray(stated, float)
-        values.append(_checked(name, line))
+        line = given.get(owner[name])
+        if line is None:
+            quantity, fibres = selection.quantity(i), selection.fibres(i)
+            if quantity == "stiffness":
+                low, high = structure_range(knee, fibres, _STIFFNESS) if fibres else _STIFFNESS
+            elif quantity == "slack_length":
+                value = float(selection.read(knee)[i])
+                low, high = (1 - _SLACK) * value, (1 + _SLACK) * value
+            else:
+                low, high = (float(limit[i]) for limit in default_bounds(knee, selection))
+            line = np.linspace(low, high, max(count, 0))
+        line = np.asarray(line, float)
+        if line.ndim != 1 or len(line) < 2:
+            raise UnsuitableData(f"{name}: a sweep of {line.size} value: expected at least two")
+        if not np.isfinite(line).all():
+            raise UnsuitableData(f"{name}: a sweep over values that are not finite")
+        if not (np.diff(line) > 0).all():
+            raise UnsuitableData(
+                f"{name}: a sweep from {line[0]:g} to {line[-1]:g}: expected ascending values, "
+                "the lower end first"
+            )
         doubt_value(knee, name, float(line[-1]))
+        values.append(line)
     return selection, values
-
-
-def _checked(name: str, values: np.ndarray) -> np.ndarray:
-    if values.ndim != 1 or len(values) < 2:
-        raise UnsuitableData(f"{name}: a sweep of {values.size} value: expected at least two")
-    if not np.isfinite(values).all():
-        raise UnsuitableData(f"{name}: a sweep over values that are not finite")
-    if not (np.diff(values) > 0).all():
-        first, last = values[0], values[-1]
-        raise UnsuitableData(
-            f"{name}: a sweep from {first:g} to {last:g}: expected ascending values, "
-            "the lower end first"
-        )
-    return values
-
-
-def _usual(knee: Knee, selection: Selection, index: int, count: int) -> np.ndarray:
-    quantity, fibres = selection.quantity(index), selection.fibres(index)
-    if quantity == "stiffness":
-        low, high = structure_range(knee, fibres, _STIFFNESS) if fibres else _STIFFNESS
-    elif quantity == "slack_length":
-        value = float(selection.read(knee)[index])
-        low, high = (1 - _SLACK) * value, (1 + _SLACK) * value
-    else:
-        low, high = (float(limit[index]) for limit in default_bounds(knee, selection))
-    return np.linspace(low, high, max(count, 0))

@@ -6,7 +6,7 @@ import pytest
 import kneejax as kj
 from kneejax.inference import CalibrationProblem, Noise, identify
 from kneejax.inference.calibration import _side_by_side
-from kneejax.inference.fit import several_starts
+from kneejax.inference.fit import fit_lanes
 
 pytestmark = pytest.mark.usefixtures("optimised_code")
 
@@ -86,11 +86,11 @@ def test_a_belief_needs_the_noise_that_it_is_weighed_against(knee, measured):
 def test_further_starts_are_drawn_from_what_is_believed(knee, measured, monkeypatch):
     begun = []
 
-    def kept(problem, starts, lower, upper):
+    def kept(balance, data, begin, starts, *box, **options):
         begun.append(starts)
-        return several_starts(problem, starts[:2], lower, upper)
+        return fit_lanes(balance, data, begin, starts[:2], *box, **options)
 
-    monkeypatch.setattr(_side_by_side, "several_starts", kept)
+    monkeypatch.setattr(_side_by_side, "fit_lanes", kept)
     calibrated(
         knee, measured, (NAME, "ACL.stiffness"), procedures=("III",), starts=200, seed=0,
         prior={NAME: 100.0}, bounds={"ACL.stiffness": (2000.0, 9000.0)}, **NOISE,

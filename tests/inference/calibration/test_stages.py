@@ -7,7 +7,8 @@ import yaml
 import kneejax as kj
 from kneejax.files import InputProblem, write_rows
 from kneejax.inference.calibration import CalibrationProblem, Stage, run_procedure
-from kneejax.inference.fit import Noise, Problem, SeveralKnees
+from kneejax.inference.calibration._question import SeveralKnees
+from kneejax.inference.fit import Noise, Problem
 
 NAMES = ("ACL.stiffness", "ACL.reference_strain", "MCL.reference_strain")
 NOISE = np.full(5, 0.1)
@@ -28,9 +29,7 @@ def searched(problem, stages, start):
     wide = 0.5 * np.abs(truth)
     bounds = truth - wide, truth + wide
     one = CalibrationProblem(problem, Noise.of(), start, *bounds, ("S",), tuple(stages))
-    (found,) = run_procedure(
-        one, SeveralKnees.of([problem]), "S", [problem.begin(start[None])]
-    )
+    (found,) = run_procedure(SeveralKnees.of([one]), "S", [problem.begin(start[None])])
     return found
 
 

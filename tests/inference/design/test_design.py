@@ -16,9 +16,15 @@ from kneejax.inference import (
     noise_of,
     usual_candidates,
 )
-from kneejax.inference.design import departures, load_cases_of, told_by
+from kneejax.inference.design import (
+    choose,
+    criterion_of,
+    departures,
+    load_cases_of,
+    standard_errors,
+    told_by,
+)
 from kneejax.inference.fit import table_of
-from kneejax.inference.optimal_design import choose, criterion_of, standard_errors
 from kneejax.parameters import UnsuitableData, select
 from kneejax.report.design import design_notes, design_words
 from kneejax.statics import LoadCases, Status, balance_with_slopes

@@ -11,8 +11,8 @@ pytest.importorskip("jaxopt")
 
 import kneejax as kj
 from kneejax.inference import Ending, synthetic_motion
-from kneejax.inference.fit import _lbfgsb
-from kneejax.inference.fit._lbfgsb import minimise_bounded
+from kneejax.inference.calibration import _search
+from kneejax.inference.calibration._search import minimise_bounded
 from kneejax.numerics import MissingPackage
 
 
@@ -105,7 +105,7 @@ def test_the_twin_ends_where_least_squares_ends(twin):
 
 
 def test_a_calibration_that_does_not_converge_says_so(twin, monkeypatch):
-    monkeypatch.setattr(_lbfgsb, "_MAX_STEPS", 2)
+    monkeypatch.setattr(_search, "_MAX_STEPS", 2)
     fit = twin(method="lbfgsb").fit
     assert not fit.success
     assert "L-BFGS-B ended after 2 iterations (the limit" in fit.reason

@@ -5,7 +5,9 @@ import numpy as np
 import pytest
 
 import kneejax as kj
-from kneejax.inference.fit import Problem, SeveralKnees, form_of
+from kneejax.inference import CalibrationProblem, Noise
+from kneejax.inference.calibration._question import SeveralKnees
+from kneejax.inference.fit import Problem, form_of
 from kneejax.statics import LoadCases, balance_with_slopes
 
 FLEXION = [0.0, 30.0, 60.0]
@@ -23,12 +25,16 @@ def several():
     table = np.zeros((3, 6))
     table[:, 0] = FLEXION
     chosen = kj.select(knees()[0], ["*.stiffness"])
-    return SeveralKnees.of([Problem.of(one, chosen, table, np.ones(5)) for one in knees()])
+    noise = Noise.of(weights=np.ones(5))
+    return SeveralKnees.of(
+        [CalibrationProblem.of(one, chosen, table, noise=noise) for one in knees()]
+    )
 
 
 @pytest.mark.long
 def test_each_lane_is_its_own_knee(several):
-    chosen, start = several.problems[0].selection, np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
+    chosen = several.members[0].fitted.selection
+    start = np.tile([4000.0, 3500.0, 7000.0, 5500.0], (3, 1))
     (attachments,) = several.whole.own.values()
     assert attachments.shape == (3, 4, 3)
     found = several.whole.begin(start)
@@ -59,8 +65,8 @@ def test_a_lane_s_derivative_is_that_of_its_own_knee(several):
 
 
 def test_knees_of_another_form_do_not_stand_beside_them(several):
-    first = several.problems[0]
+    first = several.members[0].fitted
     table = first.measured.copy()
     table[:, 0] += 1.0
     other = Problem.of(first.knee, first.selection, table, np.ones(5))
-    assert form_of(first) == form_of(several.problems[1]) != form_of(other)
+    assert form_of(first) == form_of(several.members[1].fitted) != form_of(other)

@@ -6,7 +6,7 @@ from scipy.optimize import minimize
 
 from kneejax.inference import Observations
 from kneejax.inference.intervals import _profile_arms
-from kneejax.inference.intervals._farthest import is_convex, learned
+from kneejax.inference.intervals._profile_arms import is_convex, learned
 from kneejax.inference.intervals._profiles import Pace, follow
 from kneejax.statics import LoadCases, Slopes, Status
 

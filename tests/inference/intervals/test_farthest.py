@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from kneejax.inference.intervals._farthest import farthest, products, squares
+from kneejax.inference.intervals._profile_arms import farthest, products, squares
 
 
 def linear(seed, size=4):

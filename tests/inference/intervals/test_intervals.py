@@ -5,9 +5,8 @@ import pytest
 
 import kneejax as kj
 from kneejax.inference import Observations, balances_of, fit_lanes
-from kneejax.inference.fit import TABLE_UNITS, Noise
-from kneejax.inference.fit._many_fits import ManyFits
-from kneejax.inference.fit._observed import add_offsets, with_offsets, without_offsets
+from kneejax.inference.fit import TABLE_UNITS, ManyFits, Noise
+from kneejax.inference.fit._problem import add_offsets, with_offsets, without_offsets
 from kneejax.inference.intervals._estimate import Interval, IntervalKind, estimate
 from kneejax.inference.intervals._profile_arms import Pace
 from kneejax.inference.intervals._profiles import Profile, _led, follow, follow_to_the_lowest, named
