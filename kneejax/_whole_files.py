@@ -5,8 +5,6 @@ to the disk, renamed. While a run's results are gathered (`gathering`), its file
 the whole folder instead, so that an earlier run's results stay until all the new ones are there.
 """
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json
@@ -34,12 +32,13 @@ def write_whole(path: str | os.PathLike[str], data: bytes, *, at_once: bool = Fa
     place `at_once`. Missing folders are made; an OSError's `filename` is the path.
     """
     place = Path(path) if at_once else _place(path, writing=True)
-    if at_once or not _in_draft(place):
-        _write(path, data)
-        return Path(path)
+    in_draft = not at_once and any(part.startswith(DRAFT) for part in place.parts)
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
-        place.write_bytes(data)  # synced when the draft is complete
+        if in_draft:
+            place.write_bytes(data)  # synced when the draft is complete
+        else:
+            _replace(place, data)
     except OSError as error:
         raise _named(error, path) from None
     return Path(path)
@@ -153,26 +152,17 @@ def _named(error: OSError, path: str | os.PathLike[str]) -> OSError:
     return OSError(error.errno, error.strerror or str(error), os.fspath(known))
 
 
-def _in_draft(path: Path) -> bool:
-    return any(part.startswith(DRAFT) for part in path.parts)
-
-
-def _write(given: str | os.PathLike[str], data: bytes) -> None:
-    path = Path(given)
+def _replace(path: Path, data: bytes) -> None:
     draft = path.with_name(f".{path.name[:64]}.{uuid.uuid4().hex[:8]}.tmp")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            with draft.open("xb") as stream:
-                stream.write(data)
-                stream.flush()
-                os.fsync(stream.fileno())
-            os.replace(draft, path)
-        finally:
-            draft.unlink(missing_ok=True)
-        sync((), [path.parent])
-    except OSError as error:
-        raise _named(error, path) from None
+        with draft.open("xb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
+    sync((), [path.parent])
 
 
 def _place(path: str | os.PathLike[str], *, writing: bool) -> Path:

@@ -5,8 +5,6 @@ one is an entry here and its use in the physics. It imports no JAX: a wrong numb
 once.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 from collections.abc import Iterable, Mapping
@@ -63,7 +61,7 @@ class Range:
         return f"; {suspected}" if suspected else ""
 
     @property
-    def spread(self) -> Range:
+    def spread(self) -> "Range":
         """What a standard deviation, or a step, of such a quantity can be."""
         width = self.upper - self.lower
         return Range(1e-9 * width, width, self.unit)
@@ -80,46 +78,30 @@ def _plain(x: float) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
-    """A number, or the components of a point, that parts of a knee have.
+    """A number, or the components of a point, that parts of a knee have."""
 
-    Attributes:
-        name: as in `ACL.stiffness`.
-        owners: kinds of parts that have it: `ligament`, `band` (fibres whose cross-section is
-            known), `contact`, `line`, `muscle`, `load`,
-            `obstacle` (what fibres wrap around); empty where no part is advised to name it.
-        unit: of a parameter; empty for a plain number.
-        allowed: what every knee's numbers lie between.
-        field: in a knee file; empty where the file says it otherwise.
-        paths: kind of part -> attributes that lead from it to the number, where they are not the
-            name.
-        bone: on which the point lies, of an attachment.
-        summed: whether a structure's value is the sum over its fibres; the mean otherwise.
-        bounds: of a search for a single line; None where they go by the knee's own value.
-        within: bounds lie so far from the knee's own value; None for from half to twice of it.
-        relative: prior standard deviation, as a part of the value; conventions of ours, as are
-            those below: published stiffnesses of one ligament differ by as much.
-        deviation: prior standard deviation whatever the value, in the unit; None for a part of it.
-        source: of the bounds.
-    """
-
-    name: str
+    name: str  # as in `ACL.stiffness`
+    # kinds of parts that have it: `ligament`, `band` (fibres whose cross-section is known),
+    # `contact`, `line`, `muscle`, `load`, `obstacle` (what fibres wrap around); empty where no part
+    # is advised to name it
     owners: tuple[str, ...]
-    unit: str
-    allowed: Range
-    field: str = ""
+    unit: str  # of a parameter; empty for a plain number
+    allowed: Range  # what every knee's numbers lie between
+    field: str = ""  # in a knee file; empty where the file says it otherwise
+    # kind of part -> attributes that lead from it to the number, where they are not the name
     paths: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    bone: str = ""
-    summed: bool = False
+    bone: str = ""  # on which the point lies, of an attachment
+    summed: bool = False  # a structure's value is the sum over its fibres; the mean otherwise
+    # of a search for a single line; None where they go by the knee's own value
     bounds: tuple[float, float] | None = None
+    # Bounds lie so far from the knee's own value, of a place, whose zero is arbitrary, so that no
+    # per cent of it means anything; None for from half to twice of it.
     within: float | None = None
+    # Prior standard deviation as a part of the value, or whatever the value, in the unit:
+    # conventions of ours; published stiffnesses of one ligament differ by as much.
     relative: float = 0.1
     deviation: float | None = None
-    source: str = ""
-
-    @property
-    def is_place(self) -> bool:
-        """Whether its zero is arbitrary, so that no per cent of it means anything."""
-        return self.within is not None
+    source: str = ""  # of the bounds
 
     def bounds_around(self, value: float) -> tuple[float, float]:
         """Bounds of a search that begins at a value."""
@@ -150,11 +132,6 @@ def _point(name: str, *owners: str, **other) -> Quantity:
     return Quantity(name, owners, "mm", _POINT, **fields)
 
 
-def _attachment(bone: str, adjective: str) -> Quantity:
-    """An end of a ligament, which is seen to within 2 mm."""
-    return _point(f"{adjective}_attachment", "ligament", bone=bone, deviation=2.0)
-
-
 _ALL = (
     Quantity("stiffness", ("ligament",), "N", Range(1e-3, 1e7, "N"), "stiffness_N", summed=True,
              bounds=(300.0, 10000.0), relative=0.3, source=_PAPER1),
@@ -171,9 +148,10 @@ _ALL = (
              "failure_strain", bounds=(0.05, 0.5), relative=0.3),
     Quantity("damping", ("ligament",), "N s", Range(1e-9, 1e5, "N s", or_zero=True), "damping_N_s",
              summed=True, bounds=(0.0, 200.0), relative=0.3),
-    _attachment("femur", "femoral"),
-    _attachment("tibia", "tibial"),
-    _attachment("patella", "patellar"),
+    # Ends of ligaments are seen to within 2 mm.
+    _point("femoral_attachment", "ligament", bone="femur", deviation=2.0),
+    _point("tibial_attachment", "ligament", bone="tibia", deviation=2.0),
+    _point("patellar_attachment", "ligament", bone="patella", deviation=2.0),
     Quantity("youngs_modulus", ("contact", "band"), "MPa", Range(1e-3, 1e5, "MPa",
              too_large="Pa are suspected"), "youngs_modulus_MPa"),
     Quantity("area", ("band",), "mm²", Range(1e-4, 1e4, "mm²", or_zero=True), "area_mm2",
@@ -235,14 +213,9 @@ _OTHER = Quantity("", (), "", Range(-float("inf"), float("inf")))
 
 
 def quantity_of(name: str) -> Quantity:
-    """The quantity that a parameter, or a field of a part, is of.
-
-    Args:
-        name: `ACL.stiffness`, `*.stiffness`, `stiffness`, or fields with dots between them, as
-            `medial.tibial_surface.superior`.
-
-    Returns:
-        The last that is named; one without name, unit and limits where none is known.
+    """The quantity that a parameter, or a field of a part, is of: the last that is named in
+    `ACL.stiffness`, `stiffness`, `medial.tibial_surface.superior`; one without name, unit and
+    limits where none is known.
 
     Example:
         >>> quantity_of("ACL.femoral_attachment.anterior").unit, quantity_of("ACL.colour").name
@@ -269,17 +242,11 @@ RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field}
     "flexion_deg": Range(-30.0, 180.0, "degrees", too_small="flexion is positive"),
     "adduction_deg": Range(-45.0, 45.0, "degrees"),
     "internal_rotation_deg": Range(-90.0, 90.0, "degrees"),
-    "anterior_mm": _POINT,
-    "superior_mm": _POINT,
-    "lateral_mm": _POINT,
+    **dict.fromkeys(("anterior_mm", "superior_mm", "lateral_mm"), _POINT),
     # of loads
-    "lateral_N": Range(-1e5, 1e5, "N"),
-    "anterior_N": Range(-1e5, 1e5, "N"),
-    "compression_N": Range(-1e5, 1e5, "N"),
-    "varus_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
-                      too_small="N mm are suspected"),
-    "internal_Nm": Range(-1e3, 1e3, "N m", too_large="N mm are suspected",
-                         too_small="N mm are suspected"),
+    **dict.fromkeys(("lateral_N", "anterior_N", "compression_N"), Range(-1e5, 1e5, "N")),
+    **dict.fromkeys(("varus_Nm", "internal_Nm"), Range(
+        -1e3, 1e3, "N m", too_large="N mm are suspected", too_small="N mm are suspected")),
     # of motion through time
     "body_kg": Range(20.0, 300.0, "kg"),
     "height_m": Range(1.0, 2.5, "m", too_large="cm are suspected"),
@@ -301,13 +268,8 @@ RANGES: dict[str, Range] = {one.field: one.allowed for one in _ALL if one.field}
 
 
 def range_of_parameter(name: str) -> Range | None:
-    """What a parameter may be, by its name.
-
-    Args:
-        name: `LIGAMENT.quantity`, `*.quantity` or a quantity alone.
-
-    Returns:
-        The range; None for a quantity that is not known.
+    """The range of a parameter by its name, `LIGAMENT.quantity`, `*.quantity` or a quantity alone;
+    None for a quantity that is not known.
 
     Example:
         >>> str(range_of_parameter("ACL.slack_length"))
@@ -328,14 +290,7 @@ _OPPOSITE = (
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
-    """The known name most like a word.
-
-    Args:
-        word: what a person wrote.
-        known: names that exist.
-
-    Returns:
-        The name, or None if nothing is like it; never one of the opposite sense.
+    """The known name most like a word, or None if none is; never one of the opposite sense.
 
     Example:
         >>> nearest_name("stifness_N", ["stiffness_N", "slack_length_mm"])
@@ -349,9 +304,7 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
     opposites = {lower.replace(a, b) if a in lower else lower.replace(b, a) for a, b in _OPPOSITE}
     if opposites & {*by_lower}:
         return None
-    like = [
-        name for name in by_lower
-        if not any((a in lower and b in name) or (b in lower and a in name) for a, b in _OPPOSITE)
-    ]  # fmt: skip
+    pairs = [*_OPPOSITE, *((b, a) for a, b in _OPPOSITE)]
+    like = [name for name in by_lower if not any(a in lower and b in name for a, b in pairs)]
     found = difflib.get_close_matches(lower, like, n=1, cutoff=0.6)
     return by_lower[found[0]] if found else None

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from kneejax.files._knees import check_new as check_new
     from kneejax.files._knees import load_knee as load_knee
     from kneejax.files._knees import load_knee_file as load_knee_file
-    from kneejax.files._knees import said_of as said_of
     from kneejax.files._knees import write_calibrated_knee as write_calibrated_knee
     from kneejax.files._landmarks import AxisPoints as AxisPoints
     from kneejax.files._landmarks import read_axis_points as read_axis_points
@@ -68,6 +67,7 @@ if TYPE_CHECKING:
     from kneejax.files.reading import counted as counted
     from kneejax.files.reading import parse_flexion as parse_flexion
     from kneejax.files.reading import parse_range as parse_range
+    from kneejax.files.reading import said_of as said_of
     from kneejax.files.reading import write_bytes as write_bytes
     from kneejax.files.reading import write_text as write_text
     from kneejax.files.results import Calibrated as Calibrated

@@ -1,7 +1,5 @@
 """Knees, measurements, laxities and studies that come with the package."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import os
@@ -42,8 +40,6 @@ class Measurement:
 
 
 class AboutTest(Part):
-    """How a table is one of a test."""
-
     counted_from: Text
     columns: dict[str, str] = {}  # column of a pose -> column of the table
 
@@ -59,15 +55,12 @@ class AboutTable(Part):
 
 
 def bundled_path(kind: str, name: str) -> Path:
-    """The file of something that comes with the package.
+    """The path of a file that comes with the package.
 
     Args:
         kind: a folder of the bundled data: `knees`, `laxity`, `measurements`, `plans`, `studies` or
             `templates`.
         name: of the file, with or without its ending.
-
-    Returns:
-        Its path.
 
     Raises:
         InputProblem: there is no such file.
@@ -78,8 +71,7 @@ def bundled_path(kind: str, name: str) -> Path:
     """
     if kind not in _ENDINGS:
         raise InputProblem("bundled data", "kind", kind, _ENDINGS)
-    known = bundled_files(kind)
-    stem = name.removesuffix(_ENDINGS[kind])
+    known, stem = bundled_files(kind), name.removesuffix(_ENDINGS[kind])
     if stem not in known:
         raise InputProblem("bundled data", kind, name, known)
     return known[stem]
@@ -132,16 +124,8 @@ def bundled_studies() -> dict[str, str]:
 
 
 def absent_measurement(study: str) -> Path | None:
-    """Where a bundled study looks for measured motion that is not there.
-
-    Args:
-        study: name of a bundled study.
-
-    Returns:
-        The path of the missing table; None if the study has all that it needs.
-
-    Raises:
-        InputProblem: there is no such study.
+    """The missing table in which a bundled study, by its name, looks for measured motion; None if
+    the study has all that it needs. Raises `InputProblem` where there is no such study.
 
     Example:
         >>> absent_measurement("paper1") is None
@@ -184,22 +168,15 @@ def bundled_laxity_sources() -> dict[str, str]:
         >>> "robot_anterior_90N" in bundled_laxity_sources()
         True
     """
-    answer = {}
-    for name, path in bundled_files("laxity").items():
-        about = load_yaml(path, "source of a laxity table")
-        answer[name] = about["source"].strip() + "; load not known" * ("size" not in about)
-    return answer
+    files = bundled_files("laxity").items()
+    every = {name: load_yaml(path, "source of a laxity table") for name, path in files}
+    return {name: about["source"].strip() + "; load not known" * ("size" not in about)
+            for name, about in every.items()}
 
 
 def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
-    """The bundled file of this name, or else the file itself.
-
-    Args:
-        kind: a folder of the bundled data.
-        name_or_path: name of a bundled file, or any file.
-
-    Raises:
-        InputProblem: there is neither.
+    """The bundled file of this name and kind (a folder of the bundled data), or else the file
+    itself; raises `InputProblem` where there is neither.
 
     Example:
         >>> named_path("knees", "four_ligament").name
@@ -219,18 +196,8 @@ def named_path(kind: str, name_or_path: str | os.PathLike[str]) -> Path:
 
 
 def named_document(kind: str, name_or_path: str | os.PathLike[str]) -> tuple[Any, Path]:
-    """What a bundled file of this name says, or else the file itself.
-
-    Args:
-        kind: a folder of the bundled data.
-        name_or_path: name of a bundled file, or any file.
-
-    Returns:
-        The document, and its file, to whose folder paths in it are relative.
-
-    Raises:
-        InputProblem: there is neither, or it is no YAML.
-    """
+    """What the file of `named_path` says, and the file, to whose folder paths in it are relative;
+    raises `InputProblem` also where it is no YAML."""
     path = named_path(kind, name_or_path)
     return load_yaml(path, f"a {_ONE[kind]} file"), path
 
@@ -264,9 +231,9 @@ class LaxityBand:
     size: float  # of the load, in the unit of its name; NaN where it is not known
     end: str  # one of `ENDS`
     cut: tuple[str, ...]  # ligaments that were cut
-    flexion_deg: np.ndarray  # `(n,)`
-    mean: np.ndarray  # displacement under the load, `(n,)`, mm or degrees; negative at that end
-    sd: np.ndarray  # its standard deviation over knees, `(n,)`; NaN where none was published
+    flexion_deg: "np.ndarray"  # `(n,)`
+    mean: "np.ndarray"  # displacement under the load, `(n,)`, mm or degrees; negative at that end
+    sd: "np.ndarray"  # its standard deviation over knees, `(n,)`; NaN where none was published
     # what a cut knee's displacement is counted from: where it rests itself, or `intact`
     counted_from: str = "unloaded"
 
@@ -285,11 +252,8 @@ class AboutLaxity(Part):
 def bundled_bands(
     cut: Collection[str] | None = None, name: str | None = None
 ) -> list[LaxityBand]:
-    """The laxities that come with the package.
-
-    Args:
-        cut: only those of knees with exactly these ligaments cut; all by default.
-        name: only those of this table.
+    """The laxities that come with the package: all of them, or only those of knees with exactly
+    these ligaments cut, and of the table of this name.
 
     Example:
         >>> [band.cut for band in bundled_bands(name="robot_anterior_90N")]
@@ -305,8 +269,8 @@ def bundled_bands(
 def _read(path: Path) -> list[LaxityBand]:
     from kneejax.files.tables.tables import Table
 
-    document = load_yaml(path, "source of a laxity table")
-    about = reading.checked(AboutLaxity, document, os.fspath(path))
+    about = reading.checked(
+        AboutLaxity, load_yaml(path, "source of a laxity table"), os.fspath(path))
     table = Table.read(path.with_suffix(".csv"), _COLUMNS)
     ends, cuts = table.cells("end"), table.cells("cut")
     for place, end in ends:

@@ -1,7 +1,5 @@
 """Joint files: the axis points of a simple joint, in readable YAML, and the joint for OpenSim."""
 
-from __future__ import annotations
-
 import dataclasses
 import os
 from typing import Annotated
@@ -11,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from kneejax.files import reading
-from kneejax.files._landmarks import mirror
+from kneejax.files.knee.parts import mirror
 from kneejax.files.opensim.coupled import transform_axes
 from kneejax.files.opensim.model import simm_spline
 from kneejax.files.reading import InputProblem, Part, Text, checked, entries, meaning, one_of, reads
@@ -21,8 +19,6 @@ from kneejax.mechanics import Range
 
 _KIND = "joint"
 _FLEXION = Range(-180.0, 180.0, "degrees")
-
-
 Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "point_mm")]
 
 
@@ -78,15 +74,12 @@ class JointFile:
 
 
 def read_joint(path: str | os.PathLike[str]) -> JointFile:
-    """Read a joint file.
+    """Read a joint file: the joint, as that of a right knee, and the file's words.
 
     Points of a left knee stand in the file with Z to the person's right, as in a knee file.
 
     Args:
         path: the file.
-
-    Returns:
-        The joint, as that of a right knee, and the file's words.
 
     Raises:
         InputProblem: the file cannot be read, a field is missing, unknown or not what it should
@@ -118,13 +111,7 @@ def read_joint(path: str | os.PathLike[str]) -> JointFile:
 
 
 def format_joint(file: JointFile) -> str:
-    """The text of a joint file; `read_joint` gives the same numbers back, to rounding of degrees.
-
-    Args:
-        file: the joint and what to say about it.
-
-    Returns:
-        YAML.
+    """The YAML of a joint file; `read_joint` gives the same numbers back, to rounding of degrees.
 
     Example:
         >>> import kneejax as kj
@@ -139,21 +126,13 @@ def format_joint(file: JointFile) -> str:
     knots = [{"flexion_deg": float(bend)} | dict(zip(_POINTS, own.tolist(), strict=True))
              for bend, own in zip(degrees, points, strict=True)]
     document = {"kneejax": _KIND, "name": file.name, "side": file.side,
-                "interpolation": joint.interpolation, "knots": knots}
-    said = {"source": file.source, "notes": file.notes}
-    return reading.format_yaml(document | {name: text for name, text in said.items() if text})
+                "interpolation": joint.interpolation, "knots": knots, "source": file.source,
+                "notes": file.notes}
+    return reading.format_yaml({name: said for name, said in document.items() if said != ""})
 
 
 def write_joint(file: JointFile, path: str | os.PathLike[str]) -> None:
-    """Write a joint file, completely or not at all.
-
-    Args:
-        file: the joint and what to say about it.
-        path: the file.
-
-    Raises:
-        InputProblem: it cannot be written.
-    """
+    """Write a joint file, completely or not at all; raises `InputProblem` where that cannot be."""
     reading.write_text(path, format_joint(file))
 
 

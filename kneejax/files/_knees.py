@@ -1,11 +1,7 @@
 """A knee by its name, from its file, as a calibration found it, or with numbers set by name."""
 
-from __future__ import annotations
-
-import contextlib
 import os
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -14,7 +10,7 @@ from kneejax.files._bundled import named_path
 from kneejax.files.knee.file import KneeFile, build_knee, read_knee, write_knee
 from kneejax.files.knee.restated import restated
 from kneejax.files.meshes.points import MESH_ENDINGS
-from kneejax.files.reading import InputProblem, Mistakes
+from kneejax.files.reading import InputProblem, said_of
 from kneejax.files.results import Calibrated, read_calibrated
 from kneejax.mechanics import Knee
 from kneejax.parameters import DoubtfulValue, select
@@ -28,14 +24,11 @@ What is added to its motion to compare it with the measured one is no part of a 
 
 
 def load_knee(name_or_path: str | os.PathLike[str], *, patella: bool = False) -> Knee:
-    """Load a knee.
+    """Load a knee; a left one as its mirrored right twin.
 
     Args:
         name_or_path: name of a bundled knee, a knee file, or the result.json of a calibration.
         patella: whether with its patella, pulled by the quadriceps: a knee of three bones.
-
-    Returns:
-        The knee; a left one as its mirrored right twin.
 
     Raises:
         InputProblem: there is no such knee or file, the file is faulty or has no patella.
@@ -119,14 +112,8 @@ def write_calibrated_knee(result: str | os.PathLike[str], path: str | os.PathLik
 
 
 def check_new(path: str | os.PathLike[str], knee: str | os.PathLike[str]) -> None:
-    """Refuse to write a calibrated knee over the one that the calibration began with.
-
-    Args:
-        path: of the new knee file.
-        knee: name or file of the knee that is calibrated.
-
-    Raises:
-        InputProblem: they are one file.
+    """Refuse to write a calibrated knee to a path where the knee that is calibrated is: raises
+    `InputProblem` where the knee, by its name or file, is that file.
 
     Example:
         >>> check_new("new.yaml", "four_ligament")
@@ -159,23 +146,3 @@ def _calibrated(read: Calibrated, path: Path, above: tuple[Path, ...]) -> KneeFi
         about = f"{base.description}; calibrated: {study}"
         document = document | {"name": name, "description": about}
     return build_knee(document, path)
-
-
-@contextlib.contextmanager
-def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
-    """Let a name or a value that a knee refuses say where it stands: the file or the option.
-
-    Raises:
-        InputProblem: a value that no knee has, or one that leads to such a knee.
-        UnknownParameter: the knee has no parameter of this name.
-
-    Example:
-        >>> with said_of("--set"):
-        ...     knee = load_knee("four_ligament").replace({"ACL.stiffness": 300.0})
-        >>> float(knee.ligaments.stiffness[0])
-        300.0
-    """
-    mistakes = Mistakes(os.fspath(place))
-    with mistakes.gathered():
-        yield
-    mistakes.check()

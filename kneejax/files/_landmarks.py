@@ -1,8 +1,7 @@
 """Axis points of a femur, in YAML or CSV, and landmarks of femur and tibia, in YAML."""
 
-from __future__ import annotations
-
 import dataclasses
+import itertools
 import os
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from kneejax.files import reading
+from kneejax.files.knee.parts import mirror
 from kneejax.files.reading import InputProblem, Mistakes, Number, Part, checked, wrong
 from kneejax.files.tables.tables import Table, write_rows
 from kneejax.mechanics import RANGES
@@ -20,14 +20,10 @@ _COORDINATES = ("anterior_mm", "superior_mm", "lateral_mm")
 _COLUMNS = ("axis", "side", *_COORDINATES)
 # Medial and lateral points of a knee in mm are farther apart; in metres they are not.
 _METRES_BELOW = 1.0
-
-
 Point = Annotated[tuple[float, float, float], reading.numbers_within(3, "scan_mm")]
 
 
 class Pair(Part):
-    """Two points of a knee."""
-
     medial_mm: Point  # with Z to the person's right
     lateral_mm: Point
 
@@ -72,8 +68,6 @@ class Malleoli(Part):
 
 
 class TibiaFields(Part):
-    """Landmarks of the tibia."""
-
     plateau: Pair
     ankle_center_mm: Point | None = None
     malleoli: Malleoli | None = None  # whose middle it is instead
@@ -102,7 +96,7 @@ class AxisPoints:
 
 
 def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisPoints:
-    """Read axis points: `extension`, `flexion` and, if known, `epicondyles`.
+    """Read axis points of a right knee: `extension`, `flexion` and, if known, `epicondyles`.
 
     A YAML file gives each axis `medial_mm` and `lateral_mm`, three coordinates each, in the frame
     in which the femur's poses are measured: X anterior, Y superior, Z to the person's right. A CSV
@@ -112,9 +106,6 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
     Args:
         path: the file.
         side: `right`, or `left`: the points of a YAML file are mirrored to the right.
-
-    Returns:
-        The points of a right knee.
 
     Raises:
         InputProblem: the file cannot be read, a field, column or row is missing, unknown, no
@@ -149,15 +140,8 @@ def read_axis_points(path: str | os.PathLike[str], side: str = "right") -> AxisP
 
 
 def write_axis_points(axes: AxisPoints, path: str | os.PathLike[str]) -> None:
-    """Write axis points as a CSV table, completely or not at all.
-
-    Args:
-        axes: the points.
-        path: the table, ending in `.csv`.
-
-    Raises:
-        InputProblem: it cannot be written.
-    """
+    """Write axis points as a CSV table (ending in `.csv`), completely or not at all; raises
+    `InputProblem` where that cannot be."""
     named = dict(zip(_AXES, axes.points, strict=True))
     if axes.epicondyles is not None:
         named[_FURTHER] = axes.epicondyles
@@ -172,24 +156,22 @@ def _from_table(file: str) -> dict[str, np.ndarray]:
         if name not in _COLUMNS:
             raise InputProblem(file, "header", name, f"only {', '.join(_COLUMNS)}")
     columns = [table.column(name, RANGES["scan_mm"]) for name in _COORDINATES]
-    words = []
-    for name, options in (("axis", known), ("side", SIDES)):
-        words.append([word for _, word in table.cells(name)])
-        for place, word in table.cells(name):
+    words = [table.cells(name) for name in ("axis", "side")]
+    for cells, options in zip(words, (known, SIDES), strict=True):
+        for place, word in cells:
             if word not in options:
                 table.wrong(place, word, options)
     table.mistakes.check()
     points: dict[tuple[str, str], int] = {}
-    for row, (axis, side) in enumerate(zip(*words, strict=True)):
+    for row, ((_, axis), (_, side)) in enumerate(zip(*words, strict=True)):
         if (first := points.setdefault((axis, side), row)) != row:
             found = f"{axis} {side} again, as row {first + 1}"
             raise InputProblem(file, table.place(row), found, "every point once")
-    given = {axis for axis, _ in points}
-    for axis in known:
-        for side in SIDES:
-            if (axis in given or axis != _FURTHER) and (axis, side) not in points:
-                among = ", ".join(" ".join(point) for point in points)
-                raise InputProblem(file, f"{axis} {side}", "missing", f"this row beside {among}")
+    given = {*_AXES, *(axis for axis, _ in points)}
+    for axis, side in itertools.product([axis for axis in known if axis in given], SIDES):
+        if (axis, side) not in points:
+            among = ", ".join(" ".join(point) for point in points)
+            raise InputProblem(file, f"{axis} {side}", "missing", f"this row beside {among}")
     each = np.stack(columns, axis=1)
     return {axis: each[[points[axis, side] for side in SIDES]] for axis in known if axis in given}
 
@@ -215,7 +197,7 @@ class TibiaLandmarks:
 
 
 def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> FemurLandmarks:
-    """Read landmarks: `epicondyles`, and `hip_center_mm` or `femoral_head`.
+    """Read landmarks of a right knee: `epicondyles`, and `hip_center_mm` or `femoral_head`.
 
     Args:
         path: a YAML file. `epicondyles` has `medial_mm` and `lateral_mm`; `femoral_head`, to fit a
@@ -223,33 +205,26 @@ def read_femur_landmarks(path: str | os.PathLike[str], side: str = "right") -> F
             `read_tibia_landmarks`.
         side: `right`, or `left`: mirrored to the right.
 
-    Returns:
-        The landmarks of a right knee.
-
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.
     """
     whole = checked(Landmarks, reading.load_yaml(path, "landmarks"), os.fspath(path))
-    mistakes = Mistakes(os.fspath(path))
-    with mistakes.gathered():
+    with reading.said_of(path):
         _check_one_of(whole, "hip_center_mm", "femoral_head")
-    mistakes.check()
     head = whole.femoral_head
     hip = np.array(whole.hip_center_mm if head is None else head.near_mm) * mirror(side)
     return FemurLandmarks(hip, whole.epicondyles.points(side), head and head.within_mm)
 
 
 def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> TibiaLandmarks:
-    """Read the section `tibia` of landmarks: `plateau`, and `ankle_center_mm` or `malleoli`.
+    """Read the section `tibia` of landmarks, as of a right knee: `plateau`, and `ankle_center_mm`
+    or `malleoli`.
 
     Args:
         path: a YAML file. `plateau`, its edges, has `medial_mm` and `lateral_mm`. `malleoli` has
             them too, or `medial_ball` and `lateral_ball` with `near_mm` and `within_mm`, to fit
             spheres to the mesh.
         side: `right`, or `left`: mirrored to the right.
-
-    Returns:
-        The landmarks of a right knee.
 
     Raises:
         InputProblem: the file cannot be read, or a field is missing, unknown or no point.
@@ -278,8 +253,3 @@ def read_tibia_landmarks(path: str | os.PathLike[str], side: str = "right") -> T
     ankle = [point if ball is None else ball.near_mm for point, ball in pairs]
     return TibiaLandmarks(tibia.plateau.points(side), np.array(ankle) * mirror(side),
                           tuple(ball and ball.within_mm for _, ball in pairs))
-
-
-def mirror(side: str) -> np.ndarray:
-    """Signs of coordinates of a side's knee that make it a right one."""
-    return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])

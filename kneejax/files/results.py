@@ -1,7 +1,5 @@
 """What earlier work left: a calibration's result.json, finished parts of long work, netCDF."""
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import io
@@ -57,7 +55,7 @@ class Calibrated:
         """Parameter -> value; those that the study fixed, then those that it found."""
         return self.fixed | self.found
 
-    def of_structures(self, knee: Knee) -> Calibrated:
+    def of_structures(self, knee: Knee) -> "Calibrated":
         """The same with a structure's stiffness as the sum over its fibres, of which the knee that
         was calibrated says how many there are."""
         if not self.of_fibres:
@@ -68,7 +66,7 @@ class Calibrated:
         return dataclasses.replace(self, **sums, of_fibres=False)
 
 
-def _estimate(value: Any, name: str) -> Estimate:
+def _estimate(value: Any, name: str) -> "Estimate":
     """What was found of a parameter, or of a constant between frames."""
     found, mistakes = Estimate.model_validate(value), Mistakes()
     with mistakes.gathered("value"):
@@ -94,8 +92,6 @@ class Written(Part):
 
 
 class Estimate(Written):
-    """What was found of a number."""
-
     value: Any
     standard_error: Real | None = None
 
@@ -112,8 +108,6 @@ Numbers = Annotated[
 
 
 class StudySettings(Written):
-    """What the study said."""
-
     knee: Text | None = None
     path: Any = None
     patella: Flag = False
@@ -174,7 +168,7 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         raise InputProblem(file, "parameters", "missing", expected)
     whole = reading.checked(ResultFile, document, file, nulls=True)
     settings, found = whole.settings or StudySettings(), whole.parameters or {}
-    words = [word if isinstance(word, str) else "" for word in (whole.title, settings.path)]
+    words = [word for word in (whole.title, settings.path) if isinstance(word, str) and word]
     named = whole.correlation
     return Calibrated(
         settings.knee or whole.knee,
@@ -182,7 +176,7 @@ def read_calibrated(path: str | os.PathLike[str]) -> Calibrated:
         {name: one.value for name, one in found.items()},
         {name.removesuffix("_deg").removesuffix("_mm"): one.value
          for name, one in (whole.frame_offset or {}).items()},
-        f"{words[0]} ({words[1]})" if all(words) else words[0] or words[1],
+        " ".join([*words[:1], *(f"({word})" for word in words[1:])]),
         {name: sd for name, sd in (whole.noise or {}).items() if sd},
         {name: one.standard_error for name, one in found.items() if one.standard_error is not None},
         (named.parameters, named.matrix) if named and named.matrix else ((), ()),
@@ -274,19 +268,10 @@ def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return "it was made from other data"
 
 
-def write_netcdf(path: str | os.PathLike[str], dataset: Dataset) -> Path:
-    """Write a data set as netCDF 4, completely or not at all.
-
-    Args:
-        path: where; folders are made.
-        dataset: with coordinates and units (`ParameterMap.to_dataset`).
-
-    Returns:
-        The path.
-
-    Raises:
-        InputProblem: the file cannot be written.
-    """
+def write_netcdf(path: str | os.PathLike[str], dataset: "Dataset") -> Path:
+    """Write a data set with coordinates and units (`ParameterMap.to_dataset`) as netCDF 4,
+    completely or not at all, and give the path back; folders are made. Raises `InputProblem` where
+    the file cannot be written."""
     # HDF5 that meets a full disk may end the process when it closes its file.
     content = dataset.to_netcdf(engine="h5netcdf", format="NETCDF4")
     reading.write_bytes(path, bytes(content))

@@ -1,33 +1,22 @@
-"""Named parameters of a knee, the vector that a search moves, and a knee with others, or cut.
+"""Named parameters of a knee, and the vector that a search moves.
 
-A parameter belongs to a fibre, to a structure drawn as several fibres (a group; what its value
-means stands in `_structures.py`), or to another part (`_leaves.py`).
+A parameter belongs to a fibre, to a structure drawn as several fibres (a group), or to another
+part; `_numbers.py` says what its value means.
 """
-
-from __future__ import annotations
 
 import dataclasses
 import functools
 import re
-from collections.abc import Mapping
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.typing import ArrayLike
 
-from kneejax.mechanics import Implausible, Knee, at_reference, check_fibres, range_of_parameter
+from kneejax.mechanics import Knee
 from kneejax.numerics import numpy_for, traced
-from kneejax.parameters._leaves import Leaf, leaves_called, parts_of, quantities_of
-from kneejax.parameters._structures import (
-    BONES,
-    OF_STRAIN,
-    doubt_value,
-    numbers_of,
-    strained,
-    value_of,
-    write_value,
-)
+from kneejax.parameters import _numbers as numbers
+from kneejax.parameters._numbers import BONES, OF_STRAIN, Leaf, parts_of
 from kneejax.quantities import AXES, BAND_QUANTITIES, FIBRE_QUANTITIES, nearest_name, quantity_of
 
 _MOST_SHOWN = 12  # names in an error
@@ -111,21 +100,17 @@ class Selection:
     def read(self, knee: Knee) -> Array:
         """Values of the free parameters in a knee, shape `(p,)`."""
         # Every quantity once, of all fibres.
-        numbers, each = functools.cache(lambda quantity: numbers_of(knee, quantity)), []
+        every, each = functools.cache(lambda quantity: numbers.numbers_of(knee, quantity)), []
         for i in range(len(self)):
-            leaf, (rows, quantity) = self.leaf(i), self._place(i)
-            each.append(leaf.read(knee) if leaf else value_of(numbers(quantity), rows, quantity))
+            leaf, (rows, own) = self.leaf(i), self._place(i)
+            each.append(leaf.read(knee) if leaf else numbers.value_of(every(own), rows, own))
         return jnp.asarray(numpy_for(each).stack(each), float)
 
     def apply(self, knee: Knee, values: Array) -> Knee:
-        """The knee with new values of the free parameters.
+        """The knee, any with these ligaments, with new values `(p,)` of the free parameters.
 
         Reference strains and prestretches are turned into slack lengths at the reference pose,
         after attachments have been moved.
-
-        Args:
-            knee: any knee with these ligaments.
-            values: shape `(p,)`.
         """
         strains, values = [], numpy_for(values).asarray(values)
         for i in range(len(self)):
@@ -135,8 +120,8 @@ class Selection:
             elif self.quantity(i) in OF_STRAIN:
                 strains.append((self._place(i)[0], values[i] - OF_STRAIN[self.quantity(i)]))
             else:
-                knee = write_value(knee, *self._place(i), values[i])
-        return strained(knee, strains) if strains else knee
+                knee = numbers.write_value(knee, *self._place(i), values[i])
+        return numbers.strained(knee, strains) if strains else knee
 
     def _place(self, index: int) -> tuple[tuple[int, ...], str]:
         rows = tuple(self.ligaments.index(fibre) for fibre in self.fibres(index))
@@ -156,9 +141,6 @@ def select(knee: Knee, names: list[str] | tuple[str, ...]) -> Selection:
             (`ACL.femoral_attachment`) for all of them. A group is a structure drawn as several
             fibres: its stiffness and damping are the sums over its fibres, any other value is
             their mean; setting it keeps how they differ.
-
-    Returns:
-        The selection.
 
     Raises:
         UnknownParameter: naming the nearest known name; also if one number is chosen twice.
@@ -194,24 +176,18 @@ def _numbers_called(
         return {f"{owner}.{quantity}": None}
     if f"{quantity}.{AXES[0]}" in known:
         return {f"{owner}.{quantity}.{axis}": None for axis in AXES}
-    leaves = leaves_called(knee, owner, quantity)
+    leaves = numbers.leaves_called(knee, owner, quantity)
     return {f"{owner}.{end}": leaf for end, leaf in leaves.items()}
 
 
 def _quantities_of_fibres(knee: Knee, name: str) -> tuple[str, ...]:
     """Quantities of a ligament or of a group: of attachments, those to the bones that it joins."""
-    rows = fibre_rows(knee, name)
+    rows, area = fibre_rows(knee, name), knee.ligaments.area
+    is_band = traced(area) or bool(np.all(np.asarray(area)[rows] > 0.0))
+    known = [x for x in FIBRE_QUANTITIES if is_band or x not in BAND_QUANTITIES]
     pairs = [knee.ligaments.bodies[row] for row in rows]
-    area = knee.ligaments.area
-    band = traced(area) or bool(np.all(np.asarray(area)[rows] > 0.0))
-    known = []
-    for quantity in FIBRE_QUANTITIES:
-        if quantity in BAND_QUANTITIES and not band:
-            continue
-        bone = BONES.get(quantity.split(".")[0])
-        if bone is None or all(bone in pair for pair in pairs):
-            known.append(quantity)
-    return tuple(known)
+    absent = {end for end, bone in BONES.items() if any(bone not in pair for pair in pairs)}
+    return tuple(x for x in known if x.split(".")[0] not in absent)
 
 
 def _meant(knee: Knee, owner: str, quantity: str) -> str:
@@ -228,7 +204,7 @@ def _meant(knee: Knee, owner: str, quantity: str) -> str:
     known: tuple[str, ...] = FIBRE_QUANTITIES if near_owner == "*" else ()
     if near_owner in fibres:
         known = _quantities_of_fibres(knee, near_owner)
-    quantities = (*known, *quantities_of(knee, near_owner or ""))
+    quantities = (*known, *numbers.quantities_of(knee, near_owner or ""))
     near_quantity = nearest_name(quantity, quantities)
     if near_owner and near_quantity:
         return f"; did you mean {f'{near_owner}.{near_quantity}'!r}?"
@@ -247,64 +223,19 @@ def _one(selection: Selection) -> Selection:
 
 def _check_once(selection: Selection) -> None:
     """No number of a fibre may be driven by two parameters."""
-    driven: dict[tuple, str] = {}
+    driven: dict[Any, str] = {}
     for i, name in enumerate(selection.names):
-        leaf = selection.leaf(i)
-        other = driven.setdefault(("leaf", leaf), name) if leaf else name
-        if other != name:
-            raise UnknownParameter(f"{other} and {name} are one number: choose one")
         quantity = _WRITES.get(selection.quantity(i), selection.quantity(i))
-        for fibre in selection.fibres(i):
-            other = driven.setdefault((fibre, quantity), name)
+        own = {(fibre, quantity): f" (of {fibre})" for fibre in selection.fibres(i)}
+        for number, of in own.items() if own else [(selection.leaf(i), "")]:
+            other = driven.setdefault(number, name)
             if other != name:
-                raise UnknownParameter(
-                    f"{other} and {name} are one number (of {fibre}): choose one"
-                )
-
-
-def replaced(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
-    """What `Knee.replace` gives, and says."""
-    _check_one_slack(knee, values)
-    for name in sorted(values, key=lambda name: name.rpartition(".")[2] in OF_STRAIN):
-        value, selection = values[name], select(knee, [name])
-        if not traced(value):
-            value = float(value)
-            allowed = range_of_parameter(selection.names[0])
-            if allowed and not allowed.holds(value):
-                owner, quantity = name.split(".", 1)
-                raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
-            doubt_value(knee, name, value)
-        knee = selection.apply(knee, numpy_for(value).full(len(selection), value))
-    if values and not traced(knee):
-        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
-    return knee
-
-
-def _check_one_slack(knee: Knee, values: Mapping[str, ArrayLike]) -> None:
-    """No slack length may be given twice, as a length and as a strain."""
-    ways = {name: name.rpartition(".")[2] for name in values}
-    given: dict[str, str] = {}
-    for name, quantity in ways.items():
-        if quantity != "slack_length" and quantity not in OF_STRAIN:
-            continue
-        selection = select(knee, [name])
-        for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):
-            other = given.setdefault(fibre, name)
-            if ways[other] != quantity:
-                raise UnknownParameter(
-                    f"{other} and {name} give one number (slack length of {fibre}): choose one"
-                )
+                raise UnknownParameter(f"{other} and {name} are one number{of}: choose one")
 
 
 def fibre_rows(knee: Knee, name: str) -> list[int]:
-    """Rows of the fibres of a ligament or of a group.
-
-    Args:
-        knee: any knee.
-        name: of a fibre or of a group.
-
-    Raises:
-        UnknownParameter: naming the nearest ligament or group.
+    """Rows of the fibres of a ligament or of a group; raises `UnknownParameter`, which names the
+    nearest, where the knee has none of that name.
 
     Example:
         >>> from kneejax.files import load_knee

@@ -1,7 +1,5 @@
 """The model of a knee file, and the document as text, of the other side, with its sources."""
 
-from __future__ import annotations
-
 import copy
 import fnmatch
 import os
@@ -15,7 +13,6 @@ from kneejax.files import reading
 from kneejax.files._bundled import bundled_files, bundled_path
 from kneejax.files.knee import parts
 from kneejax.files.knee import surfaces as faces
-from kneejax.files.knee.bands import Band, fibre_names
 from kneejax.files.reading import Chosen, InputProblem, Mistakes, Name, Part, Text, reads, wrong
 from kneejax.geometry import BODIES, PATELLA, TIBIA
 from kneejax.mechanics import BONES, RANGES
@@ -43,8 +40,6 @@ def _version(value: Any) -> int:
 
 
 class Adaptation(Part):
-    """A change of a published value."""
-
     field: Text
     before: Any = Field(alias="from")
     to: Any
@@ -79,8 +74,7 @@ class Patella(Part):
 
     @reading.checks
     def _check_patella(self, mistakes: Mistakes) -> None:
-        for section in ("ligaments", "muscles"):
-            _check_wraps(getattr(self, section), self.wraps, section, mistakes)
+        _check_wraps(self, ("ligaments", "muscles"), mistakes)
         if not any(x.tension_N for x in self.muscles.values() if x.insertion_bone == PATELLA):
             expected = "a quadriceps, inserted on the patella, whose tension at rest is above 0"
             mistakes.append(wrong("none", expected, at="muscles"))
@@ -91,10 +85,6 @@ class SameAs(Part):
 
     same_as: Annotated[str, reads(lambda name: reading.choice(name, bundled_files("knees")))]
     source: Any = None
-
-
-def _patella(value: Any) -> type[Part]:
-    return SameAs if isinstance(value, dict) and "same_as" in value else Patella
 
 
 class Surfaces(Part):
@@ -114,9 +104,10 @@ class KneeDocument(Part):
     # A model without meshes has no contacts yet, meshes alone have no ligaments.
     ligaments: Annotated[dict[Name, parts.LigamentOfTwo], reading.named("a ligament", empty=True)]
     contacts: Annotated[dict[Name, faces.TibialContact], reading.named("a contact", empty=True)]
-    patella: Annotated[Patella | SameAs, Chosen(_patella)] | None = None
+    patella: Annotated[Patella | SameAs, Chosen(
+        lambda x: SameAs if isinstance(x, dict) and "same_as" in x else Patella)] | None = None
     surfaces: Surfaces = Surfaces()
-    bands: Annotated[dict[Name, Band], reading.named("a band")] = {}
+    bands: Annotated[dict[Name, parts.Band], reading.named("a band")] = {}
     wraps: Obstacles = {}
     groups: Annotated[dict[Name, Group], reading.named("a list of ligaments")] = {}
     lines: Annotated[dict[Name, parts.Line], reading.named("one of the lines")] = {}
@@ -127,7 +118,7 @@ class KneeDocument(Part):
 
     @reading.checks
     def _check_names(self, mistakes: Mistakes) -> None:
-        fibres = [one for item in self.bands.items() for one in fibre_names(*item)]
+        fibres = [one for item in self.bands.items() for one in parts.fibre_names(*item)]
         known = (*self.ligaments, *fibres)
         if not known and not self.contacts:
             expected = "a mapping from a name to a ligament, or contacts"
@@ -135,8 +126,7 @@ class KneeDocument(Part):
         for name in sorted({*fibres, *self.bands} & {*self.ligaments, *self.groups}):
             expected = "a band whose name, alone or with a number, no ligament or group has"
             mistakes.append(wrong(name, expected, at="bands"))
-        _check_wraps(self.ligaments, self.wraps, "ligaments", mistakes)
-        _check_wraps(self.bands, self.wraps, "bands", mistakes)
+        _check_wraps(self, ("ligaments", "bands"), mistakes)
         for name, wrap in self.wraps.items():
             with mistakes.gathered(f"wraps.{name}.bone"):
                 reading.choice(wrap.bone, BONES)
@@ -149,34 +139,30 @@ class KneeDocument(Part):
                     expected = "the name of a ligament, or a pattern that fits one"
                     mistakes.append(wrong(pattern, expected, known, f"groups.{name}[{place}]"))
 
-    def sources(self) -> dict[str, str]:
-        """Place of a field (or of a part with all its fields) -> its source."""
-        return dict(_sources(self, ""))
+
+def _check_wraps(of: Any, sections: tuple[str, ...], mistakes: Mistakes) -> None:
+    known = of.wraps or ("none: the file has no section wraps",)
+    for place, one in ((f"{x}.{name}.wrap", one) for x in sections
+                       for name, one in getattr(of, x).items() if one.wrap is not None):
+        with mistakes.gathered(place):
+            reading.choice(one.wrap, known)
 
 
-def _check_wraps(
-    fibres: Mapping[str, Any], wraps: Mapping[str, Any], section: str, mistakes: Mistakes
-) -> None:
-    for name, part in fibres.items():
-        with mistakes.gathered(f"{section}.{name}.wrap"):
-            if part.wrap is not None:
-                reading.choice(part.wrap, wraps or ("none: the file has no section wraps",))
-
-
-def _sources(part: Part, at: str) -> Iterator[tuple[str, str]]:
+def sources_of(part: Part, at: str = "") -> Iterator[tuple[str, str]]:
+    """Place of each field (or of a part with all its fields), and its source."""
     for name, value in part:
         place = f"{at}.{name}" if at else name
         if isinstance(value, SameAs):
             yield place, f"the patella of {value.same_as}"
         elif isinstance(value, Part):
-            yield from _sources(value, place)
+            yield from sources_of(value, place)
         elif name == "source" and isinstance(value, dict):
             yield from ((f"{at}.{field}", text) for field, text in value.items())
         elif name == "source" and value:
             yield at, value
         elif isinstance(value, dict):
             for own, one in value.items():
-                yield from _sources(one, f"{place}.{own}") if isinstance(one, Part) else ()
+                yield from sources_of(one, f"{place}.{own}") if isinstance(one, Part) else ()
 
 
 def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument:
@@ -201,14 +187,9 @@ def check_knee(document: Any, file: str | os.PathLike[str] = "") -> KneeDocument
 
 
 def format_knee(document: dict[str, Any]) -> str:
-    """Write a knee document as text.
-
-    Args:
-        document: content of a knee file; NumPy numbers and arrays may stand in it.
-
-    Returns:
-        YAML with fields in the order of the format, names in the order given, every float with
-        the digits that it has; the same text for the same document.
+    """A knee document, in which NumPy numbers and arrays may stand, as YAML: fields in the order of
+    the format, names in the order given, every float with the digits that it has; the same text for
+    the same document.
 
     Example:
         >>> print(format_knee({"side": "right", "name": "small", "kneejax": 1}), end="")
@@ -225,13 +206,8 @@ def plain_document(document: dict[str, Any]) -> dict[str, Any]:
 
 
 def mirror_document(document: dict[str, Any]) -> dict[str, Any]:
-    """The other side's twin of a knee document.
-
-    Args:
-        document: content of a knee file, of either side.
-
-    Returns:
-        A new document of the other side; mirroring it again gives the first one back.
+    """A new document, the other side's twin of a knee document of either side; mirroring it again
+    gives the first one back.
 
     Example:
         >>> document = {"side": "right", "loads": {"push": {"force_N": [1.0, 2.0, 3.0]}}}

@@ -1,24 +1,23 @@
 """Knee files: readable YAML in which every number has a unit and a source."""
 
-from __future__ import annotations
-
 import dataclasses
 import fnmatch
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
+import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 
 from kneejax import geometry, mechanics
 from kneejax.files.knee import document as documents
 from kneejax.files.knee import parts, surfaces
-from kneejax.files.knee.bands import drawn
 from kneejax.files.knee.document import KneeDocument, Patella, check_knee, mirror_document
 from kneejax.files.knee.surfaces import build_surface
 from kneejax.files.reading import InputProblem, format_yaml, load_yaml, write_text
-from kneejax.geometry import FEMUR, PATELLA, TIBIA, Surface
+from kneejax.geometry import PATELLA, TIBIA, Surface
 from kneejax.mechanics import RANGES, Implausible, Knee
 
 
@@ -43,9 +42,9 @@ class KneeFile:
     @property
     def surfaces(self) -> dict[str, Surface]:
         """Articular surfaces that no contact uses yet, by bone, mirrored if the knee is left."""
-        left = self.document["side"] == "left"
-        stated = self.document.get("surfaces", {}).items()
-        return {bone: build_surface(documents.mirror_part(x) if left else x) for bone, x in stated}
+        left, stated = self.document["side"] == "left", self.document.get("surfaces", {})
+        right = documents.mirror_part if left else dict
+        return {bone: build_surface(right(part)) for bone, part in stated.items()}
 
     @property
     def has_patella(self) -> bool:
@@ -53,14 +52,11 @@ class KneeFile:
         return "patella" in self.document
 
     def with_patella(self, tension_N: Mapping[str, float] | None = None) -> Knee:
-        """The knee with its patella: a second bone in balance, pulled by the quadriceps.
+        """The knee with its patella: of three bones, two in balance, pulled by the quadriceps.
 
         Args:
             tension_N: muscle -> its tension; the others of the file have that at rest. Muscles
                 that do not pull at all are left out.
-
-        Returns:
-            The knee of three bones; `knee` is the one of two.
 
         Raises:
             InputProblem: the file has no patella, a muscle is unknown or pushes, a muscle begins
@@ -119,11 +115,52 @@ def build_knee(document: dict[str, Any], path: str | os.PathLike[str]) -> KneeFi
     """As `read_knee`, of a document that stands in a file, or was made of it."""
     read = check_knee(document, path)
     if read.bands:
-        document = drawn(document, read.bands, pose_of(read.reference_pose).placement)
+        document = _drawn(document, read.bands, pose_of(read.reference_pose).placement)
         read = check_knee(document, path)
     right = check_knee(mirror_document(document), path) if read.side == "left" else read
     knee = _built(right, read.side, os.fspath(path))
-    return KneeFile(knee, read.sources(), read.description, Path(path), document)
+    sources = dict(documents.sources_of(read))
+    return KneeFile(knee, sources, read.description, Path(path), document)
+
+
+def _drawn(
+    document: dict[str, Any], bands: Mapping[str, parts.Band], tibia: geometry.Placement
+) -> dict[str, Any]:
+    """A knee document whose bands, read, are fibres, each band a group. Half diameters belong to
+    each other, first to first; those of an outline twist the band least where the tibia is."""
+    fibres, groups = dict(document["ligaments"]), dict(document.get("groups", {}))
+    # A left knee's points are its own, and its pose is that of a right one.
+    signs = parts.mirror(document["side"])
+    for name, band in bands.items():
+        areas = band.femoral_area, band.tibial_area
+        femoral, tibial = (area.ellipse(document["side"]) for area in areas)
+        if any(area.outline_mm is not None for area in areas):
+            own = tibial.half_axes * signs
+            axes = np.array([[*map(float, tibia.turn(geometry.Vector(*x)))] for x in own]) * signs
+            whole = mechanics.AttachmentArea(tibial.centre, axes)
+            turned = mechanics.untwisted(femoral, whole).half_axes
+            back = [[*map(float, tibia.turn_back(geometry.Vector(*x)))] for x in turned * signs]
+            tibial = mechanics.AttachmentArea(tibial.centre, np.array(back) * signs)
+        field = mechanics.fibre_field(
+            femoral, tibial, band.youngs_modulus_MPa, band.area_mm2, band.prestretch, band.fibres
+        )
+        same = band.model_dump(exclude_none=True, include={
+            "law", "transition_width", "failure_strain", "wrap", "transition_strain"})
+        said = band.source if isinstance(band.source, str) else "; ".join(band.source.values())
+        groups[name] = [*parts.fibre_names(name, band)]
+        for row, fibre in enumerate(groups[name]):
+            fibres[fibre] = {
+                "femoral_attachment_mm": field.femoral[row].tolist(),
+                "tibial_attachment_mm": field.tibial[row].tolist(),
+                "stiffness_N": float(field.stiffness[row]),
+                "area_mm2": float(field.area[row]),
+                "reference_strain": float(field.prestretch[row]) - 1.0,
+                "damping_N_s": band.damping_N_s * float(field.area[row]) / band.area_mm2,
+                **same,
+                "source": f"band {name}: {said}",
+            }
+    changed = document | {"ligaments": fibres, "groups": groups}
+    return {key: value for key, value in changed.items() if key != "bands"}
 
 
 def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: str = "") -> None:
@@ -152,12 +189,8 @@ def write_knee(document: dict[str, Any], path: str | os.PathLike[str], comment: 
     write_text(path, head + format_yaml(plain))
 
 
-class Way(NamedTuple):
-    """A part that may have via points, the bones that it joins, and what it goes around."""
-
-    part: parts.Ligament | parts.Muscle
-    bones: geometry.Pair
-    obstacle: surfaces.Obstacle | None
+#: A ligament or muscle, and what it goes around.
+Way = tuple[Any, surfaces.Obstacle | None]
 
 
 def _built(
@@ -195,51 +228,36 @@ def _built(
 
 
 def pose_of(stated: Any) -> geometry.Pose:
-    """A pose of a document."""
     return geometry.Pose.from_table([x for name, x in stated if name != "source"])
 
 
-def _ways(ligaments: Mapping[str, parts.Ligament], wraps: Mapping[str, Any]) -> dict[str, Way]:
-    return {name: Way(x, (parts.ENDS[x.ends[0]], parts.ENDS[x.ends[1]]), wraps.get(x.wrap or ""))
-            for name, x in ligaments.items()}
+def _ways(of: Mapping[str, Any], wraps: Mapping[str, surfaces.Obstacle]) -> dict[str, Way]:
+    return {name: (part, wraps.get(part.wrap or "")) for name, part in of.items()}
 
 
 def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechanics.Ligaments:
     """All fibres; those of the patella must not be torn at the reference poses."""
-    ligaments: list[Any] = [way.part for way in ways.values()]
-    usual = mechanics.usual_failure_strain(tuple(ways))
-
-    def column(of: str | Callable[[Any], Any], otherwise: Any = ()) -> np.ndarray:
-        every = [of(part) if callable(of) else getattr(part, of) for part in ligaments]
-        return np.array([otherwise[k] if x is None else x for k, x in enumerate(every)], float)
-
-    def fibres(slack: np.ndarray) -> mechanics.Ligaments:
-        return mechanics.Ligaments(
-            column(lambda part: getattr(part, part.ends[0])),
-            column(lambda part: getattr(part, part.ends[1])),
-            column("stiffness_N"),
-            slack,
-            # Of the law of Blankevoort; the other has none, and any number will do.
-            column("transition_strain", [0.06] * len(ways)),
-            column("transition_width"),
-            tuple(ways),
-            _courses([*ways.values()]),
-            column("failure_strain", usual),
-            damping=column("damping_N_s"),
-            area=column("area_mm2"),
-            laws=tuple(part.law for part in ligaments),
-            bodies=tuple(way.bones for way in ways.values()),
-        )
-
-    unloaded = fibres(np.ones(len(ligaments)))
+    ligaments, numbers = [part for part, _ in ways.values()], {}
+    # The transition strain is of the law of Blankevoort; the other has none, and any will do.
+    usual = {"failure_strain": mechanics.usual_failure_strain(tuple(ways)),
+             "transition_strain": [0.06] * len(ways)}
+    for field in parts.OF_FIBRE:
+        every = [getattr(part, field) for part in ligaments]
+        stated = [usual[field][k] if x is None else x for k, x in enumerate(every)]
+        numbers[parts.quantity(field)] = np.array(stated, float)
+    ends = [[getattr(part, part.ends[k]) for part in ligaments] for k in (0, 1)]
+    unloaded = mechanics.Ligaments(
+        *np.array(ends, float), slack_length=np.ones(len(ways)), names=tuple(ways),
+        courses=_courses([*ways.values()]), laws=tuple(part.law for part in ligaments),
+        bodies=tuple(part.bones for part in ligaments), **numbers)
     inside, lengths = mechanics.at_reference(unloaded, state, detour_counts(ligaments))
     lengths = np.asarray(lengths)
     slack = [slack_length(*pair) for pair in zip(ligaments, lengths.tolist(), strict=True)]
-    found = fibres(np.array(slack))
+    found = eqx.tree_at(lambda x: x.slack_length, unloaded, jnp.asarray(np.array(slack, float)))
     try:
         mechanics.check_fibres(found, inside, lengths)
     except Implausible as problem:  # said of the field that gave it
-        part: Any = ways[problem.fibre].part
+        part = ways[problem.fibre][0]
         value, expected = problem.value, problem.expected
         section = "ligaments" if part.patellar_attachment_mm is None else "patella.ligaments"
         place = f"{section}.{problem.fibre}"
@@ -251,7 +269,7 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
         raise InputProblem(file, place, value, expected) from None
     strains = lengths / np.asarray(found.slack_length) - 1.0
     for row, (name, part) in enumerate(zip(ways, ligaments, strict=True)):
-        if PATELLA in found.bodies[row] and strains[row] > float(found.failure_strain[row]):
+        if PATELLA in part.bones and strains[row] > float(found.failure_strain[row]):
             place = f"patella.ligaments.{name}.{part.slack_field}"
             expected = (f"a ligament that reaches over its {lengths[row]:.1f} mm at the reference "
                         f"poses: strained by {100.0 * strains[row]:.0f} % it would be torn")
@@ -262,14 +280,14 @@ def _ligaments(ways: dict[str, Way], state: geometry.State, file: str) -> mechan
 def _courses(ways: list[Way]) -> list[mechanics.Course]:
     """What is not straight, together where bones and obstacle are the same."""
     kinds: dict[tuple, list[int]] = {}
-    for row, way in enumerate(ways):
-        bones = tuple(via.bone for via in way.part.via_points)
-        if bones or way.obstacle is not None:
-            kinds.setdefault((way.bones, bones, id(way.obstacle)), []).append(row)
+    for row, (part, obstacle) in enumerate(ways):
+        bones = tuple(via.bone for via in part.via_points)
+        if bones or obstacle is not None:
+            kinds.setdefault((part.bones, bones, id(obstacle)), []).append(row)
     courses = []
     for (pair, bones, _), rows in kinds.items():
-        via = [[ways[row].part.via_points[k].point_mm for row in rows] for k in range(len(bones))]
-        points, wrap = np.array(via, float) if bones else None, ways[rows[0]].obstacle
+        via = [[ways[row][0].via_points[k].point_mm for row in rows] for k in range(len(bones))]
+        points, wrap = np.array(via, float) if bones else None, ways[rows[0]][1]
         obstacle, bone = (None, pair[1]) if wrap is None else (wrap.built(), wrap.bone)
         courses.append(mechanics.Course(rows, points, bones, obstacle, bone, pair))
     return courses
@@ -287,14 +305,13 @@ def _muscles(
             found, expected = f"{tension:g} N", allowed.expected(tension)
             raise InputProblem(file, f"tension of {name}", found, expected)
     tensions = {name: float(tension_N.get(name, one.tension_N)) for name, one in known.items()}
-    names = tuple(name for name, tension in tensions.items() if tension > 0)
-    own = [known[name] for name in names]
-    ways = [Way(x, (FEMUR, x.insertion_bone), patella.wraps.get(x.wrap or "")) for x in own]
+    own = {name: one for name, one in known.items() if tensions[name] > 0}
+    names, every = tuple(own), [*own.values()]
     muscles = mechanics.Muscles(
-        [x.origin_mm for x in own], [x.insertion_mm for x in own], [tensions[x] for x in names],
-        names, _courses(ways), tuple(way.bones for way in ways))
+        [x.origin_mm for x in every], [x.insertion_mm for x in every], [tensions[x] for x in names],
+        names, _courses([*_ways(own, patella.wraps).values()]), tuple(x.bones for x in every))
     for row in np.flatnonzero(np.asarray(muscles.ends_inside(state))):
-        expected = f"an origin, via points and an insertion outside {ways[row].part.wrap}"
+        expected = f"an origin, via points and an insertion outside {every[row].wrap}"
         place = f"patella.muscles.{names[row]}.wrap"
         raise InputProblem(file, place, "an end inside what the muscle goes around", expected)
     return muscles

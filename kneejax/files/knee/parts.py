@@ -7,11 +7,10 @@ the same, its `lateral_mm` included: it is given by clinical meaning (varus, int
 lateral are positive on either side).
 """
 
-from __future__ import annotations
-
 import functools
-from collections.abc import Callable, Iterator, Mapping
-from typing import Annotated, Any, ClassVar, NamedTuple, TypeVar, get_args
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Annotated, Any, ClassVar, NamedTuple, get_args
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -20,6 +19,7 @@ from kneejax import mechanics
 from kneejax.files import reading
 from kneejax.files.reading import Mistakes, Number, Part, Text, entries, one_of, reads, text, wrong
 from kneejax.geometry import FEMUR, PATELLA, TIBIA, Frame
+from kneejax.mechanics import BLANKEVOORT, LIGAMENT_LAWS, RANGES, AttachmentArea
 
 #: Field of an attachment -> the bone to which it is.
 ENDS = {
@@ -27,14 +27,13 @@ ENDS = {
 }
 #: The ways to give a slack length; a ligament has exactly one.
 SLACK_FIELDS = ("reference_strain", "slack_length_mm", "reference_force_N")
-_M = TypeVar("_M")
 ALL_BONES = (FEMUR, TIBIA, PATELLA)
 #: Written after the other fields of their part.
 _LAST = ("source", "fit_rms_mm", "fit_max_mm")
 
 
 class Gives(NamedTuple):
-    """The attribute of what is built that has the number, where it is not the field's own name."""
+    """Which attribute of what is built has the number, where it is not the field's own name."""
 
     attribute: str
 
@@ -57,21 +56,20 @@ SPARED, WORD, APART = Source(True, True), Source(False, True), Source(False, Fal
 
 
 @functools.cache
-def marked(model: type[Part], kind: type[_M]) -> dict[str, _M]:
+def marked(model: type[Part], kind: type) -> dict[str, Any]:
     """Field -> its mark of a kind; fields without are left out."""
 
-    def marks(*annotations: Any) -> Iterator[_M]:
+    def marks(*annotations: Any) -> Iterator[Any]:
         for one in annotations:
             if isinstance(one, kind):
                 yield one
             yield from marks(*getattr(one, "__metadata__", ()), *get_args(one))
 
-    every = {name: next(marks(*field.metadata, field.annotation), None)
-             for name, field in model.model_fields.items()}
-    return {name: found for name, found in every.items() if found is not None}
+    return {name: found for name, field in model.model_fields.items()
+            if (found := next(marks(*field.metadata, field.annotation), None)) is not None}
 
 
-_UNITS = ("_N_per_mm", "_N_s", "_mm2", "_mm", "_deg", "_Nmm", "_N", "_MPa")
+_UNIT = re.compile(r"_(N_per_mm|N_s|mm2?|deg|Nmm|N|MPa)$")
 #: Fields that no attribute of what is built stands for.
 _ELSEWHERE = (*_LAST, "via_points")
 
@@ -87,8 +85,12 @@ def attributes(model: type[Part]) -> dict[str, str]:
 
 def quantity(field: str) -> str:
     """`damping_N_s` -> `damping`."""
-    unit = next((unit for unit in _UNITS if field.endswith(unit)), "")
-    return field.removesuffix(unit)
+    return _UNIT.sub("", field)
+
+
+def mirror(side: str) -> np.ndarray:
+    """Signs of coordinates of a side's knee that make it a right one."""
+    return np.array([1.0, 1.0, -1.0 if side == "left" else 1.0])
 
 
 def negative(x: float) -> float:
@@ -109,29 +111,17 @@ def signed(*signs: int) -> Mirrored:
 
 #: Of points and forces; of moments, and of rotations about three axes.
 POINTS, TURNS = signed(1, 1, -1), signed(-1, -1, 1)
-
-
 _texts = reading.mapping_of(lambda value, _: text(value), "a text for each field")
-
-
 Vector = tuple[float, float, float]
 Point = Annotated[Vector, reading.numbers_within(3, "point_mm"), POINTS]
 Force = Annotated[Vector, reading.numbers_within(3, "force_N"), POINTS]
 Moment = Annotated[Vector, reading.numbers_within(3, "moment_Nmm"), TURNS]
 
 
-class Sourced(Part):
-    """A part with the source of its numbers: a text, or one for each field."""
+class Built(Part):
+    """A part of which something is built."""
 
-    makes: ClassVar[Callable[..., Any]]  # the class of what is built of it
-    source: Annotated[Any, reads(lambda x: (_texts if isinstance(x, dict) else text)(x))]
-
-    @classmethod
-    def __pydantic_init_subclass__(cls, **more: Any) -> None:
-        """The source comes last."""
-        fields = cls.__pydantic_fields__
-        for name in [name for name in _LAST if name in fields]:
-            fields[name] = fields.pop(name)
+    makes: ClassVar[Callable[..., Any]]  # its class
 
     def built(self, **more: Any) -> Any:
         """What it is in a right knee."""
@@ -147,11 +137,23 @@ class Sourced(Part):
                 (frame if inside else given)[own or place] = value
         return type(self).makes(**given | ({"frame": Frame(**frame)} if frame else {}))
 
+
+class Sourced(Built):
+    """A part with the source of its numbers: a text, or one for each field."""
+
+    source: Annotated[Any, reads(lambda x: (_texts if isinstance(x, dict) else text)(x))]
+
+    @classmethod
+    def __pydantic_init_subclass__(cls, **more: Any) -> None:
+        """The source comes last."""
+        fields = cls.__pydantic_fields__
+        for name in [name for name in _LAST if name in fields]:
+            fields[name] = fields.pop(name)
+
     @reading.checks
     def _check_source(self, mistakes: Mistakes) -> None:
         if isinstance(self.source, dict):
-            stated = self.model_fields_set - {"source"}
-            given = [name for name in type(self).model_fields if name in stated]
+            given = [x for x in type(self).model_fields if x in self.model_fields_set - {"source"}]
             spared = {*marked(type(self), Source), *self.source}
             for name in (x for x in given if x not in spared):
                 mistakes.append(wrong("missing", "this field", at=f"source.{name}"))
@@ -161,29 +163,22 @@ class Sourced(Part):
 
 
 class Via(Part):
-    """A point through which a fibre runs."""
-
     bone: Text
     point_mm: Point
 
 
-class Course(Sourced):
-    """What may run through points, and around an obstacle."""
-
-    def check_bones(self, bones: tuple[str, ...]) -> None:
-        """Via points lie on the bones that it joins."""
-        mistakes = Mistakes()
-        for place, via in enumerate(getattr(self, "via_points", ())):
-            with mistakes.gathered(f"via_points[{place}].bone"):
-                reading.choice(via.bone, bones)
-        mistakes.check()
+def _check_via_points(of: "Ligament | Muscle", mistakes: Mistakes) -> None:
+    """They lie on the bones that it joins."""
+    for place, via in enumerate(of.via_points):
+        with mistakes.gathered(f"via_points[{place}].bone"):
+            reading.choice(via.bone, of.bones)
 
 
 Vias = Annotated[tuple[Via, ...], entries("via points")]
 Wrap = Annotated[Text | None, APART]
 
 
-class Ligament(Course):
+class Ligament(Sourced):
     """A ligament between two bones, which the fields of its attachments name."""
 
     femoral_attachment_mm: Point | None = None
@@ -191,7 +186,7 @@ class Ligament(Course):
     patellar_attachment_mm: Point | None = None
     tibial_attachment_mm: Point | None = None
     wrap: Wrap = None
-    law: Annotated[str, one_of(mechanics.LIGAMENT_LAWS), WORD] = mechanics.BLANKEVOORT
+    law: Annotated[str, one_of(LIGAMENT_LAWS), WORD] = BLANKEVOORT
     stiffness_N: Number
     area_mm2: Number = 0.0
     reference_strain: Number | None = None
@@ -203,29 +198,37 @@ class Ligament(Course):
     damping_N_s: Number = 0.0
 
     @property
-    def ends(self) -> tuple[str, str]:
+    def ends(self) -> list[str]:
         """The fields of its two attachments."""
-        first, second = (field for field in ENDS if getattr(self, field) is not None)
-        return first, second
+        return self._given(ENDS)
+
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Those of its attachments."""
+        return tuple(ENDS[end] for end in self.ends)
 
     @property
     def slack_field(self) -> str:
         """The field that gives its slack length."""
-        return next(field for field in SLACK_FIELDS if getattr(self, field) is not None)
+        return self._given(SLACK_FIELDS)[0]
+
+    def _given(self, fields: Iterable[str]) -> list[str]:
+        return [name for name in fields if getattr(self, name) is not None]
 
     @reading.checks
     def _check_ligament(self, mistakes: Mistakes) -> None:
-        given = [name for name in SLACK_FIELDS if getattr(self, name) is not None]
-        if len(given) != 1:
+        if len(given := self._given(SLACK_FIELDS)) != 1:
             expected = f"exactly one of {', '.join(SLACK_FIELDS)}"
             mistakes.append(wrong(", ".join(given) or "none", expected))
-        ends = [name for name in ENDS if getattr(self, name) is not None]
-        if len(ends) != 2:
-            mistakes.append(wrong(", ".join(ends) or "none", f"two of {', '.join(ENDS)}"))
-        if self.law == mechanics.BLANKEVOORT and self.transition_strain is None:
+        if len(self.ends) != 2:
+            mistakes.append(wrong(", ".join(self.ends) or "none", f"two of {', '.join(ENDS)}"))
+        if self.law == BLANKEVOORT and self.transition_strain is None:
             mistakes.append(wrong("missing", "this field", at="transition_strain"))
-        with mistakes.gathered():
-            self.check_bones(tuple(ENDS[end] for end in ends))
+        _check_via_points(self, mistakes)
+
+
+#: Fields whose numbers stand in an array of fibres.
+OF_FIBRE = tuple(x for x in attributes(Ligament) if x not in (*ENDS, *SLACK_FIELDS))
 
 
 def _no_field(value: Any) -> None:
@@ -236,25 +239,19 @@ Absent = Annotated[None, BeforeValidator(_no_field)]
 
 
 class LigamentOfTwo(Ligament):
-    """A ligament between femur and tibia."""
-
     femoral_attachment_mm: Point  # pyright: ignore[reportGeneralTypeIssues]
     patellar_attachment_mm: Absent = None
     tibial_attachment_mm: Point  # pyright: ignore[reportGeneralTypeIssues]
 
 
 class Line(Sourced):
-    """A line of constant tension."""
-
     makes = mechanics.ConstantTensionLine
     tension_N: Number
     insertion_mm: Point
-    origin_mm: Annotated[Any, reads(reading.rows, 3, mechanics.RANGES["coefficient_mm"]), POINTS]
+    origin_mm: Annotated[Any, reads(reading.rows, 3, RANGES["coefficient_mm"]), POINTS]
 
 
-class Muscle(Course):
-    """A muscle from the femur to the patella or the tibia."""
-
+class Muscle(Sourced):
     tension_N: Number
     origin_mm: Annotated[Point, Gives("femoral_attachment")]
     via_points: Vias = ()
@@ -262,14 +259,17 @@ class Muscle(Course):
     insertion_mm: Annotated[Point, Gives("tibial_attachment")]
     wrap: Wrap = None
 
+    @property
+    def bones(self) -> tuple[str, ...]:
+        """Those of its origin and insertion."""
+        return FEMUR, self.insertion_bone
+
     @reading.checks
     def _check_muscle(self, mistakes: Mistakes) -> None:
-        self.check_bones((FEMUR, self.insertion_bone))
+        _check_via_points(self, mistakes)
 
 
 class LoadOfFile(Sourced):
-    """A force and a moment."""
-
     makes = mechanics.Load
     force_N: Force | None = None
     moment_Nmm: Moment | None = None
@@ -284,3 +284,76 @@ class LoadOfFile(Sourced):
         for name in ("point_mm", "point_in") if self.force_N is not None else ():
             if name not in self.model_fields_set:
                 mistakes.append(wrong("missing", "this field", at=name))
+
+
+#: Fibres of a band at most.
+_MOST_FIBRES = 400
+_ELLIPSE = ("centre_mm", "half_axes_mm")
+_PLACES = reads(reading.rows, 3, RANGES["point_mm"])
+#: Half of an area -> the direction in which it lies, in axes of a right knee.
+_HALVES = {
+    "anterior": (1.0, 0.0, 0.0), "posterior": (-1.0, 0.0, 0.0), "proximal": (0.0, 1.0, 0.0),
+    "distal": (0.0, -1.0, 0.0), "lateral": (0.0, 0.0, 1.0), "medial": (0.0, 0.0, -1.0),
+}  # fmt: skip
+
+
+class Area(Part):
+    """Where a band is attached, in its bone's frame: an ellipse, or an outline; or half of it."""
+
+    centre_mm: Point | None = None
+    half_axes_mm: Annotated[Any, _PLACES, entries("two half diameters", count=2), POINTS] = None
+    outline_mm: Annotated[Any, _PLACES, POINTS] = None
+    half: Annotated[str, one_of(_HALVES)] | None = None
+
+    @reading.checks
+    def _check_area(self, mistakes: Mistakes) -> None:
+        given = [x for x in (*_ELLIPSE, "outline_mm") if getattr(self, x) is not None]
+        if given not in ([*_ELLIPSE], ["outline_mm"]):
+            raise wrong(", ".join(given) or "none", f"{' and '.join(_ELLIPSE)}, or outline_mm")
+        try:
+            self.ellipse()
+        except ValueError as problem:
+            raise wrong(self.outline_mm, f"an outline around an area ({problem})") from None
+
+    def ellipse(self, side: str = "right") -> AttachmentArea:
+        """Its ellipse, or that of its half, in a knee of a side."""
+        if self.outline_mm is not None:
+            whole = AttachmentArea.of_outline(self.outline_mm)
+        else:
+            whole = AttachmentArea(np.array(self.centre_mm), np.array(self.half_axes_mm))
+        return whole if self.half is None else whole.half(_HALVES[self.half] * mirror(side))
+
+
+def _prestretch(value: Any) -> float | tuple[float, ...]:
+    allowed, several = RANGES["prestretch"], isinstance(value, list)
+    return reading.numbers(value, 2, allowed) if several else reading.number(value, allowed)
+
+
+class Band(Sourced):
+    """A ligament between two areas, of a material."""
+
+    femoral_area: Area
+    tibial_area: Area
+    youngs_modulus_MPa: Number
+    area_mm2: Number
+    prestretch: Annotated[Any, reads(_prestretch)]
+    law: Annotated[str, one_of(LIGAMENT_LAWS)]
+    transition_strain: Number | None = None
+    transition_width: Number
+    failure_strain: Number | None = None
+    damping_N_s: Number = 0.0
+    wrap: Text | None = None
+    fibres: Annotated[int, reads(reading.whole, 1, _MOST_FIBRES)] = 24
+
+    @reading.checks
+    def _check_band(self, mistakes: Mistakes) -> None:
+        strain = self.transition_strain
+        if (self.law == BLANKEVOORT) == (strain is None):
+            expected = f"a transition strain with the law {BLANKEVOORT}, and only with that"
+            given = "missing" if strain is None else strain
+            mistakes.append(wrong(given, expected, at="transition_strain"))
+
+
+def fibre_names(name: str, band: Band) -> tuple[str, ...]:
+    """Names of a band's fibres: its own with a number."""
+    return tuple(f"{name}{row + 1:0{len(str(band.fibres))}d}" for row in range(band.fibres))

@@ -1,7 +1,5 @@
 """A knee document with the numbers of a knee, or with grafts, and who says so."""
 
-from __future__ import annotations
-
 import copy
 import fnmatch
 import operator
@@ -17,17 +15,12 @@ from kneejax.files.knee.file import detour_counts, slack_length
 from kneejax.files.reading import Part
 from kneejax.geometry import PATELLA
 
-#: Fields of a fibre whose numbers stand in an array of fibres.
-_OF_FIBRE = ("stiffness_N", "area_mm2", "transition_strain", "transition_width",
-             "failure_strain", "damping_N_s")  # fmt: skip
-#: Those of a fibre that runs straight between its ends.
-_STRAIGHT = ("femoral_attachment_mm", "tibial_attachment_mm", *_OF_FIBRE)
 #: Numbers that differ by less than so many of the last digit are one.
 _LAST_DIGITS = 500.0
 
 
 def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dict[str, Any]:
-    """A knee document with the numbers of a knee.
+    """A new knee document with the numbers of a knee, which reading it gives, to rounding.
 
     Only numbers that are others than those of the document are written, in the document's own
     terms: a reference strain stays one, and follows attachments that have moved. A reference force
@@ -39,9 +32,6 @@ def restated(document: dict[str, Any], knee: mechanics.Knee, source: str) -> dic
         knee: the knee of this document with other numbers, of two bones or with its patella; a left
             one as its mirrored right twin.
         source: of the numbers that are others.
-
-    Returns:
-        A new document; reading it gives the knee, to rounding.
 
     Example:
         >>> from kneejax.files import load_knee_file
@@ -89,7 +79,7 @@ def reconstructed(
     document: dict[str, Any], knee: mechanics.Knee, torn: Sequence[str], grafts: Sequence[str],
     source: str,
 ) -> dict[str, Any]:  # fmt: skip
-    """A knee document without its torn fibres, and with grafts.
+    """A new knee document without torn fibres, and with grafts; the rest is that of the old one.
 
     Args:
         document: content of a knee file, of either side.
@@ -99,9 +89,6 @@ def reconstructed(
         grafts: fibres of `knee` that are put in, straight between their ends. Several are a group
             `graft`.
         source: of the grafts' numbers.
-
-    Returns:
-        A new document; the others of its numbers are those of `document`.
 
     Example:
         >>> from kneejax.files import load_knee_file
@@ -118,9 +105,10 @@ def reconstructed(
         del (right if name in right["ligaments"] else right["patella"])["ligaments"][name]
     fibres = knee.ligaments
     for name in grafts:
-        row, fields = fibres.names.index(name), ("slack_length_mm", *_STRAIGHT)
+        row = fibres.names.index(name)
+        fields = ("slack_length_mm", "femoral_attachment_mm", "tibial_attachment_mm")
         entry = {x: np.asarray(getattr(fibres, parts.quantity(x))[row], float).tolist()
-                 for x in fields}
+                 for x in (*fields, *parts.OF_FIBRE)}
         right["ligaments"][name] = entry | {"source": source}
     groups = {group: [x for x in patterns if fnmatch.filter(right["ligaments"], x)]
               for group, patterns in right.pop("groups", {}).items()}
@@ -136,7 +124,7 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: mechanics.Knee, source: 
     _, lengths = mechanics.at_reference(fibres, knee.at_reference, detour_counts(models))
     lengths, slack = np.asarray(lengths).tolist(), np.asarray(fibres.slack_length)
     attachments = [np.asarray(x) for x in (fibres.femoral_attachment, fibres.tibial_attachment)]
-    numbers = {field: np.asarray(getattr(fibres, parts.quantity(field))) for field in _OF_FIBRE}
+    numbers = {x: np.asarray(getattr(fibres, parts.quantity(x))) for x in parts.OF_FIBRE}
     usual = mechanics.usual_failure_strain(tuple(ligaments))
     for row, (part, model) in enumerate(zip(ligaments.values(), models, strict=True)):
         found = {field: end[row] for field, end in zip(model.ends, attachments, strict=True)}
@@ -159,7 +147,7 @@ def _fibres(ligaments: dict[str, dict[str, Any]], knee: mechanics.Knee, source: 
 
 
 def _courses(
-    sections: list[dict[str, Any]], model: type[parts.Course], among: mechanics.Fibres, source: str
+    sections: list[dict[str, Any]], model: type[parts.Sourced], among: mechanics.Fibres, source: str
 ) -> None:
     """Via points, and what fibres go around, each in its own section."""
     kind = "ligaments" if model is parts.Ligament else "muscles"

@@ -1,7 +1,5 @@
 """Surfaces, what fibres go around, and contacts of a knee file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
@@ -89,11 +87,11 @@ class Surface(Sourced):
     @reading.checks
     def _check_table(self, mistakes: Mistakes) -> None:
         if self.bounds is not None:
-            what, *allowed = self.bounds
+            what, least, greatest = self.bounds
             table, spline = self.coefficients_mm, self.basis == CUBIC_SPLINE  # pyright: ignore
             with mistakes.gathered("coefficients_mm"):
                 values = (_spline if spline else _powers)(table)
-                for value, one in zip((values.max(), values.min()), allowed[::-1], strict=True):
+                for value, one in ((values.max(), greatest), (values.min(), least)):
                     if not one.holds(value):
                         expected = f"{what} {one} all over the region{one.hint(value)}"
                         raise wrong([*map(list, table)], expected)
@@ -146,8 +144,6 @@ class Plateau(Surface):
 
 
 class PlaneSurface(Surface):
-    """A rectangle."""
-
     makes = geometry.Plane
     origin_mm: Origin
     rotation_deg: Rotation = None
@@ -155,16 +151,12 @@ class PlaneSurface(Surface):
 
 
 class SphereSurface(Surface):
-    """A sphere."""
-
     makes = geometry.Sphere
     center_mm: Origin
     radius_mm: Size
 
 
 class EllipsoidSurface(Surface):
-    """An ellipsoid."""
-
     makes = geometry.Ellipsoid
     center_mm: Origin
     rotation_deg: Rotation = None
@@ -181,8 +173,6 @@ class Obstacle(Sourced):
 
 
 class SphereObstacle(Obstacle):
-    """A sphere."""
-
     makes = geometry.WrapSphere
     radius_mm: Size
 
@@ -197,8 +187,6 @@ class CylinderObstacle(Obstacle):
 
 
 class EllipsoidObstacle(Obstacle):
-    """An ellipsoid."""
-
     makes = geometry.WrapEllipsoid
     semi_axes_mm: SemiAxes
 
@@ -226,8 +214,6 @@ def _by_kind(models: Mapping[str, type[Part]]) -> Chosen:
 
 AnySurface = Annotated[Surface, _by_kind(SURFACES)]
 AnyObstacle = Annotated[Obstacle, _by_kind(OBSTACLES)]
-
-
 #: By how much a meniscus may reach beyond its horns: what lies there bears nothing.
 _BEYOND_HORNS_DEG = 1.0
 
@@ -239,16 +225,17 @@ def _horns(value: Any) -> tuple[float, float]:
     return begin, end
 
 
-class RingPart(Part):
+class RingPart(parts.Built):
     """What holds a meniscus from horn to horn; without it a rim stands still."""
 
+    makes = Ring
     youngs_modulus_MPa: Number
     cross_section_mm2: Number
     horn_stiffness_N_per_mm: Number
     coronary_stiffness_N_per_mm: Number
     middle_mm: Annotated[tuple[float, float], reading.numbers_within(2, "point_mm"), _TURNED]
     horns_deg: Annotated[tuple[float, float], reads(_horns), _SWAPPED]
-    sections: Annotated[int, reads(reading.whole, 2, 60), APART] = 12
+    sections: Annotated[int, reads(reading.whole, 2, 60), WORD] = 12
 
     def beyond_horns(self, outline_mm: list[tuple[float, ...]]) -> float:
         """How far an outline reaches beyond the nearer horn, degrees."""
@@ -256,13 +243,6 @@ class RingPart(Part):
         begin, end = self.horns_deg
         turned = np.rad2deg(np.arctan2(right, forwards)) - 0.5 * (begin + end)
         return float(np.max(np.abs((turned + 180.0) % 360.0 - 180.0)) - 0.5 * (end - begin))
-
-    def built(self) -> Ring:
-        """The ring in a right knee."""
-        return Ring(
-            self.youngs_modulus_MPa, self.cross_section_mm2, self.horn_stiffness_N_per_mm,
-            self.coronary_stiffness_N_per_mm, self.middle_mm, np.deg2rad(self.horns_deg),
-            self.sections)
 
 
 class ContactPart(Sourced):
@@ -284,15 +264,13 @@ class ContactPart(Sourced):
     tibial_surface: Annotated[AnySurface | None, APART] = None
 
     @property
-    def faces(self) -> tuple[str, str]:
-        """The fields of its two surfaces."""
-        first, second = (face for face in FACES if getattr(self, face) is not None)
-        return first, second
+    def other_face(self) -> str:
+        """The field of the surface that meets the femur's."""
+        return FACES[2] if self.patellar_surface is None else FACES[1]
 
     def built(self, **more: Any) -> Contact:
-        """The contact in a right knee."""
-        femoral, other = (getattr(self, face).built() for face in self.faces)
-        bodies = FEMUR, PATELLA if self.patellar_surface is not None else TIBIA
+        bodies = FEMUR, TIBIA if self.patellar_surface is None else PATELLA
+        femoral, other = self.femoral_surface.built(), getattr(self, self.other_face).built()
         if self.ring is not None:
             more["ring"] = self.ring.built()
         return super().built(femoral=femoral, tibial=other, bodies=bodies, **more)
@@ -303,8 +281,8 @@ class ContactPart(Sourced):
             if name in self.model_fields_set and self.form != QUADRATURE:
                 expected = f"no {name} unless form is {QUADRATURE}"
                 mistakes.append(wrong(getattr(self, name), expected, at=name))
-        face = self.faces[1]
         if self.ring is not None:
+            face = self.other_face
             outline = getattr(getattr(self, face), "outline_mm", None)
             if outline is None:
                 expected = "a plateau with outline_mm, that of the meniscus, since there is a ring"
@@ -322,14 +300,10 @@ class ContactPart(Sourced):
 
 
 class TibialContact(ContactPart):
-    """A contact of femur and tibia."""
-
     patellar_surface: parts.Absent = None
     tibial_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
 
 
 class PatellarContact(ContactPart):
-    """A contact of femur and patella."""
-
     patellar_surface: Annotated[AnySurface, APART]  # pyright: ignore[reportGeneralTypeIssues]
     tibial_surface: parts.Absent = None

@@ -171,7 +171,7 @@ def import_meshes(
         >>> wet = MeshOptions(poisson_ratio=0.5)
         >>> found = import_meshes("femur.stl", "tibia.stl", side="r", options=wet)
         Traceback (most recent call last):
-        kneejax.files.reading._problem.InputProblem: --poisson-ratio: Poisson's ratio: 0.5:
+        kneejax.files.reading._text.InputProblem: --poisson-ratio: Poisson's ratio: 0.5:
         expected between 0 and 0.4999
     """
     if side not in _SIDES:

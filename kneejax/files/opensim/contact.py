@@ -221,7 +221,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
         >>> read = import_osim("smallest.osim", side="r", data=SMALLEST_MODEL.encode())
         >>> add_osim_contacts(read, "no-such-folder")
         Traceback (most recent call last):
-        kneejax.files.reading._problem.InputProblem: --geometry: folder: no-such-folder: expected
+        kneejax.files.reading._text.InputProblem: --geometry: folder: no-such-folder: expected
         a folder
         of meshes
     """

@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from kneejax.files.reading._model import checks as checks
     from kneejax.files.reading._model import fill as fill
     from kneejax.files.reading._model import folder_of as folder_of
+    from kneejax.files.reading._model import said_of as said_of
     from kneejax.files.reading._model import together as together
-    from kneejax.files.reading._problem import InputProblem as InputProblem
-    from kneejax.files.reading._problem import InputProblems as InputProblems
-    from kneejax.files.reading._problem import counted as counted
-    from kneejax.files.reading._problem import wrong as wrong
+    from kneejax.files.reading._text import InputProblem as InputProblem
+    from kneejax.files.reading._text import InputProblems as InputProblems
+    from kneejax.files.reading._text import counted as counted
     from kneejax.files.reading._text import load_json as load_json
     from kneejax.files.reading._text import neighbour as neighbour
     from kneejax.files.reading._text import plain_number as plain_number
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from kneejax.files.reading._text import read_text as read_text
     from kneejax.files.reading._text import write_bytes as write_bytes
     from kneejax.files.reading._text import write_text as write_text
+    from kneejax.files.reading._text import wrong as wrong
     from kneejax.files.reading._values import Choice as Choice
     from kneejax.files.reading._values import Distinct as Distinct
     from kneejax.files.reading._values import Flag as Flag

@@ -5,9 +5,8 @@ refuse with an `InputProblem` without a file; each model adds the field where th
 `checked` the file.
 """
 
-from __future__ import annotations
-
 import contextlib
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeVar
@@ -16,7 +15,7 @@ import pydantic
 from pydantic import BaseModel, ConfigDict, ValidationError, ValidationInfo, model_validator
 from pydantic_core import core_schema
 
-from kneejax.files.reading._problem import InputProblem, InputProblems, wrong
+from kneejax.files.reading._text import InputProblem, InputProblems, wrong
 from kneejax.quantities import nearest_name
 
 _P = TypeVar("_P", bound="Part")
@@ -87,7 +86,6 @@ class Mistakes(list[ValueError]):
     """What is wrong so far in a file, whose name is empty where only its reader knows it."""
 
     def __init__(self, file: str = ""):
-        """Begin without any."""
         super().__init__()
         self.file = file
 
@@ -117,6 +115,27 @@ class Mistakes(list[ValueError]):
         """Raise what was found, if anything."""
         if self:
             raise together(self)
+
+
+@contextlib.contextmanager
+def said_of(place: str | os.PathLike[str]) -> Iterator[None]:
+    """Let a name or a value that a knee refuses say where it stands: the file or the option.
+
+    Raises:
+        InputProblem: a value that no knee has, or one that leads to such a knee.
+        UnknownParameter: the knee has no parameter of this name.
+
+    Example:
+        >>> from kneejax.files import load_knee
+        >>> with said_of("--set"):
+        ...     knee = load_knee("four_ligament").replace({"ACL.stiffness": 300.0})
+        >>> float(knee.ligaments.stiffness[0])
+        300.0
+    """
+    mistakes = Mistakes(os.fspath(place))
+    with mistakes.gathered():
+        yield
+    mistakes.check()
 
 
 def together(problems: Sequence[ValueError]) -> ValueError:

@@ -1,7 +1,5 @@
 """Single values of a file, each read and checked by itself, and as fields of a model."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -11,8 +9,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, GetCoreSchemaHandle
 from pydantic_core import core_schema
 
 from kneejax.files.reading._model import Mistakes, together
-from kneejax.files.reading._problem import InputProblem, wrong
-from kneejax.files.reading._text import plain_number
+from kneejax.files.reading._text import InputProblem, plain_number, wrong
 from kneejax.quantities import RANGES, Range, nearest_name, range_of_parameter
 
 if TYPE_CHECKING:
@@ -184,20 +181,8 @@ def deviation(value: Any, allowed: Range | None) -> float:
     return sd
 
 
-def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg") -> np.ndarray:
-    """Flexion angles from `FROM:TO:STEP`, both ends included, or from a comma separated list.
-
-    Args:
-        text: e.g. `0:120:5` or `0,30,60`; degrees.
-        file: where the text stands, for the error.
-        field: likewise.
-
-    Returns:
-        Shape `(n,)`, degrees.
-
-    Raises:
-        InputProblem: the text is something else, the step leads away from the end, or an angle
-            is out of range.
+def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg") -> "np.ndarray":
+    """Flexion angles from `FROM:TO:STEP` or a list, degrees, as `parse_range` reads them.
 
     Example:
         >>> parse_flexion("0:20:5").tolist()
@@ -206,21 +191,19 @@ def parse_flexion(text: str, file: str = "--flexion", field: str = "flexion_deg"
     return parse_range(text, file, field, RANGES["flexion_deg"], "angle")
 
 
-def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> np.ndarray:
-    """Numbers from `FROM:TO:STEP`, both ends included, or from a comma separated list.
+def parse_range(text: str, file: str, field: str, allowed: Range, of: str) -> "np.ndarray":
+    """Numbers, `(n,)`, from `FROM:TO:STEP`, both ends included, or from a comma separated list.
 
     Args:
-        text: as of `parse_flexion`.
+        text: e.g. `0:120:5` or `0,30,60`.
         file: where the text stands, for the error.
         field: likewise.
         allowed: what each number may be.
         of: what one of them is, in a word.
 
-    Returns:
-        Shape `(n,)`.
-
     Raises:
-        InputProblem: as of `parse_flexion`.
+        InputProblem: the text is something else, the step leads away from the end, or a number is
+            out of range.
 
     Example:
         >>> from kneejax.mechanics import Range

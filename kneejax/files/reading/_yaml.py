@@ -1,15 +1,12 @@
 """YAML files: `1e-3` is a number, `10:50:5` and `no` are text, and no key stands twice."""
 
-from __future__ import annotations
-
 import os
 import re
 from typing import Any
 
 import yaml
 
-from kneejax.files.reading._problem import InputProblem
-from kneejax.files.reading._text import LONGEST_NUMBER, TOO_DEEP, read_text
+from kneejax.files.reading._text import LONGEST_NUMBER, TOO_DEEP, InputProblem, read_text
 
 _WIDTH = 96
 #: Levels of lists and mappings in one another; no file of the package has more than eight.

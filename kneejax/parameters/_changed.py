@@ -1,23 +1,55 @@
-"""What is cut of a knee: ligaments, and menisci or parts of them."""
-
-from __future__ import annotations
+"""A knee with other numbers, or cut: without ligaments, menisci or parts of them."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from kneejax.mechanics import Contact, Knee
-from kneejax.numerics import numpy_for
-from kneejax.parameters._selection import UnknownParameter, fibre_rows
-from kneejax.quantities import nearest_name
+from kneejax.mechanics import Contact, Implausible, Knee, at_reference, check_fibres
+from kneejax.numerics import numpy_for, traced
+from kneejax.parameters._numbers import OF_STRAIN, doubt_value
+from kneejax.parameters._selection import UnknownParameter, fibre_rows, select
+from kneejax.quantities import nearest_name, range_of_parameter
 
 #: What a partial meniscectomy may be of.
 _PARTS = ("inner", "anterior", "posterior")
 #: Farther off than any cartilage, mm: where the outline of a meniscus is that is gone.
 _NOWHERE = 1e4
+
+
+def replaced(knee: Knee, values: Mapping[str, ArrayLike]) -> Knee:
+    """What `Knee.replace` gives, and says."""
+    _check_one_slack(knee, values)
+    for name in sorted(values, key=lambda name: name.rpartition(".")[2] in OF_STRAIN):
+        value, selection = values[name], select(knee, [name])
+        if not traced(value):
+            value = float(value)
+            allowed = range_of_parameter(selection.names[0])
+            if allowed and not allowed.holds(value):
+                owner, quantity = name.split(".", 1)
+                raise Implausible(owner, quantity, f"{value:g}", allowed.expected(value))
+            doubt_value(knee, name, value)
+        knee = selection.apply(knee, numpy_for(value).full(len(selection), value))
+    if values and not traced(knee):
+        check_fibres(knee.ligaments, *at_reference(knee.ligaments, knee.at_reference))
+    return knee
+
+
+def _check_one_slack(knee: Knee, values: Mapping[str, ArrayLike]) -> None:
+    """No slack length may be given twice, as a length and as a strain."""
+    given: dict[str, tuple[str, str]] = {}
+    for name in values:
+        if (quantity := name.rpartition(".")[2]) not in ("slack_length", *OF_STRAIN):
+            continue
+        selection = select(knee, [name])
+        for fibre in (fibre for i in range(len(selection)) for fibre in selection.fibres(i)):
+            other, way = given.setdefault(fibre, (name, quantity))
+            if way != quantity:
+                said = f"{other} and {name} give one number (slack length of {fibre}): choose one"
+                raise UnknownParameter(said)
 
 
 def cut(knee: Knee, names: Sequence[str]) -> Knee:
@@ -42,8 +74,7 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
         >>> cut(kj.load_knee("average_knee"), ["medial_meniscus"]).menisci
         ('medial_meniscus', 'lateral_meniscus')
     """
-    gone = fibres_cut(knee, names)
-    torn = np.isin(np.arange(len(knee.ligaments.names)), gone)
+    torn = np.isin(np.arange(len(knee.ligaments.names)), fibres_cut(knee, names))
     law = knee.ligaments.stiffness, knee.ligaments.failure_strain
     where = numpy_for(law).where
     ends = jnp.asarray(where(torn, 0.0, law[0])), jnp.asarray(where(torn, np.inf, law[1]))
@@ -52,14 +83,7 @@ def cut(knee: Knee, names: Sequence[str]) -> Knee:
 
 
 def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
-    """Rows of the fibres among what is cut, each once.
-
-    Args:
-        knee: any knee.
-        names: as `cut` takes them.
-
-    Raises:
-        UnknownParameter: a name is neither of a ligament nor of a meniscus.
+    """Rows of the fibres among what is cut, each once; takes and raises what `cut` does.
 
     Example:
         >>> import kneejax as kj
@@ -70,11 +94,7 @@ def fibres_cut(knee: Knee, names: Sequence[str]) -> list[int]:
 
 
 def without_menisci(knee: Knee, names: Sequence[str]) -> Knee:
-    """The knee without the menisci, or parts of them, among what is cut.
-
-    Args:
-        knee: any knee.
-        names: as `cut` takes them.
+    """The knee without the menisci, or parts of them, among what is cut, named as in `cut`.
 
     Example:
         >>> import kneejax as kj

@@ -1,28 +1,32 @@
-"""Parameters of structures: fibres and groups of fibres under one name.
+"""Numbers of a knee by name, read and written: of fibres, structures and other parts.
 
 A structure drawn as several fibres is a group of them. Its stiffness and its damping are the sums
 over its fibres, which act side by side; of any other quantity its value is the mean. Setting a
 value keeps how the fibres differ: strains and points shift together, anything else is scaled by one
-factor.
+factor. A structure's stiffness once was the mean over its fibres: files of that time lack
+`MEANING`, and a number of that time that a person gives is doubted.
 
-A structure's stiffness once was the mean over its fibres: files of that time lack `MEANING`, and a
-number of that time that a person gives is doubted.
+Of compartments, lines, muscles, loads and wraps a name leads from the part through its fields to
+one number, any leaf of a knee: `medial.youngs_modulus`, `medial.tibial_surface.superior`,
+`quadriceps.tension`, `PatTen.radius`. Fields are those of the part's own class, or as
+`kneejax.quantities` calls them.
 """
 
-from __future__ import annotations
-
+import dataclasses
 import math
 import warnings
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from kneejax.mechanics import Knee, ligament_law
-from kneejax.numerics import numpy_for
-from kneejax.quantities import AXES, PUBLISHED_STIFFNESS, QUANTITIES, quantity_of
+from kneejax.numerics import numpy_for, traced
+from kneejax.quantities import AXES, QUANTITIES, quantity_of
 
 #: Ends of a ligament, by the bones that they are on.
 BONES = {one.name: one.bone for one in QUANTITIES.values() if one.bone}
@@ -136,9 +140,6 @@ def _rows_of(knee: Knee, rows: tuple[int, ...]) -> np.ndarray:
 
 #: What a file with values by parameter says of itself, field and value.
 MEANING = {"stiffness_of": "structure"}
-#: A structure of several fibres is sought from a quarter to four times its own stiffness, wider
-#: where what is published of that ligament is.
-_TIMES = 4.0
 #: A prior that is narrower than this part of a structure's stiffness may be that of one fibre.
 _NARROW = 0.05
 
@@ -152,14 +153,8 @@ class Assumption(UserWarning):
 
 
 def fibres_summed(knee: Knee, name: str) -> int:
-    """Number of fibres over which a parameter's value is a sum.
-
-    Args:
-        knee: any knee.
-        name: `LIGAMENT.quantity`, `GROUP.quantity`, ...
-
-    Returns:
-        1 for a fibre, for a mean, and for parameters of other parts.
+    """Number of fibres over which a parameter's value is a sum; 1 for a fibre, for a mean, and for
+    parameters of other parts.
 
     Example:
         >>> import kneejax as kj
@@ -172,11 +167,8 @@ def fibres_summed(knee: Knee, name: str) -> int:
 
 
 def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
-    """Which parameters are sums over fibres, as a sentence; empty where none is.
-
-    Args:
-        knee: that has the parameters; None where there is none.
-        names: of the parameters.
+    """Which of some parameters are sums over fibres, as a sentence; empty where none is, and
+    without a knee.
 
     Example:
         >>> import kneejax as kj
@@ -190,108 +182,159 @@ def sums_in_words(knee: Knee | None, names: Sequence[str]) -> str:
 
 
 def doubt_value(knee: Knee, name: str, value: float) -> None:
-    """Warn of a structure's value that is nearer, as a ratio, to that of one of its fibres.
-
-    Args:
-        knee: whose structure it is, with the value that it has so far.
-        name: of the parameter.
-        value: that it is to have.
-
-    Warns:
-        DoubtfulValue: naming both.
+    """Warn (`DoubtfulValue`) of a value that a structure is to have and that is nearer, as a ratio,
+    to that of one of its fibres so far, naming both.
 
     Example:
         >>> import kneejax as kj
         >>> doubt_value(kj.load_knee("four_ligament"), "ACL.stiffness", 5000.0)
     """
-    count, total = fibres_summed(knee, name), _sum(knee, name)
+    count, total, words = of_whole(knee, name)
     if count > 1 and 0.0 < value < total / math.sqrt(count):
-        warnings.warn(f"{name}: {value:g} {_of_whole(name, count, total)}", DoubtfulValue, 2)
+        warnings.warn(f"{name}: {value:g} {words}", DoubtfulValue, 2)
 
 
 def doubt_prior(knee: Knee, name: str, deviation: float) -> None:
-    """Warn of a prior of a structure's stiffness that is narrow, but not for one of its fibres.
-
-    Args:
-        knee: whose structure it is.
-        name: of the parameter.
-        deviation: its standard deviation.
-
-    Warns:
-        DoubtfulValue: naming both.
+    """Warn (`DoubtfulValue`) of a prior of a structure's stiffness, given by its standard
+    deviation, that is narrow, but not for one of its fibres.
 
     Example:
         >>> import kneejax as kj
         >>> doubt_prior(kj.load_knee("four_ligament"), "ACL.stiffness", 500.0)
     """
-    count, total = fibres_summed(knee, name), _sum(knee, name)
+    count, total, words = of_whole(knee, name)
     if count > 1 and _NARROW * total / count <= deviation < _NARROW * total:
-        words = _of_whole(name, count, total)
         warnings.warn(f"{name}: a prior of {deviation:g} {words}", DoubtfulValue, 2)
 
 
-def _of_whole(name: str, count: int, total: float) -> str:
+def of_whole(knee: Knee, name: str) -> tuple[int, float, str]:
+    """Over how many fibres a value is a sum, the sum in this knee, and both in words."""
     owner, _, quantity = name.partition(".")
-    unit = quantity_of(quantity).unit
-    return (
+    if (count := fibres_summed(knee, name)) == 1:
+        return 1, 0.0, ""
+    unit, total = quantity_of(quantity).unit, over_fibres(knee, dict(knee.groups)[owner], quantity)
+    return count, total, (
         f"{unit} is of the whole {owner}, drawn as {count} fibres with {total:,.0f} {unit} in this "
         f"knee; one fibre has {total / count:,.0f} {unit} in the mean"
     )
 
 
-def of_one_fibre(knee: Knee, name: str, low: float, high: float) -> str:
-    """The end of a sentence on bounds that exclude a structure's value, where they hold the mean
-    of its fibres; empty otherwise."""
-    count, total = fibres_summed(knee, name), _sum(knee, name)
-    if count == 1 or not low <= total / count <= high:
-        return ""
-    owner = name.partition(".")[0]
-    return f"; it is the sum over the {count} fibres of {owner}, whose mean is {total / count:g}"
-
-
-def _sum(knee: Knee, name: str) -> float:
-    """The sum over a structure's fibres; 0 of what is no sum."""
-    owner, _, quantity = name.partition(".")
-    fibres = dict(knee.groups).get(owner)
-    return _over(knee, fibres, quantity) if fibres and quantity_of(quantity).summed else 0.0
-
-
-def _over(knee: Knee, fibres: Sequence[str], quantity: str) -> float:
+def over_fibres(knee: Knee, fibres: Sequence[str], quantity: str) -> float:
+    """The sum of a quantity over some fibres, by name."""
     rows = [knee.ligaments.names.index(fibre) for fibre in fibres]
     return float(np.asarray(numbers_of(knee, quantity))[rows].sum())
 
 
-def structure_range(
-    knee: Knee, fibres: Sequence[str], usual: tuple[float, float]
-) -> tuple[float, float]:
-    """Limits of the stiffness of some fibres, from what the whole structure has.
+#: Kind of part -> its owner's name in `kneejax.quantities`.
+_PARTS = {"contacts": "contact", "lines": "line", "muscles": "muscle", "loads": "load",
+          "courses": "obstacle"}
 
-    Args:
-        knee: gives the stiffnesses.
-        fibres: one, or those of a bundle or structure.
-        usual: of a structure drawn as one line, N per unit strain.
 
-    Returns:
-        From a quarter to four times the stiffness of the largest group that holds all the fibres,
-        wider where its published range is (`kneejax.quantities.PUBLISHED_STIFFNESS`); a part of it
-        has its share. The usual limits where the fibres are a ligament drawn as one line, widened
-        in the same way where its own stiffness is beyond them.
+@dataclasses.dataclass(frozen=True)
+class Leaf:
+    """One number of a knee, or all numbers of one array of it; hashable."""
 
-    Example:
-        >>> import kneejax as kj
-        >>> knee = kj.load_knee("four_ligament")
-        >>> structure_range(knee, ["ACL"], (300.0, 10000.0))
-        (300.0, 10000.0)
-    """
-    holding = {name: group for name, group in knee.groups if set(fibres) <= set(group)}
-    name = max(holding, key=lambda one: len(holding[one]), default="")
-    whole = holding.get(name, fibres)
-    total, own = (_over(knee, rows, "stiffness") for rows in (whole, fibres))
-    if not (total > 0.0 and own > 0.0):
-        return usual
-    share, (low, high) = own / total, PUBLISHED_STIFFNESS.get(name, (total, total))
-    if len(whole) == 1:
-        low, high = usual
-        if low <= total <= high:
-            return usual
-    return share * min(low, total / _TIMES), share * max(high, total * _TIMES)
+    part: str  # `contacts`, `lines`, `muscles`, `loads` or `courses`
+    row: int  # which of them
+    fields: tuple[str, ...]  # from the part to the array
+    place: tuple[int, ...] = ()  # of the number in the array; empty for a number by itself
+
+    def array(self, knee: Knee) -> Array:
+        found: Any = getattr(knee.ligaments if self.part == "courses" else knee, self.part)
+        if self.part != "muscles":  # one object; the row stands first in the place
+            found = found[self.row]
+        for field in self.fields:
+            found = getattr(found, field)
+        return found
+
+    def read(self, knee: Knee) -> Array:
+        array = self.array(knee)
+        return numpy_for(array).asarray(array)[self.place]
+
+    def write(self, knee: Knee, value: Array) -> Knee:
+        array = self.array(knee)
+        if traced(array, value):
+            changed = jnp.asarray(array, float).at[self.place].set(value)
+        else:
+            changed = np.array(array, float)
+            changed[self.place] = value
+        return eqx.tree_at(self.array, knee, jnp.asarray(changed))
+
+
+def parts_of(knee: Knee) -> dict[str, list[tuple[str, int]]]:
+    """Name of a part -> its places in the knee; a fibre's is the course that it runs in."""
+    every = [("contacts", row, name) for row, name in enumerate(knee.contact_names)]
+    every += [("lines", row, line.name) for row, line in enumerate(knee.lines)]
+    if knee.muscles is not None:
+        every += [("muscles", row, name) for row, name in enumerate(knee.muscles.names)]
+    every += [("loads", row, getattr(load, "name", "")) for row, load in enumerate(knee.loads)]
+    every += [("courses", row, knee.ligaments.names[fibre])
+              for row, course in enumerate(knee.ligaments.courses) for fibre in course.rows]
+    found: dict[str, list[tuple[str, int]]] = {}
+    for part, row, name in every:
+        found.setdefault(name, []).append((part, row))
+    return found
+
+
+def leaves_called(knee: Knee, owner: str, quantity: str) -> dict[str, Leaf]:
+    """The numbers that a name means: quantity -> number, one, or each component where the name
+    stands for a whole array; none where the part has no such number."""
+    for part, row in parts_of(knee).get(owner, []):
+        words = quantity.split(".")
+        declared = QUANTITIES.get(words[0])
+        fields = tuple((declared.paths if declared else {}).get(_PARTS[part], words[0]).split("."))
+        found = _descended(Leaf(part, row, ()), (*fields, *words[1:]), knee)
+        if found is not None:
+            return {quantity + end: leaf for end, leaf in _components(found, knee).items()}
+    return {}
+
+
+def quantities_of(knee: Knee, owner: str) -> tuple[str, ...]:
+    """What may be named of a part besides what every ligament has, for advice."""
+    kinds = [_PARTS[part] for part, _ in parts_of(knee).get(owner, [])]
+    names = [one.name for kind in kinds for one in QUANTITIES.values() if kind in one.owners]
+    return tuple(name for name in names if leaves_called(knee, owner, name))
+
+
+def _descended(leaf: Leaf, words: tuple[str, ...], knee: Knee) -> Leaf | None:
+    """The number or array that words lead to from a part."""
+    found = leaf.array(knee)
+    for count, word in enumerate(words):
+        if isinstance(found, jax.Array | np.ndarray):
+            return _at(leaf, words[count:], found)
+        known = dataclasses.fields(found) if isinstance(found, eqx.Module) else ()
+        if word not in [field.name for field in known]:
+            return None
+        found = getattr(found, word)
+        leaf = dataclasses.replace(leaf, fields=(*leaf.fields, word))
+        if leaf.part == "muscles":
+            if not isinstance(found, jax.Array | np.ndarray):
+                return None
+            leaf, found = dataclasses.replace(leaf, place=(leaf.row,)), found[leaf.row]
+    return leaf if isinstance(found, jax.Array | np.ndarray) else None
+
+
+def _at(leaf: Leaf, words: tuple[str, ...], array: Array) -> Leaf | None:
+    """A component of an array, by its number or the name of its axis."""
+    place = []
+    if len(words) > array.ndim:
+        return None
+    for size, word in zip(array.shape, words, strict=False):
+        if word in AXES and size == len(AXES):
+            place.append(AXES.index(word))
+        elif word.isdigit() and int(word) < size:
+            place.append(int(word))
+        else:
+            return None
+    return dataclasses.replace(leaf, place=(*leaf.place, *place))
+
+
+def _components(leaf: Leaf, knee: Knee) -> dict[str, Leaf]:
+    """The number itself, or all of an array by the ends of their names."""
+    rest, found = leaf.array(knee).shape[len(leaf.place) :], {}
+    is_point = rest[-1:] == (len(AXES),)
+    for place in np.ndindex(*rest):
+        words = [*map(str, place[:-1]), AXES[place[-1]]] if is_point else map(str, place)
+        end = "".join(f".{word}" for word in words)
+        found[end] = dataclasses.replace(leaf, place=(*leaf.place, *place))
+    return found
