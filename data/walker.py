@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from kneejax.files.tables.tables import read_rows
+from kneejax.files.tables.tables import Table
 from kneejax.geometry import FEMORAL, convert_table
 
 _TABLE = Path(__file__).parent / "measurements" / "walker1988.csv"
@@ -12,9 +12,10 @@ _TABLE = Path(__file__).parent / "measurements" / "walker1988.csv"
 
 def coupled_motion(straight: np.ndarray) -> np.ndarray:
     """Poses over flexion, `(n, 6)`: one in extension, `(6,)`, plus what changes, degrees and mm."""
-    header, rows = read_rows(str(_TABLE), [])
-    change = dict(zip(header, np.array([cells for _, cells in rows], float).T, strict=True))
-    poses = np.repeat(convert_table(straight[None], FEMORAL, "tibial"), len(rows), axis=0)
+    table = Table.read(_TABLE)
+    columns = np.array([cells for _, cells in table.rows], float).T
+    change = dict(zip(table.header, columns, strict=True))
+    poses = np.repeat(convert_table(straight[None], FEMORAL, "tibial"), len(table.rows), axis=0)
     poses[:, 0] = change["flexion_deg"]
     poses[:, 1] += change["varus_deg"]
     poses[:, 2] += change["internal_rotation_deg"]

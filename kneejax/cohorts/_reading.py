@@ -203,11 +203,11 @@ def _from_rows(whole: CohortFile, own: Path, mistakes: Mistakes) -> Iterator[_Ro
         places = [f"{own}: knees[{number}]" for number in range(len(whole.knees))]
         rows = whole.knees
     else:
-        from kneejax.files.tables.tables import read_rows  # imports JAX
+        from kneejax.files.tables.tables import Table  # imports JAX
 
-        header, lines = read_rows(os.fspath(whole.knees), ["name"])
-        places = [f"{whole.knees}: row {number}" for number in range(1, len(lines) + 1)]
-        cells = [dict(zip(header, texts, strict=True)) for _, texts in lines]
+        table = Table.read(whole.knees, ["name"])
+        places = [f"{whole.knees}: row {number}" for number in range(1, len(table.rows) + 1)]
+        cells = [dict(zip(table.header, texts, strict=True)) for _, texts in table.rows]
         # A name may be a number, or the word no.
         rows = [{k: x.strip() if k == "name" else _value(x) for k, x in one.items() if x.strip()}
                 for one in cells]  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 
 from kneejax.experiments import lab_tests, laxity, load_curves, mechanics_of
 from kneejax.files import bundled_measurements, load_knee
-from kneejax.files.tables.tables import read_rows
+from kneejax.files.tables.tables import Table as TableFile
 from kneejax.mechanics import Knee
 from kneejax.papers.claims import Claim, Finding, Stages, answered, in_words, judged, silent
 from kneejax.papers.paper3_leg import (
@@ -95,8 +95,9 @@ def reproduce(stages: Stages = silent) -> Answer:
         stages: shows progress.
     """
     names = ["flexion_deg", "drawer_mm", "internal_Nm"]
-    header, rows = read_rows(str(bundled_measurements()[CONDITIONS].path), names)
-    conditions = [[float(cells[header.index(name)]) for name in names] for _, cells in rows]
+    read = TableFile.read(bundled_measurements()[CONDITIONS].path, names)
+    places = [read.header.index(name) for name in names]
+    conditions = [[float(cells[k]) for k in places] for _, cells in read.rows]
     flexion, (_, drawer_mm, torque_Nm) = np.array(conditions)[:, 0], conditions[0]
     with stages("drawer and torsion"):
         found = laxity_study(load_knee(KNEE), flexion, drawer_mm, torque_Nm)

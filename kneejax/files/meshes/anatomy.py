@@ -53,10 +53,6 @@ class Femur(NamedTuple):
     axis: Frame  # its Z is the transverse axis
     notch_mm: float  # the intercondylar notch along the axis
 
-    def cylindrical(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Angle from anterior, rad; distance from the axis and place along it, mm."""
-        return cylindrical(self.axis, points)
-
 
 def cylindrical(axis: Frame, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angle from anterior through distal, rad; distance from an axis and place along it, mm."""
@@ -72,8 +68,7 @@ def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
 def find_femur(
     sheets: list[Sheet], findings: list[str], axis: Frame | None, notch_mm: float | None
 ) -> Femur:
-    """Find the transverse axis and the notch in sheets of the femoral cartilage, unless given;
-    `findings` gets sentences. Raises where the mesh has not the size or place of a femur's."""
+    """Find the transverse axis and the notch in the femoral cartilage, unless given."""
     name = sheets[0].name
     points = np.concatenate([sheet.corners()[0] for sheet in sheets])
     width = float(np.ptp(points[:, 2]))
@@ -114,8 +109,7 @@ def find_plateaus(
     sheets: list[Sheet], femur: Femur, tibia: Placement, findings: list[str],
     split_mm: float | None = None,
 ) -> dict[str, Sheet]:  # fmt: skip
-    """Sheets of the tibial cartilage by compartments, `medial` and `lateral`, parted at the lateral
-    place `split_mm` if it is given. Raises where they do not meet the femur at the pose `tibia`."""
+    """Sheets of the tibial cartilage, `medial` and `lateral`, parted at Z = `split_mm`."""
     name = sheets[0].name
     facing = articular(sheets, np.array([0.0, 1.0, 0.0]), "upper", findings)
     cloud = joined(facing)
@@ -126,7 +120,7 @@ def find_plateaus(
     if distance > FARTHEST_MM:
         expected = f"within {FARTHEST_MM:g} mm of the femoral cartilage at the reference pose"
         raise InputProblem(name, "place", f"{distance:.0f} mm apart", expected + "; frames differ?")
-    angle, radius, _ = femur.cylindrical(tibial)
+    angle, radius, _ = cylindrical(femur.axis, tibial)
     below = np.average(np.sin(angle) * radius, weights=cloud.areas)
     if below < 0:
         expected = "tibial cartilage below the femoral axis; is Y superior?"
@@ -162,10 +156,9 @@ def outline(sheet: Sheet, frame: Frame) -> np.ndarray:
 def condyle_region(
     femur: Femur, cloud: Cloud, tibial: np.ndarray
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Angles, degrees, and widths, mm, over which a condyle can meet its plateau: from a margin
-    before the foremost of `tibial`, the plateau's points at the reference pose."""
-    angle, _, along = femur.cylindrical(cloud.points)
-    foremost = femur.cylindrical(tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
+    """Angles, degrees, and widths, mm, over which a condyle can meet the points `tibial`."""
+    angle, _, along = cylindrical(femur.axis, cloud.points)
+    foremost = cylindrical(femur.axis, tibial)[0].min() - np.deg2rad(_MARGIN_DEG)
     lower, upper = max(foremost, angle.min()), angle.max()
     behind = (angle > max(lower, min(_BEHIND_TROCHLEA, 0.5 * (lower + upper)))) & (angle < upper)
     width = along[behind].min(), along[behind].max()

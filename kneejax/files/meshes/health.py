@@ -79,8 +79,7 @@ class Sheet(NamedTuple):
 
 
 def take_apart(mesh: MeshPoints, name: str) -> tuple[list[Sheet], list[str]]:
-    """Repair a mesh of this name, and take it apart into connected sheets, the largest first,
-    without fragments of less than a twentieth of the area; also a sentence for each repair."""
+    """Repair a mesh and take it apart into sheets, the largest first; a sentence each."""
     from trimesh.grouping import group_rows
 
     findings: list[str] = []
@@ -153,8 +152,7 @@ def borders(sheet: Sheet) -> list[np.ndarray]:
 
 
 def check_holes(sheet: Sheet, findings: list[str], bordered: bool = True) -> None:
-    """Add a sentence for each hole of a sheet; raises for one too wide to be bridged. The border of
-    a sheet is no hole, unless it should have none."""
+    """Add a sentence for each hole of a sheet; raises for one too wide to be bridged."""
     lines, named = borders(sheet), Path(sheet.name).name
     size = np.sqrt(sheet.area)
     is_border = bordered and lines and _length(sheet.points[lines[0]]) > 0.5 * np.pi * size
@@ -181,8 +179,7 @@ def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarr
     if count:
         findings.append(f"{named}: corners that coincide with others, merged: {count}.")
     points, faces = mesh.points_mm[first], place.ravel()[mesh.faces]
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    flat = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1) < _SMALLEST_MM2
+    flat = Sheet(points, faces, False, name).face_areas < _SMALLEST_MM2
     twice = np.ones(len(faces), bool)
     twice[np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1]] = False
     for wrong, what in ((flat, "without area"), (twice & ~flat, "that stood there twice")):
@@ -196,8 +193,7 @@ def _cleaned(mesh: MeshPoints, name: str, findings: list[str]) -> tuple[np.ndarr
 
 
 def narrowest(sheet: Sheet) -> float | None:
-    """Where along Z a sheet of two compartments is narrowest between them, mm; None where it is
-    not narrower there."""
+    """Where along Z a sheet is narrowest between two compartments, mm; None where nowhere."""
     z = sheet.centers[:, 2]
     edges = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1.0)
     width, _ = np.histogram(z, edges, weights=sheet.face_areas)

@@ -86,10 +86,9 @@ class MeshOptions:
     source: str | None = None
 
     @property
-    def splines(self) -> dict[str, float]:
-        """Options of the fits that were given."""
-        given = {"cell_mm": self.cell_mm, "smoothing_mm": self.smoothing_mm}
-        return {name: value for name, value in given.items() if value is not None}
+    def tibia(self) -> Placement:
+        """Where the tibia is in the femur."""
+        return (self.reference_pose or Pose.from_table([0.0] * 6)).placement
 
     def check(self, femoral_cartilage: MeshPath, tibial_cartilage: MeshPath) -> None:
         """Refuse options and files that cannot be meant, before the work begins."""
@@ -179,6 +178,8 @@ def import_meshes(
     options = options or MeshOptions()
     options.check(femoral_cartilage, tibial_cartilage)
     left, findings, fits = _SIDES[side] == "left", [], {}
+    given = {"cell_mm": options.cell_mm, "smoothing_mm": options.smoothing_mm}
+    splines = {name: value for name, value in given.items() if value is not None}
     stated = options.source or ", ".join(
         Path(path).name for path in (femoral_cartilage, tibial_cartilage))
 
@@ -192,7 +193,7 @@ def import_meshes(
         bones = read(options.femur_bone), read(options.tibia_bone)
     for name, sheet in plateaus.items():
         condyle, plateau = fitted.fit_compartment(
-            name, sheet, femur, _tibia(options), options.angle_deg, options.splines)
+            name, sheet, femur, options.tibia, options.angle_deg, splines)
         for kind, part in (("condyle", condyle), ("plateau", plateau)):
             judge(f"{name} {kind}", part, "in the contact region", stated, findings)
             fits[f"{name} {kind}"] = part
@@ -210,7 +211,7 @@ def import_meshes(
         on_patella, sheets = Path(options.patellar_cartilage).name, read(options.patellar_cartilage)
         for sheet in sheets:
             check_holes(sheet, findings)
-        patella, trochlea = fitted.fit_patellofemoral(sheets, femur, findings, options.splines)
+        patella, trochlea = fitted.fit_patellofemoral(sheets, femur, findings, splines)
         for name, part in (("patella", patella), ("trochlea", trochlea)):
             judge(name, part, "everywhere", on_patella, findings)
             fits[name] = part
@@ -237,10 +238,6 @@ def right_sheets(path: MeshPath, unit: str, left: bool, findings: list[str]) -> 
     return sheets
 
 
-def _tibia(options: MeshOptions) -> Placement:
-    return (options.reference_pose or Pose.from_table([0.0] * 6)).placement
-
-
 def find_bones(
     femoral: list[Sheet], tibial: list[Sheet], options: MeshOptions, left: bool, findings: list[str]
 ) -> tuple[anatomy.Femur, dict[str, Sheet]]:
@@ -254,7 +251,7 @@ def find_bones(
         point, turn = point * [1.0, 1.0, sign], np.deg2rad(turn * [sign, sign, 1.0])
         axis = Frame(point.tolist(), turn if turn.any() else None)
     femur = anatomy.find_femur(femoral, findings, axis, notch)
-    plateaus = anatomy.find_plateaus(tibial, femur, _tibia(options), findings, split)
+    plateaus = anatomy.find_plateaus(tibial, femur, options.tibia, findings, split)
     if split is not None and len(plateaus) < 2:
         expected = "a place along Z with cartilage of the tibia on both sides, mm"
         raise InputProblem("--split", "compartments", options.split_mm, expected)
@@ -269,8 +266,7 @@ def judge(name: str, part: SheetFit, where: str, stated: str, findings: list[str
         f"{part.fit.smoothing_mm:g} mm; {where} {q.rms:.3f} mm rms, "
         f"{q.maximum:.2f} mm at most, {q.mean:+.4f} mm on average, {q.patch_maximum:.3f} mm on "
         f"average over the worst {fitted.PATCH_MM:g} mm patch; held out {q.held_out_rms:.3f} mm "
-        "rms over the whole surface."
-    )
+        "rms over the whole surface.")
     if q.rms > WORST_RMS_MM:
         expected = f"one sheet, single-valued from the joint, within {WORST_RMS_MM} mm rms"
         raise InputProblem(stated, name, f"{q.rms:.2f} mm rms", expected)

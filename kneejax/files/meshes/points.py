@@ -131,8 +131,7 @@ def bone_surface(
 def cut_by_plane(
     corners: np.ndarray, origin: np.ndarray, normal: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where a plane through a point cuts triangles `(m, 3, 3)`, mm: ends of the pieces `(k, 2, 3)`,
-    mm, and the triangles that they are of `(k,)`."""
+    """Where a plane cuts triangles `(m, 3, 3)`: ends of pieces `(k, 2, 3)`, and their rows."""
     height = (corners - origin) @ normal
     rows = np.flatnonzero((height.min(axis=1) < 0.0) & (height.max(axis=1) >= 0.0))
     height, above = height[rows], height[rows] < 0.0
@@ -149,8 +148,9 @@ def _load(path: Path, data: bytes):
     import trimesh
 
     kind = path.suffix[1:].lower()
-    if kind in _COMPLETE:
-        _COMPLETE[kind](path, data)
+    check = {"ply": _check_ply, "stl": _check_stl, "obj": _check_obj}.get(kind)
+    if check is not None:
+        check(path, data)
     try:
         if kind == "vtp":
             mesh = trimesh.Trimesh(*_read_vtp(path), process=False)
@@ -176,8 +176,7 @@ def _load(path: Path, data: bytes):
 
 
 def _read_vtp(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Corners `(n, 3)` and triangles of a `.vtp` file, in which most OpenSim models keep their
-    bones; polygons and strips are cut into triangles."""
+    """Corners `(n, 3)` and triangles of a `.vtp` file; polygons and strips are cut."""
 
     def imported(name: str) -> Any:
         try:
@@ -319,7 +318,3 @@ def _check_obj(path: Path, data: bytes) -> None:
         if expected and not (good and len(words) >= 4):
             found = b" ".join(words).decode("utf-8", "replace")
             raise InputProblem(path, f"line {number}", found, expected)
-
-
-#: Ending of a file that says how much it holds -> its check.
-_COMPLETE = {"ply": _check_ply, "stl": _check_stl, "obj": _check_obj}

@@ -178,8 +178,7 @@ def meniscus_of_mesh(
     sign = -1.0 if left else 1.0
     return MeshMeniscus(
         f"{name}_meniscus", mirror_part(contact) if left else contact, fit,
-        sign * np.rad2deg(turns), inner, outer, height, area, tuple(findings), tuple(doubts),
-    )  # fmt: skip
+        sign * np.rad2deg(turns), inner, outer, height, area, tuple(findings), tuple(doubts))
 
 
 @jax.jit
@@ -225,8 +224,7 @@ def _middle(corners: np.ndarray) -> np.ndarray:
 
 
 def _sections(corners: np.ndarray, middle: np.ndarray, turns: np.ndarray) -> np.ndarray:
-    """Sections of triangles `(m, 3, 3)` by half planes from the middle: distances of the inner and
-    the outer border, height and area, `(n, 4)`; NaN where nothing is cut."""
+    """Inner and outer distance, height, area of sections from the middle, `(n, 4)`; NaN: no cut."""
     found, origin = [], np.array([middle[0], 0.0, middle[1]])
     for turn in turns:
         c, s = np.cos(turn), np.sin(turn)
@@ -350,8 +348,7 @@ def band_of_meshes(
 
 
 def _cross_section(corners, normals, origin, direction, at: float) -> float:
-    """Area in which a plane across a direction cuts a closed mesh, mm^2, from its border: half of
-    the product of each piece's outward normal with its place is summed."""
+    """Area in which a plane cuts a closed mesh, mm^2, from its border by Gauss's theorem."""
     pieces, rows = cut_by_plane(corners, origin + at * direction, direction)
     outwards = normals[rows] - (normals[rows] @ direction)[:, None] * direction
     size = np.linalg.norm(outwards, axis=1)

@@ -71,9 +71,8 @@ def fit_compartment(
     name: str, sheet: Sheet, femur: Femur, tibia: Placement,
     angle_deg: tuple[float, float] | None, splines: dict[str, float],
 ) -> tuple[SheetFit, SheetFit]:  # fmt: skip
-    """Fits of a condyle and its plateau, and where they can touch; the region of the condyle is
-    found unless it is given, `splines` are options of the fits."""
-    lateral = femur.cylindrical(femur.cloud.points)[2] > femur.notch_mm
+    """Fits of a condyle and its plateau, and where they can touch; `splines` are their options."""
+    lateral = anatomy.cylindrical(femur.axis, femur.cloud.points)[2] > femur.notch_mm
     cloud = femur.cloud.kept(lateral == (name == "lateral"))
     tibial = anatomy.joined([sheet])
     at_reference = anatomy.moved(tibia, tibial.points)
@@ -92,10 +91,9 @@ def fit_compartment(
 def fit_patellofemoral(
     sheets: list[Sheet], femur: Femur, findings: list[str], splines: dict[str, float]
 ) -> tuple[SheetFit, SheetFit]:
-    """Fits of the patella and of the groove that it meets: one surface from the upper border of the
-    femur's cartilage around both condyles, which overlaps with those that meet the tibia."""
+    """Fits of the patella, and of one surface around both condyles that it meets."""
     patella, cloud = fit_patella(sheets, findings, splines), femur.cloud
-    angle, _, along = femur.cylindrical(cloud.points)
+    angle, _, along = anatomy.cylindrical(femur.axis, cloud.points)
     region = float(np.rad2deg(angle.min())), _LOWEST_DEG
     width = float(along.min()), float(along.max())
     trochlea = fit_condyle_spline(cloud.points, region, width, femur.axis, cloud.areas, **splines)
@@ -105,8 +103,7 @@ def fit_patellofemoral(
 def fit_patella(
     sheets: list[Sheet], findings: list[str], splines: dict[str, float]
 ) -> SplineFit[Plateau]:
-    """Fit a spline to the patella's cartilage, in its frame: how far back it reaches, over height
-    and width. Raises where it is no one sheet of a patella that faces backwards."""
+    """Fit a spline to the patella's cartilage, in its frame, over height and width."""
     name = sheets[0].name
     width = float(np.ptp(np.concatenate([sheet.points[:, 2] for sheet in sheets])))
     low, high = _PATELLA_WIDTHS_MM
@@ -133,14 +130,13 @@ def fit_patella(
 def contact_regions(
     femur: Femur, condyle: SplineFit[Condyle], tibial: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Which points of a condyle and its plateau can touch: masks of both. The plateau, with points
-    `(n, 3)` at the reference pose, is carried around the femoral axis as by a hinge, and slid along
-    itself. Gaps count from the smallest: the pose of the meshes need not be one of contact."""
+    """Masks of the points of a condyle and a plateau that touch as a hinge flexes and slides."""
     surface = condyle.surface
     limits = [np.asarray(x) for x in (surface.angle, surface.width)]
     plateau, touched = np.zeros(len(tibial), bool), []
     for slide in SLIDES_MM:
-        angle, distance, along = femur.cylindrical(tibial + np.array([slide, 0.0, 0.0]))
+        slid = tibial + np.array([slide, 0.0, 0.0])
+        angle, distance, along = anatomy.cylindrical(femur.axis, slid)
         # A row for each flexion.
         turned, along = np.broadcast_arrays(angle + np.deg2rad(FLEXIONS_DEG)[:, None], along)
         over = (turned > limits[0][0]) & (turned < limits[0][1])
@@ -153,7 +149,7 @@ def contact_regions(
     # The cells and their eight neighbours.
     cells = {(i + p, j + q) for i, j in set(map(tuple, np.concatenate(touched).tolist()))
              for p in range(-1, 2) for q in range(-1, 2)}
-    own_angle, _, own_along = femur.cylindrical(condyle.points)
+    own_angle, _, own_along = anatomy.cylindrical(femur.axis, condyle.points)
     own = _cells(own_angle, own_along)
     return np.array([tuple(cell) in cells for cell in own.tolist()], bool), plateau
 
@@ -168,13 +164,12 @@ def _fit_plateau(sheet: Sheet, frame: Frame, splines: dict[str, float]) -> Splin
 
 
 def sheet_fit(fit: SplineFit, femur: Femur | None, region: np.ndarray | None = None) -> SheetFit:
-    """A fit, with what it leaves over in a region, by default everywhere; a condyle's is on a
-    femur."""
+    """A fit, with what it leaves over in a region, by default everywhere."""
     every = np.ones(len(fit.points), bool)
     region = every if region is None else region
     if isinstance(fit.surface, Condyle):  # two lengths along the surface, mm
         assert femur is not None
-        angle, radius, along = femur.cylindrical(fit.points)
+        angle, radius, along = anatomy.cylindrical(femur.axis, fit.points)
         across = np.c_[float(np.average(radius, weights=fit.weights)) * angle, along]
     else:
         across = anatomy.in_frame(fit.surface.frame, fit.points)[:, [0, 2]]
@@ -208,8 +203,7 @@ def _cells(angle: np.ndarray, along: np.ndarray) -> np.ndarray:
 
 
 class Layer(NamedTuple):
-    """Thickness of a compartment's layer: mean over the contact region, how it was found, and a
-    polynomial over the plateau's scaled parameters that is added, or None."""
+    """A layer's mean thickness, how it was found, and a polynomial that is added, or None."""
 
     thickness_mm: float
     source: str
@@ -220,8 +214,7 @@ def find_layer(
     name: str, condyle: SheetFit, plateau: SheetFit, femur: Femur, sheet: Sheet,
     bones: tuple[list[Sheet], list[Sheet]] | None, kind: str, findings: list[str],
 ) -> Layer:  # fmt: skip
-    """The layer of a compartment between the bones' surfaces, where known: `constant`, or a `field`
-    over the plateau's parameters. Raises where cartilage lies below its bone."""
+    """The layer of a compartment between the bones' surfaces: `constant`, or a `field`."""
     if bones is None:
         return Layer(ASSUMED_MM, "assumed: no bone meshes")
     wanted = {*map(tuple, condyle.fit.points[condyle.region].tolist())}
@@ -277,9 +270,7 @@ def find_layer(
     return Layer(mean, source)
 
 
-def distances_along(
-    points: np.ndarray, directions: np.ndarray, sheets: list[Sheet]
-) -> np.ndarray:
+def distances_along(points: np.ndarray, directions: np.ndarray, sheets: list[Sheet]) -> np.ndarray:
     """Signed distance from points `(n, 3)` along unit vectors into a bone to the nearest surface of
     it that is met from outside, mm, `(n,)`; open sheets may face either way. NaN where there is
     none from `HIGHEST_MM` above (negative) to `DEEPEST_MM` below. Source: Moeller and Trumbore,
@@ -303,8 +294,7 @@ def distances_along(
 
 
 def thickness(cartilage: anatomy.Cloud, bone: list[Sheet], what: str) -> np.ndarray:
-    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below. Raises where none
-    lies below most of it, or it lies below the bone's surface."""
+    """Thickness of a cartilage at its corners, mm; NaN where no bone lies below."""
     found = distances_along(cartilage.points, -cartilage.normals, bone)
     known = np.isfinite(found)
     name = bone[0].name

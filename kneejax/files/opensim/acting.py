@@ -31,14 +31,11 @@ _SOME_FORCE = 0.1
 #: A heel is no farther than this from the toes on which it presses: a point farther from the body
 #: is another foot's, or of an origin elsewhere, m.
 _FAR_M = 0.5
-#: A point that no body reaches, m.
-_NOWHERE_M = 3.0
+_NOWHERE_M = 3.0  # a point that no body reaches, m
 #: Largest forces and torques of the ground that are taken without a doubt, N and N m.
 _LEAST_N, _MOST_N, _MOST_NM = 5.0, 2e4, 300.0
-#: Activations and controls are no larger: a table of forces is.
-_ACTIVATION = 1.5
-#: Part of the largest tension by which filters may push one below zero.
-_RINGING = 0.05
+_ACTIVATION = 1.5  # activations and controls are no larger: a table of forces is
+_RINGING = 0.05  # part of the largest tension by which filters may push one below zero
 
 
 class ExternalForce(NamedTuple):
@@ -67,7 +64,7 @@ def read_external_loads(
 ) -> ExternalLoads:
     """Read forces on a model's bodies and their table; `called`: body -> what the file calls it."""
     file, back = parse_xml(path, KIND), {own: name for name, own in (called or {}).items()}
-    top = next((e for e in file.root.iter("*") if e.tag == "ExternalLoads"), None)
+    top = next(file.root.iter("ExternalLoads"), None)
     if top is None:
         raise file.root.problem("", file.root.tag, f"{KIND}: an element ExternalLoads")
     word = top.word("datafile")
@@ -76,9 +73,7 @@ def read_external_loads(
     table, found, doubts = read_storage(Path(path).parent / word), [], []
     spins = [name for name in table.columns if "torque" in name.lower() and name[-1:] == "x"]
     none = np.zeros((len(table.time), 3))
-    for element in top.inside("objects"):
-        if element.tag != "ExternalForce" or not element.applied:
-            continue
+    for element in (x for x in top.findall("objects[1]/ExternalForce") if x.applied):
         bodies, columns, rows = [], [], []
         for tag, usual in (("applied_to_body", ""), ("force_expressed_in_body", GROUND),
                            ("point_expressed_in_body", GROUND)):
@@ -88,8 +83,7 @@ def read_external_loads(
                 word, expected = element.word(tag) or "missing", "a body of the model"
                 raise element.problem(tag, word, expected, model.bodies)
         for kind in ("force", "point", "torque"):
-            tag = f"{kind}_identifier"
-            stem = element.word(tag)
+            stem = element.word(tag := f"{kind}_identifier")
             columns.append([f"{stem}{axis}" for axis in "xyz"] if stem or kind == "force" else [])
             values = [table.named(x, f"a column of {tag} of {element.name}") for x in columns[-1]]
             rows.append(np.stack(values, axis=1) if values else none)
@@ -99,8 +93,7 @@ def read_external_loads(
         first, spin = columns[0][0].lower(), columns[2][:1]
         likeness = {
             name: len(os.path.commonprefix([name.lower().replace("torque", "force"), first]))
-            for name in (*spin, *spins)
-        }
+            for name in (*spin, *spins)}
         nearest = max(likeness, key=lambda name: likeness[name], default="")
         if spin and likeness[nearest] > likeness[spin[0]]:
             own, better = (name[:-1].rstrip("_") for name in (*spin, nearest))
@@ -114,9 +107,7 @@ def read_external_loads(
 def on_bodies(
     loads: ExternalLoads, movement: Movement, bodies: set[str], time: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Force and moment of the ground on some bodies of a model at times `(n,)`, s, in the ground's
-    axes and about its origin, `(n, 3)` each, N and N m, straight between rows; a sentence on each
-    force that can hardly be that of its body. Raises where its point must be in another unit."""
+    """Force, N, and moment, N m, of the ground on bodies, `(n, 3)` each, in its axes; doubts."""
     def between(values: np.ndarray) -> np.ndarray:
         return np.stack([np.interp(time, loads.table.time, x) for x in values.T], axis=1)
 
@@ -192,8 +183,7 @@ class Way(NamedTuple):
 def crossing(
     movement: Movement, knee: OsimKneeJoint, below: set[str]
 ) -> tuple[list[Way], list[Way], list[str]]:
-    """What pulls over a knee, to the bodies below it: muscles from the thigh on; ligaments but
-    those from the femur or the patella; names of muscles that end on the patella."""
+    """Muscles and ligaments over a knee to bodies below; muscles that end on the patella."""
     muscles, ligaments, on_patella = [], [], []
     for element in movement.model.elements:
         muscle = element.tag.endswith("Muscle")
@@ -208,16 +198,17 @@ def crossing(
         if not spans or not (muscle or not ({bodies[0], bodies[-1]} - below) & {*knee.rigid}):
             continue
         points = points[::-1] if bodies[0] in below else points
-        found = [(*_in_ground(movement, point), point.body in below) for point in points]
-        last, length = found[0][0], np.zeros(found[0][0].shape[:-1])
-        first = second = np.full(last.shape, np.nan)
-        for place, active, lower in found:
-            first = first if lower else np.where(active[..., None], place, first)
+        last, length = _in_ground(movement, points[0])[0], 0.0
+        ends = {bone: np.full(last.shape, np.nan) for bone in (FEMUR, TIBIA)}
+        for point in points:
+            place, active = _in_ground(movement, point)
             length = length + np.where(active, np.linalg.norm(place - last, axis=-1), 0.0)
             last = np.where(active[..., None], place, last)
-        for place, active, lower in found[::-1]:
-            second = np.where(active[..., None], place, second) if lower else second
-        way = Way(element, {FEMUR: first, TIBIA: second}, length)
+            bone = TIBIA if point.body in below else FEMUR
+            # Of the points below, the first that the path goes through.
+            new = active[..., None] & ((bone == FEMUR) | np.isnan(ends[TIBIA]))
+            ends[bone] = np.where(new, place, ends[bone])
+        way = Way(element, ends, length)
         (muscles if muscle else ligaments).append(way)
     return muscles, ligaments, on_patella
 
@@ -253,8 +244,7 @@ def recorded_muscles(
     table: Storage | None, movement: Movement, knee: OsimKneeJoint, below: set[str],
     frames: dict[str, Rigid], shifts: Registration, time: np.ndarray, notes: list[str],
 ) -> tuple[Muscles, np.ndarray]:  # fmt: skip
-    """Muscles with their tensions, and the pull of the quadriceps on the patella; arrays end in
-    instants. `frames` lead from the ground to those of the knee's bones, mm."""
+    """Muscles in a knee's `frames` (from the ground, mm), and the quadriceps' pull, N, `(n,)`."""
     none = np.zeros(len(time))
     if table is None:
         notes.append("No muscle forces were given: their pull is part of the joint reaction.")

@@ -96,10 +96,10 @@ def find_contacts(
                 raise force.problem(tags[0], word, f"a {MESH} of the model", meshes)
             mesh = settings = meshes[name]
             # Earlier versions of JAM keep the material with the force.
-            held = force.child(f"{role}_mesh_contact_params")
-            if held is not None and mesh.child("elastic_modulus") is None:
-                inner = (e for e in held.iter("*") if e.child("elastic_modulus") is not None)
-                settings = next(inner, mesh)
+            if mesh.child("elastic_modulus") is None:
+                held = force.xpath(f"{role}_mesh_contact_params[1]/"
+                                   "descendant-or-self::*[elastic_modulus]")
+                settings = next(iter(held), mesh)
             pair.append((mesh, settings))
         places = [model.socket(mesh, "frame") for mesh, _ in pair]
         bones = [rigid[body][0] if body in rigid else "" for body, _ in places]
@@ -107,8 +107,7 @@ def find_contacts(
             continue
         found = {
             bone: _mesh_of(mesh, settings, bone, rigid[body][1].after(frame))
-            for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)
-        }
+            for (mesh, settings), bone, (body, frame) in zip(pair, bones, places, strict=True)}
         if {*found} in ({FEMUR, TIBIA}, {FEMUR, PATELLA}):
             contacts.append(_contact(force, found.pop(FEMUR), *found.values()))
         for body, bone in (bones, bones[::-1]):
@@ -143,8 +142,7 @@ def _mesh_of(mesh: Element, settings: Element, bone: str, carrier: Rigid) -> Osi
     return OsimMesh(
         mesh.name, bone, file, back_file, carrier.after(own), (x, y, z),
         Layer(shifted(modulus, PASCAL_TO_MPA), float(ratio), shifted(thickness, METRES_TO_MM)),
-        settings.truth("use_variable_thickness", False),
-    )
+        settings.truth("use_variable_thickness", False))
 
 
 def _contact(force: Element, femur: OsimMesh, other: OsimMesh) -> OsimContact:
@@ -289,9 +287,7 @@ def add_osim_contacts(read: OsimImport, folder: str | os.PathLike[str]) -> OsimG
     return OsimGeometry(document, tuple(findings), doubtful)
 
 
-def _only(
-    contacts: tuple[OsimContact, ...], file: Path, field: str, expected: str
-) -> OsimContact:
+def _only(contacts: tuple[OsimContact, ...], file: Path, field: str, expected: str) -> OsimContact:
     if len(contacts) != 1:
         names = ", ".join(contact.name for contact in contacts) or "none"
         raise InputProblem(file, field, names, expected)

@@ -12,12 +12,11 @@ from kneejax.files.opensim.exact import MIRROR, Rigid, poses_of
 from kneejax.files.opensim.frames import Registration, flexion_coordinate, flexions
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, find_knee
 from kneejax.files.opensim.model import Model, read_model, simm_spline
-from kneejax.files.opensim.xml import element_of, last_word
+from kneejax.files.opensim.xml import last_word, parse_xml
 from kneejax.files.reading import InputProblem
 from kneejax.geometry import FEMUR, FREE_COORDINATES, Pose
 
-#: Between knots where many poses share a flexion, degrees.
-_APART_DEG = 10.0
+_APART_DEG = 10.0  # between knots where many poses share a flexion, degrees
 #: Weight of a spline's bending beside a pose's distance, for knots between which no pose lies.
 _STIFF = 1e-3
 _FEWEST = 4
@@ -129,8 +128,7 @@ def couple_model(
 def couple_knee(
     model: Model, bones: OsimKneeJoint, motion: CoupledMotion, shifts: Registration
 ) -> list[str]:
-    """As `couple_model`, in a model that was read; a sentence for each change. The knee's other
-    coordinates go, with the constraints and forces that act on them."""
+    """As `couple_model`, in a model that was read; a sentence for each change."""
     joint, *others = bones.joints
     upwards = bones.bone_of(joint.child) == FEMUR
     if others or joint.kind != _KIND or joint.reverse or upwards or bones.turned:
@@ -192,7 +190,8 @@ def couple_knee(
     wrapped = any(e.tag == "function" for e in transform.iter())
     text = transform_axes(
         SIDES[bones.side], name, knots[order], columns, (slope, constant + shift), wrapped)
-    new = element_of(f"<SpatialTransform>\n{text}\n        </SpatialTransform>")
+    text = f"<SpatialTransform>\n{text}\n        </SpatialTransform>"
+    new = parse_xml("", "axes", text.encode()).root
     transform[:] = new[:]
     transform.text = new.text
     low, high = flexion_deg[[0, -1]]
@@ -205,9 +204,7 @@ def transform_axes(
     side: str, coordinate: str, knots: np.ndarray, columns: Mapping[str, np.ndarray],
     flexion: tuple[float, float] = (1.0, 0.0), wrapped: bool = False,
 ) -> str:  # fmt: skip
-    """The axes of a SpatialTransform of a side, `right` or `left`, as text: by values at `knots` of
-    a coordinate, `(n,)`, rad or m, in `columns` of clinical meaning; flexion, rad, by a slope and a
-    constant. In schema 3 functions are `wrapped` in an element `function`."""
+    """Axes of a SpatialTransform by values at knots `(n,)`, rad or m; flexion: slope, constant."""
     axes, named = [], "" if wrapped else ' name="function"'
     for name, (axis, right, left) in _AXES.items():
         if name == "flexion":

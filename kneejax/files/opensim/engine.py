@@ -17,8 +17,7 @@ from kneejax.numerics import imported
 MOMENTS = "inverse_dynamics.sto"
 FORCES = "static_optimisation_force.sto"
 REACTIONS = "joint_reactions.sto"
-# By which files begin that are not kept.
-_NAME = "opensim"
+_NAME = "opensim"  # by which files begin that are not kept
 
 
 def main(file: str) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from decimal import Context, Decimal, localcontext
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -47,19 +47,15 @@ def shifted(value: Decimal, places: int) -> float:
     return float(value.scaleb(places, _WIDE)) + 0.0  # no minus zero
 
 
-def unshifted(x: float, places: int) -> Decimal:
-    """The decimal that `shifted` reads as `x`."""
-    return Decimal(repr(float(x))).scaleb(-places, _WIDE)
+def decimals(values, places: int = 0) -> Any:
+    """What doubles are printed as, over a power of ten: decimals that `shifted` reads as them."""
+    exact = np.frompyfunc(lambda x: Decimal(repr(float(x) + 0.0)).scaleb(-places, _WIDE), 1, 1)
+    return exact(values)
 
 
 def millimetres(point: Point) -> list[float]:
     """A point in m, in mm."""
     return [shifted(x, METRES_TO_MM) for x in point]
-
-
-def metres(point_mm) -> Point:
-    """The point that `millimetres` reads as this one."""
-    return np.array([unshifted(x, METRES_TO_MM) for x in point_mm], object)
 
 
 def degrees(radians: Decimal) -> float:
@@ -71,17 +67,12 @@ def degrees(radians: Decimal) -> float:
 def radians(x: float) -> Decimal:
     """The shortest angle in rad that `degrees` reads as `x`."""
     with localcontext(_WIDE) as context:
-        exact = Decimal(repr(float(x))) * _PI / 180
+        exact = decimals(x) * _PI / 180
         for context.prec in range(14, 24):
             angle = +exact
             if degrees(read_decimal(write_decimal(angle))) == x:
                 break
     return angle
-
-
-def decimals(values: np.ndarray) -> Point:
-    """The numbers that doubles are printed as."""
-    return np.array([Decimal(repr(float(x) + 0.0)) for x in values], object)
 
 
 ORIGIN: Point = decimals(np.zeros(3))
@@ -130,8 +121,7 @@ class Rigid(NamedTuple):
 
 
 def poses_of(there: Rigid, side: str) -> np.ndarray:
-    """Poses of a bone in the femur from the motion of its coordinates to the femur's, in rows of
-    degrees and mm, by clinical meaning: of a left knee (`l`) that of the mirrored right one."""
+    """Rows of degrees and mm of a bone in the femur; a left knee's (`l`) as in a mirror."""
     turn, shift = MIRROR[side] @ there.turn @ MIRROR[side], there.shift.astype(float)
     rows = tuple(tuple(turn[..., i, j] for j in range(3)) for i in range(3))
     angles = np.rad2deg(np.stack([np.asarray(x) for x in angles_from_rotation(rows)], axis=-1))

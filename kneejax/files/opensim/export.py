@@ -16,7 +16,7 @@ from kneejax.files.opensim.coupled import CoupledMotion, couple_knee
 from kneejax.files.opensim.frames import SAME
 from kneejax.files.opensim.importing import OsimImport, import_osim
 from kneejax.files.opensim.knee import SIDES
-from kneejax.files.opensim.ligaments import KIND, NUMBERS
+from kneejax.files.opensim.ligaments import KIND, NUMBERS, OsimLigament
 from kneejax.files.opensim.paths import WRAP_KINDS
 from kneejax.files.opensim.xml import Element, etree
 from kneejax.files.reading import InputProblem
@@ -108,13 +108,25 @@ def export_osim(
     return OsimExport(data, tuple(export.changes), (*notes, *export.read_back(data)))
 
 
+def _points(entry: dict[str, Any]) -> list[tuple[str, str, list[float]]]:
+    """Field, bone and place, mm, of each point of a fibre."""
+    first, last = "femoral_attachment_mm", "tibial_attachment_mm"
+    via = [(f"via_points[{k}].point_mm", one["bone"], one["point_mm"])
+           for k, one in enumerate(entry.get("via_points", ()))]
+    return [(first, FEMUR, entry[first]), *via, (last, TIBIA, entry[last])]
+
+
 class _Export:
     """A knee on its way into a model; `changes` has a sentence for each change."""
 
     def __init__(self, known: KneeFile, base: OsimImport, replace: bool):
         self.known, self.base, self.replace = known, base, replace
         self.document, self.origin = known.document, known.document.get("imported_from", {})
-        self.fibres = {fibre.key: fibre for fibre in base.ligaments.values()}
+        # What the model calls a fibre or wrap object -> what was read of it, and its entry.
+        self.fibres = {one.key: (one, base.document["ligaments"][name])
+                       for name, one in base.ligaments.items()}
+        self.wraps = {one.key: (one, base.document["wraps"][name])
+                      for name, one in base.wraps.items()}
         self.keys = {name: self.key("ligaments", name) for name in self.document["ligaments"]}
         self.unknown = [key for key in self.fibres if key not in self.keys.values()]
         self.changes: list[str] = []
@@ -124,7 +136,7 @@ class _Export:
         return self.origin.get(section, {}).get(name, name)
 
     def slack_length_mm(self, name: str) -> float:
-        """Of a fibre, also where a strain or a force gives it."""
+        """Also where a strain or a force gives it."""
         given = self.document["ligaments"][name].get("slack_length_mm")
         row = [*self.document["ligaments"]].index(name)
         return given or float(self.known.knee.ligaments.slack_length[row])
@@ -139,9 +151,7 @@ class _Export:
         self, field: str, parent: Element, tag: str, was, new,
         carrier: exact.Rigid = _STILL, kind: str = "length",
     ) -> None:  # fmt: skip
-        """Write those numbers of a child that changed, and all if it has none yet; note the change.
-        They are a `number`, a `length` or three, mm, or a `point`, mm, or three angles, degrees
-        (`turn`), stated in coordinates that `carrier` takes to the bone's."""
+        """Write changed numbers: a `number`, a `length` or `point`, mm, or a `turn`, degrees."""
         was, new = (np.ravel(one).tolist() for one in (was, new))
         changed: Collection[int] = [k for k, (x, y) in enumerate(zip(new, was, strict=True))
                                     if float(x) != y]
@@ -149,17 +159,17 @@ class _Export:
             return
         back = carrier.turn.T
         if kind == "turn" and not carrier.turns:
-            every = np.array([exact.radians(float(x)) for x in new])
+            every = np.array([exact.radians(x) for x in new])
         elif kind == "turn":
             every = exact.decimals(exact.angles_xyz(back @ exact.turn_xyz(np.deg2rad(new))))
         elif kind == "point":
-            every = carrier.point_back(exact.metres(new))
+            every = carrier.point_back(exact.decimals(new, exact.METRES_TO_MM))
             for _ in range(3 * carrier.turns):  # a rounding of the way there is taken back
                 there = exact.millimetres(carrier.point(every))
                 every = exact.decimals(every.astype(float) + back @ np.subtract(new, there) / 1e3)
         else:
             places = exact.METRES_TO_MM if kind == "length" else 0
-            every = np.array([exact.unshifted(x, places) for x in new])
+            every = exact.decimals(new, places)
         if carrier.turns:
             changed = range(3)
         elif kind in ("point", "turn"):
@@ -173,17 +183,15 @@ class _Export:
         self.changes.append(f"{field}: {' -> '.join(shown)}")
 
     def write_ligaments(self) -> None:
-        """Numbers of those fibres that the model has."""
-        names = {fibre.key: name for name, fibre in self.base.ligaments.items()}
         for name, entry in self.document["ligaments"].items():
             key, place = self.keys[name], f"ligaments.{name}"
-            if key not in names:
+            if key not in self.fibres:
                 if self.replace:
                     continue
                 expected = f"a fibre of {self.base.model.name} that spans the knee"
                 expected += ", or --replace to add it"
-                raise InputProblem(self.known.path, place, key, expected, names)
-            ligament, old = self.fibres[key], self.base.document["ligaments"][names[key]]
+                raise InputProblem(self.known.path, place, key, expected, self.fibres)
+            ligament, old = self.fibres[key]
             for field, (tag, *_) in NUMBERS.items():
                 length = field == "slack_length_mm"
                 if field not in entry and not length:
@@ -192,16 +200,11 @@ class _Export:
                 if field in entry or abs(new - old[field]) > _ROUNDING * old[field]:
                     self.write(f"{name}.{field}", ligament.element, tag, old[field], new,
                                kind="length" if length else "number")
-            points, was = ([x["femoral_attachment_mm"], *x.get("via_points", ()),
-                            x["tibial_attachment_mm"]] for x in (entry, old))
-            bones = [[via["bone"] for via in x[1:-1]] or "none" for x in (points, was)]
+            points, was = _points(entry), _points(old)
+            bones = ([bone for _, bone, _ in x[1:-1]] or "none" for x in (points, was))
             self.check_same(f"{place}.via_points", *bones)
-            for i, (point, new, other) in enumerate(zip(ligament.points, points, was, strict=True)):
-                field = f"via_points[{i - 1}].point_mm"
-                if isinstance(new, dict):
-                    new, other = new["point_mm"], other["point_mm"]
-                else:
-                    field = "tibial_attachment_mm" if i else "femoral_attachment_mm"
+            for point, (field, _, new), (*_, other) in zip(
+                    ligament.points, points, was, strict=True):
                 self.write(f"{name}.{field}", point.element, "location", other, new,
                            point.carrier_in_bone(self.base.knee), "point")
             wrap = entry.get("wrap")
@@ -211,17 +214,15 @@ class _Export:
             self.check_same(f"{place}.wrap", wrap, old.get("wrap"))
 
     def write_wraps(self) -> None:
-        """Numbers of wrap objects."""
-        by_key = {wrap.key: name for name, wrap in self.base.wraps.items()}
         used = {entry.get("wrap") for entry in self.document["ligaments"].values()}
         for name, entry in self.document.get("wraps", {}).items():
             key = self.key("wraps", name)
-            if key not in by_key:
+            if key not in self.wraps:
                 if name not in used:
                     continue
                 expected = f"a wrap object of {self.base.model.name} on the knee's bones"
-                raise InputProblem(self.known.path, f"wraps.{name}", key, expected, by_key)
-            wrap, old = self.base.wraps[by_key[key]], self.base.document["wraps"][by_key[key]]
+                raise InputProblem(self.known.path, f"wraps.{name}", key, expected, self.wraps)
+            wrap, old = self.wraps[key]
             for field in ("kind", "bone", "side"):
                 self.check_same(f"wraps.{name}.{field}", entry.get(field), old.get(field))
             carrier = wrap.carrier_in_bone(self.base.knee)
@@ -234,7 +235,7 @@ class _Export:
 
     def replace_fibres(self) -> None:
         """Take out fibres that the knee has not, and put those in that the model has not."""
-        new, last = [], [*self.fibres.values()][-1].element
+        new, (last, _) = [], [*self.fibres.values()][-1]
         for name, entry in self.document["ligaments"].items():
             if self.keys[name] in self.fibres:
                 continue
@@ -243,18 +244,17 @@ class _Export:
                 expected = f"a name that no other force of {self.base.model.name} has"
                 raise InputProblem(self.known.path, f"ligaments.{name}", name, expected)
             entry = {"damping_N_s": 0.0} | entry | {"slack_length_mm": self.slack_length_mm(name)}
-            new.append(self.fibre(name, entry))
+            new.append(self.fibre(name, entry, last))
             self.changes.append(f"{name}: put in, {entry['stiffness_N']:.6g} N per unit strain, "
                                 f"{entry['slack_length_mm']:.6g} mm without load")
         for element in reversed(new):
-            last.add_after(element)
+            last.element.add_after(element)
         for key in self.unknown:
-            self.fibres[key].element.take_out()
+            self.fibres[key][0].element.take_out()
         self.changes[:0] = [f"{key}: taken out" for key in self.unknown]
 
-    def fibre(self, name: str, entry: dict[str, Any]) -> Element:
-        """A fibre as the model writes them, indented like its last one."""
-        like = [*self.fibres.values()][-1]
+    def fibre(self, name: str, entry: dict[str, Any], like: OsimLigament) -> Element:
+        """A fibre as the model writes them, indented like another one."""
         path_name = like.element.child("GeometryPath").get("name")
         bodies = {FEMUR: self.base.knee.femur, TIBIA: self.base.knee.tibia}
         on_body, prefix = "socket_parent_frame", "/bodyset/"
@@ -263,10 +263,9 @@ class _Export:
         fibre = like.element.makeelement(KIND, name=name)
         path = etree.SubElement(fibre, "GeometryPath", {"name": path_name} if path_name else {})
         objects = etree.SubElement(etree.SubElement(path, "PathPointSet"), "objects")
-        via = [(one["bone"], one["point_mm"]) for one in entry.get("via_points", ())]
-        ends = (FEMUR, entry["femoral_attachment_mm"]), (TIBIA, entry["tibial_attachment_mm"])
-        for number, (bone, point) in enumerate((ends[0], *via, ends[1]), start=1):
-            location = self.base.knee.rigid[bodies[bone]][1].point_back(exact.metres(point))
+        for number, (_, bone, point) in enumerate(_points(entry), start=1):
+            there = self.base.knee.rigid[bodies[bone]][1]
+            location = there.point_back(exact.decimals(point, exact.METRES_TO_MM))
             one = etree.SubElement(objects, "PathPoint", name=f"{name}-P{number}")
             etree.SubElement(one, on_body).text = prefix + bodies[bone]
             etree.SubElement(one, "location").text = " ".join(map(exact.write_decimal, location))
@@ -276,7 +275,7 @@ class _Export:
             wrap.text = self.key("wraps", entry["wrap"])
         for field, (tag, *_) in NUMBERS.items():
             places = exact.METRES_TO_MM if field == "slack_length_mm" else 0
-            number = exact.unshifted(entry[field], places)
+            number = exact.decimals(entry[field], places)
             etree.SubElement(fibre, tag).text = exact.write_decimal(number)
         etree.indent(fibre, space="\t")
         return fibre

@@ -28,10 +28,8 @@ _ALONG, _ALONG_FIBRES = 0.7, 0.5
 _LONG_MM, _FAR_MM = 40.0, 100.0
 _WANTED = "X anterior, Y superior, Z to the person's right"
 _OTHERWISE = f"kneejax takes {_WANTED}, and this model may mean other axes."
-#: Flexions between which a model's flexion axis is sought, degrees.
-_BETWEEN = 20.0, 60.0
-#: An axis farther from its name than this is said, degrees.
-_ASKEW_DEG = 10.0
+_BETWEEN = 20.0, 60.0  # flexions between which a model's flexion axis is sought, degrees
+_ASKEW_DEG = 10.0  # an axis farther from its name than this is said, degrees
 #: How frames may be registered.
 FRAMES = "auto", "same", "landmarks"
 
@@ -48,9 +46,8 @@ class _Superior(NamedTuple):
 def anatomical(
     model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
 ) -> tuple[np.ndarray, str, list[str]]:
-    """The rotation from the model's axes to those that a knee's bones should have, a sentence where
-    it turns them, doubts; raises where the axes are others and it is unclear which."""
-    superior = [*_by_joints(model, knee), *_by_fibres(knee, ligaments)]
+    """The rotation to a knee's axes, a sentence where it turns the model's, and doubts."""
+    superior = [*_superior(model, knee, ligaments)]
     flexion, sense = _flexion_axis(model, knee)
     others = [one for one in superior if one.direction[1] < one.along]
     across = flexion is None or abs(flexion[2]) >= _ALONG
@@ -99,8 +96,10 @@ def turned(knee: OsimKneeJoint, rotation: np.ndarray) -> OsimKneeJoint:
     return knee._replace(turned=True, rigid=rigid, in_femur=there)
 
 
-def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
-    """Where hip and ankle lie, seen from the knee."""
+def _superior(
+    model: Model, knee: OsimKneeJoint, ligaments: list[OsimLigament]
+) -> Iterator[_Superior]:
+    """Where hip and ankle lie, seen from the knee, and how long fibres run from the tibia."""
     joints = read_joints(model)
     for bone, sign, side in ((FEMUR, 1.0, "above"), (TIBIA, -1.0, "below")):
         places = [(joint, knee.rigid[body][1].point(frame.shift).astype(float))
@@ -125,10 +124,6 @@ def _by_joints(model: Model, knee: OsimKneeJoint) -> Iterator[_Superior]:
                 sign * way / np.linalg.norm(way), f"the places of {joint.name} and the knee",
                 f"Joint {joint.name} lies at ({place}) mm in the {bone}'s frame, not {side} the "
                 f"knee: {_OTHERWISE}")
-
-
-def _by_fibres(knee: OsimKneeJoint, ligaments: list[OsimLigament]) -> Iterator[_Superior]:
-    """How long fibres run from the tibia to the femur, in the tibia's axes."""
     back, way = knee.in_femur[TIBIA].inverse(), np.zeros(3)
     for fibre in ligaments:
         first, last = (np.array(x, float) for x in (
@@ -174,8 +169,7 @@ def _votes(
         votes["the sense in which it bends"] = -sense * float(np.sign(flexion @ line))
     ends = {
         side: [np.array(x.points[0].in_bone(knee), float) for x in ligaments if name.search(x.key)]
-        for side, name in _COLLATERAL.items()
-    }
+        for side, name in _COLLATERAL.items()}
     if all(ends.values()):
         out = np.mean(ends[1.0], axis=0) - np.mean(ends[-1.0], axis=0)
         cosine = out @ line / max(float(np.linalg.norm(out)), 1e-9)
@@ -224,9 +218,7 @@ SAME = Registration(np.zeros(3), np.zeros(3), True, ())
 def registration(
     model: Model, bones: OsimKneeJoint, knee: Knee, document: dict[str, Any], frames: str
 ) -> Registration:
-    """Register a model's bones to those of a knee, by one of `FRAMES`: the same frames where the
-    knee was made of this model; otherwise axes by their names, and the middle of the model's
-    flexion axis on that of the knee's flexion facets. Sizes are not changed."""
+    """Shift a model's bones to a knee's, by one of `FRAMES`; sizes are not changed."""
     _, turning, _ = anatomical(model, bones, [])
     if turning:
         expected = "X anterior, Y superior, Z to the right, as this needs them"
@@ -293,8 +285,7 @@ def flexion_coordinate(bones: OsimKneeJoint) -> str:
     """The coordinate that bends a model's knee, the first angle of its joints; raises without."""
     names = [c.name for c in coordinates_of(bones.joints) if c.turns]
     if not names:
-        joint = bones.joints[0]
-        raise joint.element.problem("coordinates", "none", "an angle of the knee")
+        raise bones.joints[0].element.problem("coordinates", "none", "an angle of the knee")
     return names[0]
 
 

@@ -59,6 +59,8 @@ class Joint:
     """A joint between two bodies."""
 
     element: Element
+    name: str
+    kind: str  # its class, e.g. `CustomJoint`
     parent: str
     child: str
     parent_frame: Rigid  # from the joint's frame on the parent to the parent
@@ -66,16 +68,6 @@ class Joint:
     coordinates: tuple[Coordinate, ...]
     axes: tuple[Axis, ...]  # in order, rotations first
     reverse: bool = False  # whether the axes state the parent's motion in the child
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.element.name
-
-    @property
-    def kind(self) -> str:
-        """Its class, e.g. `CustomJoint`."""
-        return self.element.tag
 
     @property
     def fixed(self) -> bool:
@@ -171,8 +163,7 @@ def placed(
     joints: Iterable[Joint], body: str, values: Mapping[str, Any],
     shape: tuple[int, ...] | None = None, through: Callable[[Joint], bool] = lambda _: True,
 ) -> dict[str, Rigid]:  # fmt: skip
-    """Where bodies are in one of them to which joints connect them: forward kinematics, at arrays
-    of a shape; at numbers where it is None: then decimals stay exact as long as nothing turns."""
+    """Where bodies are in one of them: at arrays of a shape, or exactly at numbers (None)."""
     still = () if shape is None else (np.broadcast_to(np.eye(3), (*shape, 3, 3)),
                                       np.zeros((*shape, 3)))
     found = {body: Rigid(*still)}
@@ -183,8 +174,7 @@ def placed(
 
 
 def moved(model: Model, values: Mapping[str, Any]) -> Movement:
-    """Bodies of a model at coordinates, rad or m, all of one shape; others follow these where they
-    are coupled to them, and have their defaults where not. Without any, all have these."""
+    """A model at coordinates, rad or m, of one shape; others at their defaults or coupled."""
     joints = read_joints(model)
     shape = np.shape(next(iter(values.values()))) if values else ()
     known = coordinates_of(joints)
@@ -248,22 +238,21 @@ def _followed(
 
 
 def _joint(model: Model, element: Element) -> Joint:
-    outer = next((e for e in element.iterancestors() if e.tag == "Body"), None)
+    outer = next(element.iterancestors("Body"), None)
     if element.child("parent_body") is not None and outer is not None:
-        parent, child = model.body_of(element, "parent_body"), outer.name
+        parent, child = model.carrier(element, "parent_body", "")[0], outer.name
         parent_frame, child_frame = (
             Rigid.of(element.point(f"location{where}"), element.point(f"orientation{where}"))
-            for where in ("_in_parent", "")
-        )
+            for where in ("_in_parent", ""))
     else:
         parent, parent_frame = model.socket(element, "parent_frame")
         child, child_frame = model.socket(element, "child_frame")
-    listed = element.inside("coordinates") or element.inside("CoordinateSet", "objects")
-    listed, axes = [c for c in listed if c.tag == "Coordinate"], []
+    listed = element.xpath("(coordinates[1] | CoordinateSet[1]/objects[1])/Coordinate")
+    axes = []
     if element.tag in _AXES:
         axes = [Axis(kind == "R", np.eye(3)["xyz".index(along)], (c.name,), None)
                 for (kind, along), c in zip(_AXES[element.tag], listed, strict=False)]
-    for axis in element.inside("SpatialTransform") if element.tag not in _AXES else ():
+    for axis in element.findall("SpatialTransform[1]/*") if element.tag not in _AXES else ():
         function, names = function_of(axis), tuple(axis.word("coordinates").split())
         if axis.tag != "TransformAxis" or (function is None and not names):
             continue
@@ -286,5 +275,5 @@ def _joint(model: Model, element: Element) -> Joint:
         coordinates.append(Coordinate(
             c.name, default, (lower, upper) if c.word("range") else None, locked,
             c.truth("clamped", False), c.name in angles, function))
-    return Joint(element, parent, child, parent_frame, child_frame, tuple(coordinates),
-                 tuple(axes), element.truth("reverse", False))
+    return Joint(element, element.name, element.tag, parent, child, parent_frame, child_frame,
+                 tuple(coordinates), tuple(axes), element.truth("reverse", False))

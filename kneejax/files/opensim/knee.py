@@ -20,8 +20,7 @@ from kneejax.geometry import FEMUR, PATELLA, TIBIA
 SIDES = {"r": "right", "l": "left"}
 _MARKS = {
     x: re.compile(rf"(?i:(?:^|[^a-z]){x}(?:$|[^a-z])|{side})|[a-z0-9]{x.upper()}$")
-    for x, side in SIDES.items()
-}
+    for x, side in SIDES.items()}
 _KNEE = re.compile(r"knee|tibiofemoral|femorotibial|(?:^|[^a-z])tf(?:$|[^a-z])", re.IGNORECASE)
 _OTHER = re.compile(r"patell|menisc|(?:^|[^a-z])(?:pf|pat)(?:$|[^a-z])", re.IGNORECASE)
 _PATELLA = re.compile(r"patell|kneecap", re.IGNORECASE)
@@ -74,8 +73,7 @@ class OsimKneeJoint(NamedTuple):
 def find_knee(
     model: Model, side: str, femur: str | None = None, tibia: str | None = None
 ) -> OsimKneeJoint:
-    """Find the knee of a side: the joint, or the joints in a row, whose names speak of it, and of
-    these the one whose child carries the foot. With `femur` and `tibia` nothing is guessed."""
+    """Find the knee of a side by names of joints, unless `femur` and `tibia` are given."""
     file, joints, found = model.file.path, read_joints(model), Found([], [], [], [], [], {}, {}, [])
     findings, doubts = found.findings, found.doubts
     if side not in SIDES:
@@ -166,8 +164,7 @@ def is_between(joint: Joint) -> bool:
 def with_pelvis_and_foot(
     model: Model, knee: OsimKneeJoint, at: Mapping[str, float] | None = None
 ) -> OsimKneeJoint:
-    """The knee with the bodies above the femur and below the tibia as parts of these bones, at
-    coordinates of hip and foot, degrees or mm, or at their defaults."""
+    """The knee with what its bones carry, at coordinates of hip and foot, degrees or mm."""
     joints = read_joints(model)
     # The femur carries the pelvis where the tibia carries the femur.
     standing = any(knee.bone_of(joint.child) == FEMUR for joint in knee.joints)
@@ -272,5 +269,4 @@ def _held(movement: Movement, bone: str, knee: list[Joint]) -> dict[str, tuple[R
     at = kinematics.placed(movement.joints, bone, movement.values, through=fixed)
     return {bone: (at[bone], "")} | {
         other: (at[other], f"{joint.kind} {joint.name}" + ", locked" * bool(joint.coordinates))
-        for joint, _, other in kinematics.reached(movement.joints, bone, fixed)
-    }
+        for joint, _, other in kinematics.reached(movement.joints, bone, fixed)}

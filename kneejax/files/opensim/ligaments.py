@@ -47,9 +47,7 @@ class OsimLigament(paths.OsimPath):
     numbers: dict[str, Decimal] = dataclasses.field(default_factory=dict)
     assumed: tuple[str, ...] = ()  # fields that stand neither at the fibre nor in <defaults>
 
-    def document(
-        self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]
-    ) -> dict[str, Any]:
+    def document(self, knee: OsimKneeJoint, file: str, wraps: dict[Element, str]) -> dict[str, Any]:
         """The entry of a knee file; `wraps` has the names of obstacles."""
         (first, begin), (last, end), via = self.ends(knee)
         fields = {bone: field for field, bone in ENDS.items()}
@@ -86,20 +84,18 @@ def find_ligaments(model: Model, knee: OsimKneeJoint) -> list[OsimLigament]:
         plain = f"none that is supported, but {listed}" if others else "none"
         raise model.root.problem("ligaments", plain, f"at least one {KIND}")
     for element in elements:
-        key = keys(element.name, "ligament")
+        key, numbers = keys(element.name, "ligament"), {}
         try:
             points = _points(model, element, knee)
             if element.tag != KIND:
                 what = "resting_length, pcsa_force and a force-length curve"
                 raise _Unsupported(f"of class Ligament ({what})")
             wrap = _wrap(element, len(points), wraps, knee, key)
-            numbers = {}
             for field, (tag, own, expected) in NUMBERS.items():
-                (value,) = element.numbers(tag, 1, own)
-                if value < 0 or (value == 0 and field != "damping_N_s"):
+                (numbers[field],) = element.numbers(tag, 1, own)
+                if numbers[field] < 0 or (numbers[field] == 0 and field != "damping_N_s"):
                     word = element.word(tag) or f"{own} (OpenSim's default)"
                     raise element.problem(tag, word, expected)
-                numbers[field] = value
         except _Outside as reason:
             knee.found.outside[key] = str(reason)
         except _Unsupported as reason:
@@ -175,8 +171,7 @@ def _wrap(
 def outside_obstacles(
     knee: OsimKneeJoint, ligaments: list[OsimLigament], inside: str
 ) -> list[OsimLigament]:
-    """The fibres; those with a point inside their obstacle run straight, if that is allowed:
-    OpenSim itself leaves out an obstacle as long as a point lies inside it."""
+    """The fibres; straight, as in OpenSim, where a point lies inside the obstacle."""
     answer = [*ligaments]
     for row, ligament in enumerate(ligaments):
         wrap = ligament.wrap
@@ -220,9 +215,7 @@ def read_patella(
     model: Model, whole: OsimKneeJoint, beside: list[OsimLigament], knee: OsimKneeJoint,
     at: Mapping[str, float],
 ) -> tuple[dict[str, Any], list[paths.OsimPath]]:  # fmt: skip
-    """The section of the patella without contacts, with the muscles over the knee and ligaments
-    from the pelvis; those muscles. Empty where the model has no patella with ligaments and a
-    quadriceps. `whole` is the knee with pelvis and foot, at coordinates `at`."""
+    """The patella's section of a knee document, and its muscles; empty where parts are missing."""
     where = ", ".join(f"{name}={value:g}" for name, value in at.items())
     file = model.name + (f" at {where}" if at else "")
     notes, doubts = list[str](), list[str]()
@@ -286,8 +279,7 @@ def read_patella(
 def _muscles(
     model: Model, knee: OsimKneeJoint, notes: list[str], doubts: list[str]
 ) -> list[paths.OsimPath]:
-    """Muscles from the femur, or the pelvis above it, to the patella, the tibia or the foot.
-    `notes` gets a sentence for what was left out, `doubts` for a path that is not the model's."""
+    """Muscles over the knee; `notes` get what is left out, `doubts` what is not the model's."""
     wraps, found = paths.read_wraps(model), []
     for element in model.muscles():
         points = paths.path_points(model, element) if element.applied else []
@@ -315,8 +307,7 @@ def wrap_of(
     names = [one.last_word("wrap_object") for one in paths.path_objects(element, "PathWrapSet")]
     found = [
         wrap for name in names for wrap in wraps if wrap.element.name == name and wrap.active
-        and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS
-    ]
+        and knee.bone_of(wrap.body) in bones and wrap.element.tag in paths.WRAP_KINDS]
     notes += [f"Muscle {element.name} takes the shorter way around {wrap.key}, which the model "
               f"confines to the quadrant {wrap.element.word('quadrant')}."
               for wrap in found[:1] if wrap.unsupported]

@@ -25,8 +25,7 @@ _UNITS = (
 )
 #: Elements that hold no part of the model in use.
 _ASIDE = ("defaults", "ControllerSet", "MarkerSet", "ProbeSet")
-#: Sets of what acts, and how what stands elsewhere is known to.
-_ACTING = ("ForceSet", "ConstraintSet")
+#: How what acts is known where it stands in no set of forces or constraints.
 _SWITCHES = ("appliesForce", "isEnforced", "isDisabled")
 _ACTS = re.compile("(Force|Constraint|Ligament|Spring|Muscle|Actuator)[0-9]*$")
 
@@ -58,11 +57,10 @@ class Model:
                 raise found.problem(tag, word, unit)
         # Everything in the model but defaults, controllers and markers; of it bodies by name,
         # ground among them, and these and offset frames by the path of a component.
-        self.elements, waiting = list[Element](), [found]
+        aside = {element for top in found.iter(*_ASIDE) for element in top.iter("*")}
+        self.elements: list[Element] = [x for x in found.iter("*") if x not in aside]
         self.bodies, self.frames = dict[str, Element](), dict[str, Element]()
-        while waiting:
-            self.elements.append(element := waiting.pop())
-            waiting += [c for c in reversed(element.children) if c.tag not in _ASIDE]
+        for element in self.elements:
             if element.tag in ("Body", "Ground"):
                 self.bodies.setdefault(element.name or GROUND, element)
             if element.tag in ("Body", "Ground", "PhysicalOffsetFrame"):
@@ -85,7 +83,7 @@ class Model:
                 continue
             around = [outer.tag for outer in element.iterancestors() if outer.tag != "objects"]
             acts = _ACTS.search(element.tag) or element.child(*_SWITCHES) is not None
-            if around[0] in _ACTING or (around[0] == "components" and acts):
+            if around[0] in ("ForceSet", "ConstraintSet") or (around[0] == "components" and acts):
                 yield element
 
     def muscles(self) -> list[Element]:
@@ -130,13 +128,15 @@ class Model:
                 self._offsets[frame] = body, outer.after(own)
         return self._offsets[frame]
 
-    def body_of(self, owner: Element, tag: str) -> str:
-        """The body that an element of schema 3 names; InputProblem if there is none."""
+    def carrier(self, owner: Element, tag: str, socket: str) -> tuple[str, Rigid]:
+        """As `socket`, of an element that may name a body by a tag, as in schema 3."""
+        if owner.child(tag) is None:
+            return self.socket(owner, socket)
         word = owner.word(tag)
         if word not in self.bodies:
             nearest = tuple(self.bodies) if word else ()
             raise owner.problem(tag, word or "missing", "a body of the model", nearest)
-        return word
+        return word, Rigid()
 
 
 def read_model(path: str | os.PathLike[str], data: bytes | None = None) -> Model:
@@ -159,27 +159,22 @@ def _path(element: Element) -> str:
 
 #: A right knee of one hinge and one fibre, for examples: in schema 4, in metres and newtons.
 SMALLEST_MODEL = Path(__file__).with_name("smallest.osim").read_text(encoding="utf-8")
-
-
 #: Kinds of function that are understood.
 FUNCTIONS = (
     "Constant", "LinearFunction", "PolynomialFunction", "SimmSpline", "NaturalCubicSpline",
     "PiecewiseLinearFunction", "MultiplierFunction", "GCVSpline", "Sine",
 )  # fmt: skip
-#: Properties of an axis, a coordinate or a constraint that hold one.
-_HOLDERS = ("function", "prescribed_function", "coupled_coordinates_function")
 
 
 def function_of(owner: Element) -> Element | None:
     """The function of an axis, a coordinate or a constraint: its class begins with a capital."""
-    held = owner.child(*_HOLDERS)
+    held = owner.child("function", "prescribed_function", "coupled_coordinates_function")
     inside = (owner if held is None else held).children
     return next((child for child in inside if child.tag[:1].isupper()), None)
 
 
 def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
-    """A function's value, rad or m, at values of its coordinates: numbers, or arrays `(n,)`; raises
-    where its kind is not one of `FUNCTIONS`, or its numbers are not what that needs."""
+    """A function's value, rad or m, at values of its coordinates, numbers or `(n,)`."""
     x, kind = arguments[0] if arguments else 0.0, function.tag
     if kind not in FUNCTIONS:
         inner = (*FUNCTIONS, "TransformAxis")
@@ -210,7 +205,7 @@ def evaluate(function: Element, arguments: Sequence[Any]) -> Any:
             raise ValueError(f"{len(knots)} values of x and {len(values)} of y")
         if kind == "GCVSpline":
             return _natural(function, knots, values, x)
-        return (_between if kind == "PiecewiseLinearFunction" else simm_spline)(knots, values, x)
+        return (_linear if kind == "PiecewiseLinearFunction" else simm_spline)(knots, values, x)
     except InputProblem:
         raise
     except ValueError as error:
@@ -242,7 +237,7 @@ def simm_spline(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     Source: Forsythe, Malcolm and Moler, Computer Methods for Mathematical Computations (1977).
     """
     if len(knots) == 2 or np.any(np.diff(knots) <= 0):
-        return _between(knots, values, x)
+        return _linear(knots, values, x)
     ends = []
     for k in (slice(4), slice(-4, None)):
         x4, third = knots[k], values[k]
@@ -269,7 +264,7 @@ def _natural(function: Element, knots: np.ndarray, values: np.ndarray, x: Any) -
     return sum(spline(inside, i) * beyond**i / math.factorial(i) for i in range(half))
 
 
-def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
+def _linear(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
     i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
     width = knots[i + 1] - knots[i]
     slope = np.where(width > 0, values[i + 1] - values[i], 0.0) / np.where(width > 0, width, 1.0)
@@ -277,7 +272,7 @@ def _between(knots: np.ndarray, values: np.ndarray, x: Any) -> Any:
 
 
 def _numbers(function: Element, tag: str, at_least: int) -> np.ndarray:
-    numbers = [plain_number(word) for word in function.word(tag).split()]
-    if len(numbers) < at_least or not all(x is not None and math.isfinite(x) for x in numbers):
+    numbers = np.array([plain_number(word) for word in function.word(tag).split()], float)
+    if len(numbers) < at_least or not np.isfinite(numbers).all():
         raise ValueError(f"{tag}: {function.word(tag) or 'missing'}")
-    return np.array(numbers)
+    return numbers

@@ -30,14 +30,12 @@ _ORDER = FEMUR, PATELLA, TIBIA
 
 @dataclasses.dataclass(frozen=True)
 class _Carried:
-    """What a body or a frame on it carries."""
-
     element: Element
     body: str
     frame: exact.Rigid  # from the coordinates that it is stated in to the body's
 
     def carrier_in_bone(self, knee: OsimKneeJoint) -> exact.Rigid:
-        """The motion from the coordinates that it is stated in to its bone's."""
+        """From the coordinates that it is stated in to its bone's."""
         return knee.rigid[self.body][1].after(self.frame)
 
 
@@ -66,8 +64,8 @@ class OsimWrap(_Carried):
     @property
     def side(self) -> str:
         """The side on which paths must pass a cylinder; empty where they take the shorter way."""
-        around = self.element.tag == "WrapCylinder"
-        return _SIDES.get(self.element.word("quadrant").lower(), "") if around else ""
+        quadrant = self.element.word("quadrant").lower()
+        return _SIDES.get(quadrant, "") if self.element.tag == "WrapCylinder" else ""
 
     @property
     def unsupported(self) -> str:
@@ -85,11 +83,9 @@ class OsimWrap(_Carried):
         carrier, turn = self.carrier_in_bone(knee), self.element.point("xyz_body_rotation")
         if carrier.turns:
             turn = exact.decimals(exact.angles_xyz(carrier.turn @ exact.turn_xyz(turn)))
+        center = exact.millimetres(carrier.point(self.element.point("translation")))
         document: dict[str, Any] = {
-            "kind": kind,
-            "bone": knee.bone_of(self.body),
-            "center_mm": exact.millimetres(carrier.point(self.element.point("translation"))),
-        }
+            "kind": kind, "bone": knee.bone_of(self.body), "center_mm": center}
         angles = [exact.degrees(x) for x in turn]
         document |= {"rotation_deg": angles} if any(angles) else {}
         for field, tag, count in sizes:
@@ -104,14 +100,12 @@ class OsimWrap(_Carried):
     def deepest(
         self, knee: OsimKneeJoint, points: Iterable[OsimPoint]
     ) -> tuple[float, OsimPoint] | None:
-        """Depth of the deepest point inside it at the reference pose, mm, and the point; None where
-        all lie outside. Along the ray from its centre, in a cylinder across it or to its end."""
+        """Depth of the deepest point inside it, mm, and the point; None where all lie outside."""
         entry, found = self.document(knee, ""), None
         back = knee.in_femur[entry["bone"]].inverse()
         turn = exact.turn_xyz(np.deg2rad(entry.get("rotation_deg", [0.0, 0.0, 0.0])))
         for point in points:
-            x = 1e3 * back.point(point.in_femur(knee)) - np.asarray(entry["center_mm"], float)
-            x = turn.T @ x
+            x = turn.T @ (1e3 * back.point(point.in_femur(knee)) - np.asarray(entry["center_mm"]))
             if entry["kind"] == "cylinder":
                 across = entry["radius_mm"] - float(np.hypot(x[0], x[1]))
                 depth = min(across, entry["length_mm"] / 2.0 - abs(float(x[2])))
@@ -143,21 +137,16 @@ class OsimPath:
 
 def path_objects(element: Element, name: str) -> list[Element]:
     """What a set of the path of a force holds."""
-    inside = element.find(f"GeometryPath/{name}/objects")
-    return element.inside("GeometryPath", name) if inside is None else inside.children
+    inside = f"GeometryPath[1]/{name}[1]"
+    return element.xpath(f"{inside}/objects[1]/* | {inside}[not(objects)]/*")
 
 
 def path_points(model: Model, element: Element) -> list[OsimPoint]:
     """The points of the path of a force, with the bodies that carry them."""
-    found = []
-    for point in path_objects(element, "PathPointSet"):
-        if point.child("body") is not None:
-            where = model.body_of(point, "body"), exact.Rigid()
-        else:
-            where = model.socket(point, "parent_frame")
-        at = exact.ORIGIN if point.tag == "MovingPathPoint" else point.point("location")
-        found.append(OsimPoint(point, *where, at))
-    return found
+    return [
+        OsimPoint(point, *model.carrier(point, "body", "parent_frame"),
+                  exact.ORIGIN if point.tag == "MovingPathPoint" else point.point("location"))
+        for point in path_objects(element, "PathPointSet")]
 
 
 def in_order(first: str, last: str) -> bool:
@@ -169,12 +158,11 @@ def read_wraps(model: Model) -> list[OsimWrap]:
     """Every wrap object of a model, of any kind and body."""
     carriers, keys, answer = {*model.frames.values()}, Counted(), []
     for element in model.elements:
-        outer = element.getparent()
-        if not element.tag.startswith("Wrap") or outer.tag not in ("objects", "WrapObjectSet"):
+        if not element.tag.startswith("Wrap") or not element.xpath(
+                "parent::WrapObjectSet | parent::objects[ancestor::WrapObjectSet]"):
             continue
-        around = [*element.iterancestors()]
-        carrier = next((e for e in around if e in carriers), None)
-        if carrier is not None and any(e.tag == "WrapObjectSet" for e in around):
+        carrier = next((e for e in element.iterancestors() if e in carriers), None)
+        if carrier is not None:
             active = element.truth("active", True)
             answer.append(OsimWrap(element, *model.place(carrier), keys(element.name), active))
     return answer

@@ -17,23 +17,18 @@ from kneejax.files.opensim.joints import Joint, Movement, coordinate_columns, co
 from kneejax.files.opensim.knee import OsimKneeJoint, chain, connected, find_knee
 from kneejax.files.opensim.model import GROUND, Model, evaluate, read_model
 from kneejax.files.reading import InputProblem
-from kneejax.files.tables import storage
-from kneejax.files.tables.storage import Storage
+from kneejax.files.tables.storage import Storage, angles_rad, common_times, last_word, read_storage
 from kneejax.geometry import FEMUR, TIBIA, Pose, State
 from kneejax.mechanics import RANGES, Knee, LegRecord, MovingMass, wrench_in_frame
 from kneejax.quantities import nearest_name
 
-#: Between the five instants by which accelerations are taken, s.
-_STEP_S = 5e-4
+_STEP_S = 5e-4  # between the five instants by which accelerations are taken, s
 #: Columns of a table of no known kind that are named.
 _SHOWN = 4
 _AXES = tuple(f"{kind}{axis}" for kind in "fmp" for axis in "xyz")
-#: A knee's bones are no farther from where its joint has them, m.
-_MOST_M = 0.3
-#: No knee bends faster, degrees/s: twice a kick's.
-_FASTEST_DEG_S = 3000.0
-#: Rows of a record of a movement are nearer to each other, s.
-_SLOWEST_S = 1.0
+_MOST_M = 0.3  # a knee's bones are no farther from where its joint has them, m
+_FASTEST_DEG_S = 3000.0  # no knee bends faster, degrees/s: twice a kick's
+_SLOWEST_S = 1.0  # rows of a record of a movement are nearer to each other, s
 #: Largest force, moment and distance of a joint reaction: no person's knee holds more, and its
 #: point lies on the tibia.
 _REACTION = (
@@ -80,7 +75,7 @@ def read_activity(
     bones = find_knee(model, side, femur, tibia)
     given = sorted_files(model, bones, files, called)
     motion, pulls, reaction, external = map(given.get, _KINDS)
-    time = storage.common_times([x.table if x is external else x for x in given.values()], instants)
+    time = common_times([x.table if x is external else x for x in given.values()], instants)
     shifts = frames if isinstance(frames, Registration) else registration(
         model, bones, knee, document or {}, frames)
     around = moved_around(model, bones, motion, time)
@@ -134,8 +129,8 @@ def sorted_files(
         if Path(path).suffix.lower() == ".xml":
             kind, value = "external loads", forces.read_external_loads(path, model, called)
         else:
-            value = storage.read_storage(path).renamed(called)
-            words = {storage.last_word(name) for name in value.columns}
+            value = read_storage(path).renamed(called)
+            words = {last_word(name) for name in value.columns}
             has = (flexion in words, len(words & muscles) > 1,
                    any(on_tibia in name.lower() for name in value.columns))
             kind = next((one for one, there in zip(_KINDS, has, strict=False) if there), "")
@@ -165,13 +160,11 @@ def bodies_below(joints: Sequence[Joint], bones: OsimKneeJoint) -> set[str]:
                      and not {joint.parent, joint.child} & above)
 
 
-def moved_around(
-    model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray
-) -> Movement:
+def moved_around(model: Model, bones: OsimKneeJoint, table: Storage, time: np.ndarray) -> Movement:
     """The model at five instants about each of `(n,)`, along a first axis."""
     columns, flexion = coordinate_columns(model, table), flexion_coordinate(bones)
     known = coordinates_of(kinematics.read_joints(model))
-    storage.angles_rad(table, columns[flexion])
+    angles_rad(table, columns[flexion])
     for c in coordinates_of(bones.joints):
         values = table.columns[columns[c.name]] if c.name in columns else np.array([c.default])
         farthest = float(values[np.abs(values - c.default).argmax()])
@@ -249,8 +242,7 @@ def _check_columns(
     model: Model, bones: OsimKneeJoint, below: set[str], table: Storage, notes: list[str],
     doubts: list[str],
 ) -> None:  # fmt: skip
-    """Doubt times in another unit, and joints between ground and leg without a column; note
-    coordinates of such joints that have none while others do."""
+    """Doubt units of time, and joints of the leg without columns; note single coordinates."""
     joints, columns = kinematics.read_joints(model), coordinate_columns(model, table)
     file, steps, absent = Path(table.file).name, np.diff(table.time), []
     bend = coordinates_of(bones.joints)[0]

@@ -12,7 +12,7 @@ from kneejax.files.opensim.joints import read_joints
 from kneejax.files.opensim.knee import SIDES, OsimKneeJoint, beyond, is_between
 from kneejax.files.opensim.ligaments import KIND, TRANSITION_WIDTH
 from kneejax.files.opensim.model import GROUND, Model
-from kneejax.files.opensim.xml import Element, last_word
+from kneejax.files.opensim.xml import Element, etree, last_word
 from kneejax.geometry import COLUMNS, PATELLA, TIBIA
 from kneejax.mechanics import ligament_law
 
@@ -34,6 +34,7 @@ _KINDS = {
     "fibre": "Ligament", "coupler": "Coupler", "constraint": "Constraint", "bushing": "Bushing",
     "spring": "Spring|LimitForce|StopForce", "actuator": "Actuator", "other force": "",
 }  # fmt: skip
+_LEAVES = etree.XPath("descendant-or-self::*[not(*)]")
 _PLURALS = {"meniscus": "menisci", "body": "bodies"}
 
 
@@ -56,9 +57,7 @@ def untaken(
     model: Model, knee: OsimKneeJoint, taken: Iterable[Element], unwanted: Collection[str],
     patella: bool, rings: Collection[str],
 ) -> tuple[list[Untaken], list[str]]:
-    """Forces and constraints but those taken, and bodies at the knee that are part of no bone. One
-    of any class acts on the knee if words of it name bodies on two sides of its joints, of which
-    one is at the knee (or frames or contact geometry on them), or a coordinate of these joints."""
+    """Forces and constraints but those taken; bodies at the knee that are part of no bone."""
     joints, known = read_joints(model), {*taken}
     between = [x for x in joints if is_between(x) and {x.parent, x.child} & {*knee.rigid}]
     cut = [*between, *knee.joints]
@@ -92,7 +91,7 @@ def untaken(
             continue
         # Bodies and coordinates that anything within it names.
         on, asked = set(), set()
-        for leaf in _leaves(element):
+        for leaf in _LEAVES(element):
             for word in leaf.content.split() if leaf.tag != "wrap_object" else ():
                 last, socket = last_word(word), leaf.tag.startswith("socket_")
                 frame = model.frame(word, leaf.getparent()) if socket else None
@@ -144,15 +143,12 @@ def _how(element: Element) -> str:
         return OFF
     if element.tag.endswith("Actuator"):
         return DRIVEN
-    stiff = [e.content for e in _leaves(element) if "stiffness" in e.tag]
-    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in _leaves(element))
+    leaves = _LEAVES(element)
+    stiff = [e.content for e in leaves if "stiffness" in e.tag]
+    expressed = any("expression" in e.tag and e.content not in ("", "0") for e in leaves)
     # Zeros of any form are no stiffness.
     some = any(word.strip("0.+-") for text in stiff for word in text.lower().split("e")[0].split())
     return IN_MOTION if stiff and not expressed and not some else ACTS
-
-
-def _leaves(element: Element) -> list[Element]:
-    return [e for e in element.iter("*") if not e.children]
 
 
 def format_import_report(read: OsimImport, geometry: tuple[str, ...] = ()) -> str:

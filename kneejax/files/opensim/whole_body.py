@@ -28,8 +28,7 @@ from kneejax.numerics import check_installed
 
 #: Instants of static optimisation where no number is asked for: it is the slow part.
 _USUAL_INSTANTS = 151
-#: Steps of a table that differ by more are made even, s.
-_UNEVEN_S = 1e-6
+_UNEVEN_S = 1e-6  # steps of a table that differ by more are made even, s
 #: What reserves give before a muscle would be spared for them: N m, and N at the ground.
 _RESERVE = 1.0
 _NAME = "reserves.xml"
@@ -100,7 +99,7 @@ def whole_body(
     tables = [table] if loads is None else [table, read_external_loads(loads, model).table]
     if actuators is not None:
         file = parse_xml(actuators, _ACTUATORS)
-        if all(element.tag != "ForceSet" for element in file.root.iter("*")):
+        if next(file.root.iter("ForceSet"), None) is None:
             raise file.root.problem("", file.root.tag, _ACTUATORS)
     common_times(tables)
     begin, end = max(x.time[0] for x in tables), min(x.time[-1] for x in tables)
@@ -183,10 +182,8 @@ def _reserves(model: Model) -> str:
             f"<CoordinateActuator name={quoteattr(f'{one.name}_{kind}')}>"
             f"<coordinate>{one.name}</coordinate><optimal_force>{_RESERVE:g}</optimal_force>"
             "<min_control>-Inf</min_control><max_control>Inf</max_control></CoordinateActuator>\n"
-            for one in joint.coordinates if not one.locked
-        ]
+            for one in joint.coordinates if not one.locked]
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n<OpenSimDocument Version="40000">\n'
         f'<ForceSet name="reserves"><objects>\n{"".join(rows)}</objects></ForceSet>\n'
-        "</OpenSimDocument>\n"
-    )
+        "</OpenSimDocument>\n")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import codecs
-import itertools
 import os
 import re
 from collections.abc import Collection, Sequence
@@ -74,17 +73,12 @@ class Element(etree.ElementBase):
         """The first child with the first of these tags that any child has."""
         return next((x for x in map(self.find, tags) if x is not None), None)
 
-    def inside(self, *tags: str) -> list[Element]:
-        """Children of the element reached by following one tag after the other."""
-        found = self.find("/".join(tags))
-        return [] if found is None else found.children
-
     def word(self, *tags: str, default: str = "") -> str:
         """Text of a child, or of that of its class in the model's `<defaults>`, or `default`."""
         child = self.child(*tags)
         if child is None or not child.content:
             usual = self.getroottree().getroot().find("Model/defaults")
-            same = [] if usual is None else [one for one in usual.children if one.tag == self.tag]
+            same = [] if usual is None else [*usual.iterchildren(self.tag)]
             child = same[-1].child(*tags) if same and same[-1] is not self else None
         return (child.content if child is not None else "") or default
 
@@ -125,15 +119,15 @@ class Element(etree.ElementBase):
             del self[:]
             self.text = " ".join(words)
             return
-        number = itertools.count()
+        numbered = enumerate(words)
 
-        def written(text: str | None) -> str | None:
-            return re.sub(r"\S+", lambda found: words[k] if (k := next(number)) in changed
-                          else found[0], text or "") or None
+        def written(found: re.Match[str]) -> str:
+            k, word = next(numbered)
+            return word if k in changed else found[0]
 
-        self.text = written(self.text)
+        self.text = re.sub(r"\S+", written, self.text or "") or None
         for comment in self:
-            comment.tail = written(comment.tail)
+            comment.tail = re.sub(r"\S+", written, comment.tail or "") or None
 
     def add(self, tag: str, text: str) -> None:
         """Add a child at the end, indented like the last one."""
@@ -176,8 +170,7 @@ class XmlFile(NamedTuple):
     root: Element
 
     def written(self) -> bytes:
-        """The file with the elements as they are now. Its encoding, what stands around the root,
-        comments, space, ends of lines and the way to close an empty element stay."""
+        """The file with its elements as they are now; what did not change stays to the letter."""
         text, closed = self.text, f"</{self.root.tag}"
         new = etree.tostring(self.root, encoding="unicode", with_tail=False)
         if 2 * text.count(" />") > text.count("/>"):
@@ -222,14 +215,7 @@ def parse_xml(path: str | os.PathLike[str], kind: str, data: bytes | None = None
     return XmlFile(Path(path), original, text, encoding, root)
 
 
-def element_of(text: str) -> Element:
-    """An element of a text that kneejax wrote."""
-    root, error = _parsed(text)
-    assert root is not None and error is None
-    return root
-
-
-def _parsed(text: str, path: str | os.PathLike[str] = ""):
+def _parsed(text: str, path: str | os.PathLike[str]):
     """Root and first error of a text; entities stay, and OpenSim's names with `::` are no error."""
     parser = etree.XMLParser(encoding="utf-8", resolve_entities=False, no_network=True,
                              load_dtd=False, huge_tree=False, strip_cdata=False, recover=True)

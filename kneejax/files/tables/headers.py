@@ -37,8 +37,7 @@ _BESIDE = _LOAD | {
 _TESTED = {"ap": "anterior_N", "drawer": "anterior_N", "lachman": "anterior_N",
            "axial": "compression_N", "vv": "varus_Nm", "ie": "internal_Nm",
            "torsion": "internal_Nm"}  # fmt: skip
-#: Unit -> what it is called.
-_WORDS = {"mm": "mm", "deg": "degrees", "N": "N", "Nm": "N m"}
+_WORDS = {"mm": "mm", "deg": "degrees", "N": "N", "Nm": "N m"}  # unit -> what it is called
 #: mm below which all translations of a table are metres: no knee moves less.
 METRES_BELOW = 0.1
 #: N m that no knee has had; N mm are a thousand times as large.
@@ -99,9 +98,7 @@ def by_headers(
     table, ignore: Collection[str] = (), about: str = "",
     known: Collection[str] = (*COLUMNS, *NAMED_LOADS),
 ) -> tuple[list[str], list[str]]:  # fmt: skip
-    """Name columns of a table by their headers, beside those that have a name. `ignore` are columns
-    that do not count, `known` names that do; `about` says what the table is of, for a load without
-    a direction. Gives what was assumed, a phrase each; columns that are not used."""
+    """Name columns by their headers; what was assumed, a phrase each, and columns not used."""
     used = {column for column, _ in table.named.values()} | {*ignore}
     read = [x for own in table.header if own not in used and (x := header_meaning(own)) is not None]
     # A load without a direction takes that of the test, where its name says one.

@@ -16,8 +16,7 @@ from kneejax.files.tables.tables import Table
 _KIND = "an OpenSim table (.sto or .mot)"
 #: Words of a header that count rows and columns, as OpenSim and as SIMM call them.
 _COUNTS = ("nrows", "ncolumns", "datarows", "datacolumns")
-#: Degree of the splines between rows: accelerations are continuous.
-_DEGREE = 5
+_DEGREE = 5  # degree of the splines between rows: accelerations are continuous
 #: Line of an old header -> whether angles are degrees.
 _SENTENCES = {"angles are in degrees.": True, "angles are in radians.": False}
 _VERSION = re.compile(r"\s*version(?:\s|=|$)", re.IGNORECASE)
@@ -53,8 +52,7 @@ class Storage:
         return dataclasses.replace(self, columns=columns)
 
     def at(self, time: np.ndarray, names: Sequence[str], degree: int = _DEGREE) -> np.ndarray:
-        """Columns at other times, `(...)`, s, by splines through the rows, `(len(names), ...)`; of
-        degree 1 where the columns jump, as forces from the ground do."""
+        """Columns at times `(...)`, s, by splines (of degree 1 where they jump): `(names, ...)`."""
         if not len(names):
             return np.zeros((0, *np.shape(time)))
         values = np.stack([self.named(name) for name in names], axis=1)
@@ -135,8 +133,7 @@ def read_storage(path: str | os.PathLike[str]) -> Storage:
 
 
 def angles_rad(table: Storage, name: str) -> np.ndarray:
-    """A column of angles, rad, by what the header says of it: the flexion of a knee, which no
-    movement keeps within 3 degrees. Refuses degrees that look like radians, and the reverse."""
+    """A column of a knee's flexion, rad; refused where its header seems to say the other unit."""
     values = table.named(name)
     largest, shown = np.abs(values).max(), f"{values.min():.3g} to {values.max():.3g}"
     said, other = ("degrees", "radians") if table.in_degrees else ("radians", "degrees")

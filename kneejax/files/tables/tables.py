@@ -26,6 +26,9 @@ from kneejax.quantities import nearest_name
 #: characters that some of them take for the same.
 _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
 
+#: How laboratories call columns of the patellofemoral joint.
+_PATELLOFEMORAL = re.compile(r"(?:^|[^a-z])(?:pf|patell)", re.IGNORECASE)
+
 
 def read_poses(
     path: str | os.PathLike[str], convention: str = FEMORAL,
@@ -165,9 +168,9 @@ class Table:
                 self.wrong(name, f"{count} columns", "one column of this name")
         missing = [name for name in columns if name not in self.header]
         # A column that is needed itself is no misspelling of another, nor is one of another joint.
-        others = [x for x in self.header if x not in columns]
-        near = {name: nearest_name(name, [x for x in others if _joint(x) == _joint(name)])
-                for name in missing}
+        joint = {x: _PATELLOFEMORAL.search(x) is None for x in (*self.header, *missing)}
+        near = {name: nearest_name(name, [x for x in self.header if x not in columns
+                                          and joint[x] == joint[name]]) for name in missing}
         if missing:
             one = len(missing) == 1
             what = f"{'this column' if one else 'these columns'} among {', '.join(self.header)}"
@@ -189,8 +192,7 @@ class Table:
                 raise InputProblem(self.file, place, said, expected)
 
     def check_units(self, poses: np.ndarray, least_deg: float = 0.5) -> None:
-        """Suspect metres and radians among poses `(n, 6)`; NaN where there is nothing to doubt;
-        flexions in radians span some degrees more than `least_deg`."""
+        """Suspect metres and radians among poses `(n, 6)`; NaN where nothing is to be doubted."""
         names = [self.named.get(name, (name,))[0] for name in COLUMNS]
         shifts, turns = (np.abs(poses[:, own]) for own in (slice(3, 6), slice(1, 3)))
         largest = np.nanmax(shifts, initial=0.0)
@@ -217,8 +219,7 @@ class Table:
         return found
 
     def column(self, name: str, allowed: Range | None = None, empty: bool = False) -> np.ndarray:
-        """Numbers of a column, in the package's unit and sense; NaN of cells that are empty where
-        they may be, no finite number or out of range, the first of which is a mistake."""
+        """Numbers of a column, in the package's unit; NaN where a cell is empty or a mistake."""
         own, factor = self.named.get(name, (name, 1.0))
         values, good, k = np.full(len(self.rows), np.nan), True, self.header.index(own)
         for row, (_, cells) in enumerate(self.rows):
@@ -250,8 +251,7 @@ def assumed(file: str, phrases: Sequence[str]) -> None:
 
 
 def column_range(name: str) -> Range:
-    """What may stand in a column: of a load, of a pose of any bone, or of what was read of a part.
-    A load cell that reads nothing reads less as often."""
+    """What may stand in a column; a load cell that reads nothing reads less as often."""
     if name in (COLUMNS[0], "weight", "time_s", *NAMED_LOADS):
         return RANGES[name]
     kinds = {".strain": "strain", "_N": "force_N", "_deg": "rotation_deg", "_mm": "point_mm"}
@@ -340,21 +340,10 @@ def write_rows(
     reading.write_text(path, stream.getvalue())
 
 
-def read_rows(file: str, sought: Sequence[str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
-    """The header, which has the columns sought, and line number and cells of each row not blank."""
-    table = Table.read(file, sought)
-    return table.header, table.rows
-
-
 def check_convention(file: str, convention: str) -> None:
     """Refuse a convention that is none."""
     if convention not in CONVENTIONS:
         raise InputProblem(file, "convention", convention, CONVENTIONS)
-
-
-def _joint(column: str) -> bool:
-    """Whether a column is of the patellofemoral joint, as laboratories call it."""
-    return re.search(r"(?:^|[^a-z])(?:pf|patell)", column, re.IGNORECASE) is not None
 
 
 def _cell(value: Any) -> Any:

@@ -24,7 +24,6 @@ from kneejax.files.opensim.exact import (
     radians,
     read_decimal,
     shifted,
-    unshifted,
     write_decimal,
 )
 from kneejax.geometry import Pose
@@ -57,7 +56,7 @@ def changed(tmp_path):
 
 @given(st.floats(-1e3, 1e3).filter(lambda x: x == 0 or abs(x) > 1e-9))
 def test_every_millimetre_survives_the_way_to_metres_and_back(x):
-    word = write_decimal(unshifted(x, METRES_TO_MM))
+    word = write_decimal(decimals(x, METRES_TO_MM))
     assert shifted(read_decimal(word), METRES_TO_MM) == x
     assert float(word) == pytest.approx(x / 1000, rel=1e-15)
 
