@@ -17,7 +17,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Placement, Pose, from_drawer
+from kneejax.geometry._pose import Placement, Pose
 from kneejax.numerics import numpy_for
 from kneejax.quantities import nearest_name
 
@@ -176,9 +176,8 @@ def free_of(prescribed: Iterable[str], bodies: Iterable[str] = (TIBIA,)) -> tupl
     """
     held, every = set(prescribed), coordinates_of(bodies)
     if held.intersection(_FLEXED):
-        every = tuple(
-            ALONG_FLEXED_TIBIA[name].name if name in ALONG_FLEXED_TIBIA else name for name in every
-        )
+        flexed = {name: one.name for name, one in ALONG_FLEXED_TIBIA.items()}
+        every = tuple(flexed.get(name, name) for name in every)
     for name in held.difference(every):
         raise KeyError(name)
     return tuple(name for name in every if name not in held)
@@ -275,8 +274,10 @@ class State(eqx.Module):
         free, rows = free_of(prescribed, bodies), numpy_for(q).asarray(q)
         values = {**prescribed, **dict(zip(free, rows, strict=True))}
         if "drawer" in values:
-            turned = from_drawer(values["flexion"], values["drawer"], values["lift"])
-            values["anterior"], values["superior"] = turned
+            # The inverse of `Pose.drawer` and `Pose.lift`.
+            drawer, lift = values["drawer"], values["lift"]
+            c, s = jnp.cos(values["flexion"]), jnp.sin(values["flexion"])
+            values["anterior"], values["superior"] = c * drawer + s * lift, c * lift - s * drawer
         names = coordinates_of(bodies)
         xp = numpy_for(values)
         every = xp.broadcast_arrays(*(xp.asarray(values[name], float) for name in names))

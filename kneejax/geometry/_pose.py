@@ -173,13 +173,6 @@ def _floats(x: ArrayLike) -> Array:
     return jnp.asarray(numpy_for(x).asarray(x, float), float)
 
 
-def from_drawer(flexion: Array, drawer: Array, lift: Array) -> tuple[Array, Array]:
-    """Anterior and superior translation along the femur's axes, mm, from those turned by flexion
-    (`Pose.drawer`, `Pose.lift`)."""
-    c, s = jnp.cos(flexion), jnp.sin(flexion)
-    return c * drawer + s * lift, c * lift - s * drawer
-
-
 def rotation_from_angles(flexion: Array, adduction: Array, internal_rotation: Array) -> Matrix:
     """`Rz(-flexion) Rx(adduction) Ry(internal_rotation)`, written out.
 

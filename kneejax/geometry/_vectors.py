@@ -58,9 +58,28 @@ def minus(a: Component, b: Component) -> Component:
     return -b if isinstance(a, float) and a == 0.0 else a - b
 
 
+class _Three:
+    """What has the entries `x`, `y` and `z`, in this order."""
+
+    __slots__ = ()
+    __array_ufunc__ = None  # an array times a vector is the vector's affair
+    x: Any
+    y: Any
+    z: Any
+
+    def __iter__(self) -> Iterator[Any]:
+        return iter((self.x, self.y, self.z))
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, index: int) -> Any:
+        return (self.x, self.y, self.z)[index]
+
+
 @partial(jax.tree_util.register_dataclass, data_fields=["x", "y", "z"], meta_fields=[])
 @dataclass(frozen=True, slots=True, eq=False)
-class Vector:
+class Vector(_Three):
     """A vector: `a + b`, `a - b`, `s * a`, `a / s`, scalar product `a @ b`, `a.cross(b)`.
 
     `a * b` is taken component by component, as NumPy does.
@@ -80,21 +99,10 @@ class Vector:
     y: Component
     z: Component
 
-    __array_ufunc__ = None  # an array times a vector is the vector's affair
-
     @classmethod
     def of(cls, components: Array) -> Vector:
         """The vector whose components stand along axis 0 of an array."""
         return cls(components[0], components[1], components[2])
-
-    def __iter__(self) -> Iterator[Any]:
-        return iter((self.x, self.y, self.z))
-
-    def __len__(self) -> int:
-        return 3
-
-    def __getitem__(self, index: int) -> Any:
-        return (self.x, self.y, self.z)[index]
 
     def __add__(self, other: Vector) -> Vector:
         return Vector(plus(self.x, other.x), plus(self.y, other.y), plus(self.z, other.z))
@@ -140,7 +148,7 @@ ZERO = Vector(0.0, 0.0, 0.0)
 
 @partial(jax.tree_util.register_dataclass, data_fields=["x", "y", "z"], meta_fields=[])
 @dataclass(frozen=True, slots=True, eq=False)
-class Matrix:
+class Matrix(_Three):
     """Three rows: `m @ a` of a vector, `m @ n` of a matrix, `m.T`; a rotation's inverse is `m.T`.
 
     Attributes:
@@ -158,17 +166,6 @@ class Matrix:
     x: Vector
     y: Vector
     z: Vector
-
-    __array_ufunc__ = None
-
-    def __iter__(self) -> Iterator[Vector]:
-        return iter((self.x, self.y, self.z))
-
-    def __len__(self) -> int:
-        return 3
-
-    def __getitem__(self, index: int) -> Vector:
-        return (self.x, self.y, self.z)[index]
 
     @overload
     def __matmul__(self, other: Vector) -> Vector: ...

@@ -1,11 +1,11 @@
 """Simplified joints: a tibia that turns about an axis, fixed or moving with flexion."""
 
-from kneejax.joints._clinical import MEASURES as MEASURES
-from kneejax.joints._clinical import clinical_measures as clinical_measures
-from kneejax.joints._clinical import poses_from_clinical as poses_from_clinical
 from kneejax.joints._comparison import MEASURED as MEASURED
+from kneejax.joints._comparison import MEASURES as MEASURES
 from kneejax.joints._comparison import Comparison as Comparison
+from kneejax.joints._comparison import clinical_measures as clinical_measures
 from kneejax.joints._comparison import compare_motions as compare_motions
+from kneejax.joints._comparison import poses_from_clinical as poses_from_clinical
 from kneejax.joints._facets import EXTENSION_DEG as EXTENSION_DEG
 from kneejax.joints._facets import FLEXION_DEG as FLEXION_DEG
 from kneejax.joints._facets import CondyleAxes as CondyleAxes

@@ -1,22 +1,23 @@
-"""How well joint models predict measured motion: the statistics of paper 5, Tables 1 to 5."""
+"""The clinical measures of paper 5, and how well joint models predict measured motion in them: the
+statistics of its Tables 1 to 5."""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+import warnings
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from kneejax.joints._clinical import MEASURES
+from kneejax.geometry import COORDINATES, convert, table_units
 from kneejax.joints._repeated_measures import (
     RepeatedMeasures,
     UnsuitableMotions,
     check_level,
     is_tested,
     repeated_measures,
-    standard_error,
 )
 from kneejax.numerics import Named
 
@@ -26,64 +27,123 @@ _FEWEST_POINTS = 3
 
 
 @dataclasses.dataclass(frozen=True)
-class Summary:
-    """One motion over the subjects (paper 5, Tables 1 to 3).
+class ClinicalMeasure:
+    """A measure as paper 5 names it, with the meaning of positive values, `mm` or `deg`."""
 
-    Attributes:
-        motion: `measured` or a model.
-        conditions: names of the rows: each flexion; `average` over all and, where some are left
-            out, `average compared`; `min`, `max` and `ROM` of each subject's own motion.
-        mean: shape `(conditions, 5)`, mm and degrees, in the order of `MEASURES`.
-        sd: likewise. As in the paper, that of an average is the mean of its rows'. NaN of a single
-            subject.
+    name: str
+    meaning: str
+    unit: str
+
+    @property
+    def column(self) -> str:
+        """Column of a table: `ML_mm`, ..., `IE_deg`."""
+        return f"{self.name}_{self.unit}"
+
+
+#: In paper 5's order. It prints no signs: they follow from its text and from its Table 3, whose
+#: rows are one hinge only with ML lateral and CD distal.
+MEASURES = (
+    ClinicalMeasure("ML", "tibia lateral of the femur", "mm"),
+    ClinicalMeasure("AP", "tibia anterior of the femur", "mm"),
+    ClinicalMeasure("CD", "tibia distal of the femur", "mm"),
+    ClinicalMeasure("AA", "adduction", "deg"),
+    ClinicalMeasure("IE", "internal rotation", "deg"),
+)
+_PER_UNIT = table_units(COORDINATES)
+_FLEXION, _AA, _IE, _ANTERIOR, _SUPERIOR, _LATERAL = range(len(COORDINATES))
+
+
+def clinical_measures(table: ArrayLike) -> np.ndarray:
+    """Express poses in the clinical measures of paper 5.
+
+    The way from the femur's origin to the tibia's is projected onto the three axes of Grood and
+    Suntay. Two of them are not orthogonal, so a projection is not the component along an axis,
+    which the package's convention `grood-suntay` gives: at 3 degrees of adduction ML differs by
+    2 mm.
+
+    Args:
+        table: shape `(..., 6)`, degrees and mm, in the package's convention and the order of
+            `kneejax.geometry.COLUMNS`.
+
+    Returns:
+        Shape `(..., 5)`, mm and degrees, in the order of `MEASURES`: projections onto the femoral
+        medial-lateral axis (ML, lateral positive), the floating (AP, anterior positive) and the
+        tibial long axis (CD, distal positive), adduction (AA) and internal rotation (IE).
+
+    Source: paper 5, section 2.4; Grood and Suntay (1983).
+
+    Example:
+        >>> clinical_measures([0.0, 2.0, 5.0, -3.0, -35.0, 4.0]).round(2).tolist()
+        [4.0, -3.0, 34.84, 2.0, 5.0]
     """
+    rows = np.moveaxis(np.asarray(table, float) / _PER_UNIT, -1, 0)
+    seen = np.asarray(convert(rows, "femoral", "grood-suntay"))
+    lean = np.sin(seen[_AA])  # cosine of the angle between the two axes that are not orthogonal
+    lateral = seen[_LATERAL] + lean * seen[_SUPERIOR]
+    distal = -(seen[_SUPERIOR] + lean * seen[_LATERAL])
+    turns = np.rad2deg(seen[[_AA, _IE]])
+    return np.stack([lateral, seen[_ANTERIOR], distal, *turns], axis=-1)
 
-    motion: str
+
+def poses_from_clinical(flexion_deg: ArrayLike, measures: ArrayLike) -> np.ndarray:
+    """The poses that clinical measures describe: the inverse of `clinical_measures`.
+
+    Args:
+        flexion_deg: shape `(...)`.
+        measures: shape `(..., 5)`, mm and degrees, in the order of `MEASURES`.
+
+    Returns:
+        Shape `(..., 6)`, degrees and mm, in the package's convention.
+
+    Example:
+        >>> poses_from_clinical(0.0, [4.0, -3.0, 35.0, 0.0, 5.0]).round(6).tolist()
+        [0.0, 0.0, 5.0, -3.0, -35.0, 4.0]
+    """
+    lateral, anterior, distal, adduction, rotation = np.moveaxis(np.asarray(measures, float), -1, 0)
+    flexion, turns = np.deg2rad(np.asarray(flexion_deg, float)), np.deg2rad([adduction, rotation])
+    lean = np.sin(turns[0])
+    along = (lateral + lean * distal) / (1.0 - lean * lean)
+    up = -(distal + lean * lateral) / (1.0 - lean * lean)
+    rows = np.stack(np.broadcast_arrays(flexion, *turns, anterior, up, along))
+    table = np.moveaxis(np.asarray(convert(rows, "grood-suntay", "femoral")), 0, -1)
+    return table * _PER_UNIT
+
+
+@dataclasses.dataclass(frozen=True)
+class Summary:
+    """One motion over the subjects (paper 5, Tables 1 to 3), `(conditions, 5)`, mm and degrees, in
+    the order of `MEASURES`."""
+
+    motion: str  # `measured` or a model
+    # Each flexion; `average` over all and, where some are left out, `average compared`; `min`,
+    # `max` and `ROM` of each subject's own motion.
     conditions: tuple[str, ...]
     mean: np.ndarray
-    sd: np.ndarray
+    sd: np.ndarray  # that of an average is, as in the paper, the mean of its rows'
 
 
 @dataclasses.dataclass(frozen=True)
 class Difference:
-    """One motion minus another (paper 5, Table 4).
+    """One motion minus another (paper 5, Table 4), `(conditions, 5)`, mm and degrees."""
 
-    Attributes:
-        first: `measured` or a model.
-        second: a model.
-        conditions: each compared flexion, then `average`.
-        mean: shape `(conditions, 5)`, mm and degrees: first - second over the subjects.
-        standard_error: likewise; that of the average is of the subjects' own averages. NaN of a
-            single subject.
-    """
-
-    first: str
-    second: str
-    conditions: tuple[str, ...]
+    first: str  # `measured` or a model
+    second: str  # a model
+    conditions: tuple[str, ...]  # each compared flexion, then `average`
     mean: np.ndarray
-    standard_error: np.ndarray
+    standard_error: np.ndarray  # that of the average is of the subjects' own averages
 
 
 @dataclasses.dataclass(frozen=True)
 class Prediction:
-    """How well a model predicts measured values (paper 5, Table 5).
-
-    Attributes:
-        model: its name.
-        points: how many values each number is of: subjects times compared flexions.
-        r2: shape `(5,)`: of the straight line, with an intercept, that predicts measured from
-            modelled values of all subjects and compared flexions together: the square of their
-            correlation. NaN where the model does not move.
-        adjusted_r2: `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor.
-        rmse: shape `(5,)`, mm and degrees: root mean square of measured - modelled, which no line
-            adjusts.
-    """
+    """How well a model predicts measured values (paper 5, Table 5), each number `(5,)`."""
 
     model: str
-    points: int
+    points: int  # how many values each number is of: subjects times compared flexions
+    # Of the straight line, with an intercept, that predicts measured from modelled values of all
+    # subjects and compared flexions together. NaN where the model does not move.
     r2: np.ndarray
-    adjusted_r2: np.ndarray
-    rmse: np.ndarray
+    adjusted_r2: np.ndarray  # `1 - (1 - r2) (points - 1) / (points - 2)`: one predictor
+    rmse: np.ndarray  # of measured - modelled, mm and degrees, which no line adjusts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -243,32 +303,21 @@ def compare_motions(
 
 
 def _summary(name: str, one: np.ndarray, flexion: np.ndarray, compared: np.ndarray) -> Summary:
-    each = np.array([_mean_and_sd(one[:, i]) for i in range(len(flexion))])
-    low, high = one.min(axis=1), one.max(axis=1)
-    overall = {"average": each.mean(axis=0)}
+    each, low, high = _mean_and_sd(one), one.min(axis=1), one.max(axis=1)
+    averages = {"average": each.mean(axis=1)}
     if not compared.all():
-        overall["average compared"] = each[compared].mean(axis=0)
-    ranges = {"min": low, "max": high, "ROM": high - low}
-    overall |= {condition: _mean_and_sd(values) for condition, values in ranges.items()}
-    mean, sd = np.moveaxis(np.concatenate([each, list(overall.values())]), 1, 0)
-    return Summary(name, (*(f"{angle:g}" for angle in flexion), *overall), mean, sd)
+        averages["average compared"] = each[:, compared].mean(axis=1)
+    ranges = _mean_and_sd(np.stack([low, high, high - low], axis=1))
+    mean, sd = np.concatenate([each, np.stack([*averages.values()], axis=1), ranges], axis=1)
+    conditions = *(f"{angle:g}" for angle in flexion), *averages, "min", "max", "ROM"
+    return Summary(name, conditions, mean, sd)
 
 
 def _mean_and_sd(values: np.ndarray) -> np.ndarray:
-    def sd(known: np.ndarray) -> float:
-        return float(np.std(known, ddof=1)) if len(known) > 1 else np.nan
-
-    return np.array([_over_known(np.mean, values), _over_known(sd, values)])
-
-
-def _over_known(statistic: Callable[[np.ndarray], float], values: np.ndarray) -> np.ndarray:
-    """A statistic over the first axis, of what is known; NaN where nothing is."""
-
-    def of_known(x: np.ndarray) -> float:
-        known = x[np.isfinite(x)]
-        return float(statistic(known)) if known.size else np.nan
-
-    return np.apply_along_axis(of_known, 0, values)
+    """Over the first axis, of what is known; NaN where nothing, or for the sd a single one, is."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.stack([np.nanmean(values, axis=0), np.nanstd(values, axis=0, ddof=1)])
 
 
 def _difference(
@@ -278,8 +327,9 @@ def _difference(
     apart = (motions[first] - motions[second])[:, compared]
     apart = np.concatenate([apart, apart.mean(axis=1, keepdims=True)], axis=1)
     conditions = *(f"{angle:g}" for angle in flexion[compared]), "average"
-    spread = _over_known(standard_error, apart)
-    return Difference(first, second, conditions, _over_known(np.mean, apart), spread)
+    mean, sd = _mean_and_sd(apart)
+    known = np.maximum(np.isfinite(apart).sum(axis=0), 1)
+    return Difference(first, second, conditions, mean, sd / np.sqrt(known))
 
 
 def _prediction(

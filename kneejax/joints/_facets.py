@@ -38,16 +38,10 @@ _BIN_MM = 2.0
 
 @dataclasses.dataclass(frozen=True)
 class TransverseAxis:
-    """The axis about which the condyles together are round.
+    """The axis of the cylinder, of a radius in mm, about which the condyles together are round."""
 
-    Attributes:
-        center: of it, at `Z = 0`, shape `(3,)`, mm.
-        direction: unit vector, to lateral.
-        radius: of the cylinder, mm.
-    """
-
-    center: np.ndarray
-    direction: np.ndarray
+    center: np.ndarray  # at `Z = 0`, shape `(3,)`, mm
+    direction: np.ndarray  # unit vector, to lateral
     radius: float
 
     def place(self, points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -150,11 +144,10 @@ def condyle_axes(
             region, words = np.asarray(touching[i], bool), "that meet the tibia"
         for side in SIDES:
             facets.append(_facet(side, name, p, n, transverse, region, width_mm, words))
-    extension = np.stack([facets[0].center, facets[1].center])
-    distance = float(np.linalg.norm(extension[1] - extension[0]))
-    lateral = at_distance(facets[2].center, facets[3].cylinder, distance)
-    axis_points = np.stack([extension, np.stack([facets[2].center, lateral])])
-    return CondyleAxes(transverse, tuple(facets), axis_points)
+    medial, lateral, rear, _ = (facet.center for facet in facets)
+    apart = float(np.linalg.norm(lateral - medial))
+    axes = [[medial, lateral], [rear, at_distance(rear, facets[3].cylinder, apart)]]
+    return CondyleAxes(transverse, tuple(facets), np.array(axes))
 
 
 def at_distance(medial: ArrayLike, lateral: CylinderFit, distance: float) -> np.ndarray:
@@ -177,12 +170,9 @@ def at_distance(medial: ArrayLike, lateral: CylinderFit, distance: float) -> np.
     along = away @ lateral.direction
     square = along**2 - (away @ away - distance**2)
     if square < 0:
-        nearest = np.sqrt(away @ away - along**2)
-        raise UnsuitableMesh(
-            "lateral flexion axis",
-            f"{nearest:.1f} mm from the medial flexion centre",
-            f"no farther than the extension centres are apart, {distance:.1f} mm",
-        )
+        found = f"{np.sqrt(away @ away - along**2):.1f} mm from the medial flexion centre"
+        expected = f"no farther than the extension centres are apart, {distance:.1f} mm"
+        raise UnsuitableMesh("lateral flexion axis", found, expected)
     shifts = -along + np.sqrt(square) * np.array([-1.0, 1.0])
     return lateral.center + shifts[np.argmin(np.abs(shifts))] * lateral.direction
 
@@ -213,15 +203,13 @@ def touching_rows(
     from scipy.spatial import KDTree
 
     there = pose.placement.apply(Vector.of(np.asarray(tibial, float).T))
-    moved = np.stack([np.asarray(c) for c in there], axis=1)
-    distance, _ = KDTree(moved).query(np.asarray(points, float))
+    distance, _ = KDTree(np.stack([*there], axis=1)).query(np.asarray(points, float))
     touching = distance < within_mm
     if not touching.any():
-        raise UnsuitableMesh(
-            f"femur and tibia at {np.rad2deg(float(pose.flexion)):.1f} degrees",
-            f"{distance.min():.1f} mm apart",
-            f"corners nearer than {within_mm:g} mm; are both bones in the frames of the poses?",
-        )
+        what = f"femur and tibia at {np.rad2deg(float(pose.flexion)):.1f} degrees"
+        expected = f"corners nearer than {within_mm:g} mm"
+        doubt = "are both bones in the frames of the poses?"
+        raise UnsuitableMesh(what, f"{distance.min():.1f} mm apart", f"{expected}; {doubt}")
     return touching
 
 
@@ -236,12 +224,9 @@ def _transverse_axis(p: np.ndarray, normals: np.ndarray | None, width: float) ->
         strips = [_strip(axis, p, normals, region, side, width) for side in SIDES]
         for side, rows in zip(SIDES, strips, strict=True):
             if len(rows) < FEWEST_POINTS:
-                raise UnsuitableMesh(
-                    f"{side} condyle",
-                    f"{len(rows)} points below and behind the middle",
-                    f"at least {FEWEST_POINTS}: X anterior, Y superior, Z lateral, mm, Z = 0 "
-                    "between the condyles",
-                )
+                found = f"{len(rows)} points below and behind the middle"
+                axes = "X anterior, Y superior, Z lateral, mm, Z = 0 between the condyles"
+                raise UnsuitableMesh(f"{side} condyle", found, f"at least {FEWEST_POINTS}: {axes}")
         try:
             fit = fit_cylinder(p[np.concatenate(strips)], along=(0.0, 0.0, 1.0))
         except ValueError as error:

@@ -134,26 +134,18 @@ def calibration_rows(poses: ArrayLike, at_deg: Sequence[float] = ()) -> np.ndarr
         rows = np.array([known[np.argmin(np.abs(flexion[known] - angle))] for angle in at_deg])
         for angle, row in zip(at_deg, rows, strict=True):
             if not abs(flexion[row] - angle) <= FARTHEST_DEG:  # nothing is near NaN
-                raise UnsuitablePoses(
-                    f"pose at {angle:g} degrees",
-                    f"the nearest is at {flexion[row]:.1f}",
-                    f"one within {FARTHEST_DEG:g} degrees",
-                )
+                found = f"the nearest is at {flexion[row]:.1f}"
+                expected = f"one within {FARTHEST_DEG:g} degrees"
+                raise UnsuitablePoses(f"pose at {angle:g} degrees", found, expected)
     rows = rows[np.argsort(flexion[rows], kind="stable")]
     rows = rows if len(at_deg) else rows[[0, -1]]
     for one, other in zip(rows, rows[1:], strict=False):
         if np.isclose(flexion[one], flexion[other], rtol=0.0, atol=1e-6):
             which = f"row {one + 1} twice" if one == other else f"rows {one + 1} and {other + 1}"
-            raise UnsuitablePoses(
-                "calibration poses",
-                f"{which} at the same flexion, {flexion[one]:g} degrees",
-                "poses at different flexions",
-            )
+            found = f"{which} at the same flexion, {flexion[one]:g} degrees"
+            raise UnsuitablePoses("calibration poses", found, "poses at different flexions")
     span = flexion[rows[-1]] - flexion[rows[0]]
     if span < LEAST_SPAN_DEG:
-        raise UnsuitablePoses(
-            "calibration poses",
-            f"{span:.3g} degrees apart",
-            f"at least {LEAST_SPAN_DEG:g} from the first to the last; are angles in radians?",
-        )
+        expected = f"at least {LEAST_SPAN_DEG:g} from the first to the last; are angles in radians?"
+        raise UnsuitablePoses("calibration poses", f"{span:.3g} degrees apart", expected)
     return rows

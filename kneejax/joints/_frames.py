@@ -82,12 +82,8 @@ def femur_frame(
         >>> [float(x) for x in frame.translation], [float(x) for x in frame.turn((0.0, 1.0, 0.0))]
         ([0.0, 0.0, 5.0], [0.0, 1.0, 0.0])
     """
-    return _frame(
-        ("hip centre", "medial epicondyle", "lateral epicondyle"),
-        (hip_center, medial_epicondyle, lateral_epicondyle),
-        1.0,
-        anterior,
-    )
+    names = "hip centre", "medial epicondyle", "lateral epicondyle"
+    return _frame(names, (hip_center, medial_epicondyle, lateral_epicondyle), 1.0, anterior)
 
 
 def tibia_frame(
@@ -119,12 +115,8 @@ def tibia_frame(
         >>> [round(float(x), 6) for x in frame.translation]
         [0.0, 0.0, 0.0]
     """
-    return _frame(
-        ("ankle centre", "medial edge", "lateral edge"),
-        (ankle_center, medial_edge, lateral_edge),
-        -1.0,
-        anterior,
-    )
+    names = "ankle centre", "medial edge", "lateral edge"
+    return _frame(names, (ankle_center, medial_edge, lateral_edge), -1.0, anterior)
 
 
 def pose_between(pose: Pose, femur: Placement, tibia: Placement) -> Pose:
@@ -192,16 +184,15 @@ def joint_center(points: ArrayLike, near: ArrayLike, within_mm: float) -> Surfac
     """
     points = np.asarray(points, float)
     rows = np.linalg.norm(points - np.asarray(near, float), axis=1) < within_mm
+    place = "(" + ", ".join(f"{x:.0f}" for x in np.asarray(near, float)) + ") mm"
     if rows.sum() < _FEWEST_POINTS:
-        raise UnsuitableLandmarks(
-            f"points within {within_mm:g} mm of {_place(near)}",
-            str(int(rows.sum())),
-            f"at least {_FEWEST_POINTS}; does the mesh reach there, and is it in mm?",
-        )
+        what, expected = f"points within {within_mm:g} mm of {place}", f"at least {_FEWEST_POINTS}"
+        doubt = "does the mesh reach there, and is it in mm?"
+        raise UnsuitableLandmarks(what, str(int(rows.sum())), f"{expected}; {doubt}")
     try:
         return fit_sphere(points[rows])
     except ValueError as error:
-        raise UnsuitableLandmarks(f"ball at {_place(near)}", str(error), "a sphere") from None
+        raise UnsuitableLandmarks(f"ball at {place}", str(error), "a sphere") from None
 
 
 def _frame(names, landmarks, sense: float, anterior) -> Placement:
@@ -211,37 +202,24 @@ def _frame(names, landmarks, sense: float, anterior) -> Placement:
             raise UnsuitableLandmarks(name, str(point.tolist()), "three finite numbers")
     across = lateral - medial
     width = float(np.linalg.norm(across))
+    pair, all_three = f"{names[1]} and {names[2]}", ", ".join(names)
     if not _WIDTH_MM[0] < width < _WIDTH_MM[1]:
         doubt = "are they in metres?" if width < 1.0 else "are they of one knee, in mm?"
-        raise UnsuitableLandmarks(
-            f"{names[1]} and {names[2]}",
-            f"{width:.3g} mm apart",
-            f"{_WIDTH_MM[0]:g} to {_WIDTH_MM[1]:g} mm; {doubt}",
-        )
+        expected = f"{_WIDTH_MM[0]:g} to {_WIDTH_MM[1]:g} mm; {doubt}"
+        raise UnsuitableLandmarks(pair, f"{width:.3g} mm apart", expected)
     origin = 0.5 * (medial + lateral)
     long = sense * (far - origin)
     length = np.linalg.norm(long)
     normal = np.cross(long, across)
     sine = np.linalg.norm(normal) / max(width * length, 1e-9)
     if sine < np.sin(np.deg2rad(_LEAST_ANGLE_DEG)):
-        angle = np.rad2deg(np.arcsin(sine))
-        raise UnsuitableLandmarks(
-            ", ".join(names),
-            f"nearly collinear ({angle:.1f} degrees)",
-            f"an angle of at least {_LEAST_ANGLE_DEG:g} degrees",
-        )
+        found = f"nearly collinear ({np.rad2deg(np.arcsin(sine)):.1f} degrees)"
+        expected = f"an angle of at least {_LEAST_ANGLE_DEG:g} degrees"
+        raise UnsuitableLandmarks(all_three, found, expected)
     x, y = normal / np.linalg.norm(normal), long / length
     if anterior is not None and x @ np.asarray(anterior, float) <= 0:
-        raise UnsuitableLandmarks(
-            ", ".join(names),
-            "X of the frame points backwards",
-            f"X forwards; have {names[1]} and {names[2]} changed places, or is this a left knee "
-            "that was not mirrored?",
-        )
-    columns = np.stack([x, y, np.cross(x, y)], axis=1)
-    rotation = Matrix(*(Vector(*map(float, row)) for row in columns))
-    return Placement(rotation, Vector(*map(float, origin)))
-
-
-def _place(point: ArrayLike) -> str:
-    return "(" + ", ".join(f"{x:.0f}" for x in np.asarray(point, float)) + ") mm"
+        doubt = f"have {pair} changed places, or is this a left knee that was not mirrored?"
+        found = "X of the frame points backwards"
+        raise UnsuitableLandmarks(all_three, found, f"X forwards; {doubt}")
+    axes = Matrix(*(Vector(*axis.tolist()) for axis in (x, y, np.cross(x, y))))
+    return Placement(axes.T, Vector(*origin.tolist()))

@@ -19,13 +19,12 @@ from kneejax.numerics import filled, traced
 
 
 def between(knots: Array, values: Array, slopes: Array | None, x: Array) -> Array:
-    """Values `(..., lanes)` at `x` between knots `(k,)`, piece by piece; the first and last
-    outside.
+    """Values `(..., lanes)` at `x` between knots `(k,)`, the first and last outside; pieces are
+    cubic with `slopes` at the knots, straight without.
 
     The answer is the first of the values `(k, ...)` and what every interval adds to it, each with
     its argument clipped to its ends: no interval is looked for, and derivatives exist by
-    everything. At a knot a derivative by `x` is the mean of those on both sides. Pieces are cubic
-    with `slopes` at the knots, straight without.
+    everything. At a knot a derivative by `x` is the mean of those on both sides.
     """
     answer = jnp.broadcast_to(values[0][..., None], (*values.shape[1:], *x.shape))
     for i in range(len(knots) - 1):
@@ -43,14 +42,10 @@ def between(knots: Array, values: Array, slopes: Array | None, x: Array) -> Arra
 
 
 def monotone_slopes(knots: Array, values: Array) -> Array:
-    """Slopes `(k, ...)` of the cubic pieces that rise and fall only where the values do (PCHIP).
-
-    A slope has no derivative with respect to the values where a value equals both neighbours; zero
-    is given.
-
-    Source: Fritsch and Butland, SIAM J Sci Stat Comput 5 (1984); at the ends Moler, Numerical
-    Computing with Matlab (2004), section 3.4.
-    """
+    """Slopes `(k, ...)` of the cubic pieces that rise and fall only where the values do (PCHIP):
+    Fritsch and Butland, SIAM J Sci Stat Comput 5 (1984); at the ends Moler, Numerical Computing
+    with Matlab (2004), section 3.4. Where a value equals both neighbours, a slope has no derivative
+    with respect to the values; zero is given."""
     width = jnp.diff(knots).reshape(-1, *[1] * (values.ndim - 1))
     secant = jnp.diff(values, axis=0) / width
     if len(knots) == 2:
@@ -110,11 +105,6 @@ class Joint(eqx.Module):
     interpolation: str = eqx.field(static=True, default="linear")
 
     def __check_init__(self):
-        """Refuse shapes that do not belong together.
-
-        Raises:
-            ValueError: one does not, or `interpolation` is unknown.
-        """
         expected = (*jnp.shape(self.flexion), 2, 3)
         if len(expected) != 3 or expected[0] < 1:
             raise ValueError(f"flexion has shape {jnp.shape(self.flexion)}; expected (k,)")
@@ -140,17 +130,13 @@ class Joint(eqx.Module):
         flexion = jnp.asarray(flexion, float)
         if flexion.ndim != 1:
             raise ValueError(f"flexion has shape {flexion.shape}; expected (lanes,)")
-        bent = self.interpolation == "monotone" and len(self.flexion) > 1
-        femoral, tibial = (
-            between(
-                self.flexion,
-                points,
-                monotone_slopes(self.flexion, points) if bent else None,
-                flexion,
-            )
-            for points in (self.femoral, self.tibial)
-        )
-        return femoral, tibial
+
+        def there(points: Array) -> Array:
+            bent = self.interpolation == "monotone" and len(self.flexion) > 1
+            slopes = monotone_slopes(self.flexion, points) if bent else None
+            return between(self.flexion, points, slopes, flexion)
+
+        return there(self.femoral), there(self.tibial)
 
     def pose(self, flexion: ArrayLike) -> Pose:
         """Pose of the tibia in the femur.
@@ -326,25 +312,18 @@ def check_joint(joint: Joint) -> None:
         if not np.isfinite(axis).all():
             raise UnsuitableAxis(part, "a point that is not finite", "finite coordinates")
         if (axis[:, 2] <= 0).any():
-            raise UnsuitableAxis(
-                part,
-                "the lateral point is not lateral of the medial one",
-                "points of a right knee, or of a left one mirrored; have they changed places?",
-            )
+            found = "the lateral point is not lateral of the medial one"
+            wanted = "points of a right knee, or of a left one mirrored; have they changed places?"
+            raise UnsuitableAxis(part, found, wanted)
         tilt = np.rad2deg(np.arccos(np.clip(axis[:, 2] / np.linalg.norm(axis, axis=1), -1.0, 1.0)))
         if tilt.max() > _STEEPEST_DEG:
-            raise UnsuitableAxis(
-                part,
-                f"{tilt.max():.0f} degrees off the medial-lateral direction",
-                f"at most {_STEEPEST_DEG:g}",
-            )
+            found = f"{tilt.max():.0f} degrees off the medial-lateral direction"
+            raise UnsuitableAxis(part, found, f"at most {_STEEPEST_DEG:g}")
 
 
 def _untwisted(points: Array) -> Matrix:
-    """Axes whose Z lies along the axis, not turned about Z in the sequence Z, X, Y: `Rx Ry`.
-
-    An invisible segment of paper 5. With Z known, sine and cosine of both angles are algebraic.
-    """
+    """Axes whose Z lies along the axis, not turned about Z in the sequence Z, X, Y, `Rx Ry`: an
+    invisible segment of paper 5. With Z known, sine and cosine of both angles are algebraic."""
     line = Vector.of(points[1]) - Vector.of(points[0])
     x, y, z = line / line.norm()
     cosine = jnp.sqrt(y * y + z * z)
@@ -353,12 +332,10 @@ def _untwisted(points: Array) -> Matrix:
 
 
 def _rotation(flexion: Array, femoral: Matrix, tibial: Matrix) -> Matrix:
-    """The turn about the common axis that makes flexion what it shall be, in closed form.
-
-    `R = femoral Rz(-turn) tibial^T` has this flexion where its second column, the tibia's long
-    axis, is normal to `n = (cos, -sin, 0)`: `a cos(turn) + b sin(turn) + c = 0`. Of the two roots
-    the one is taken that lets the tibia point away from the femur.
-    """
+    """The turn about the common axis that makes flexion what it shall be, in closed form."""
+    # `R = femoral Rz(-turn) tibial^T` has this flexion where its second column, the tibia's long
+    # axis, is normal to `n = (cos, -sin, 0)`: `a cos(turn) + b sin(turn) + c = 0`. Of the two roots
+    # the one is taken that lets the tibia point away from the femur.
     u, v, w = femoral.T
     p, q, r = tibial[1]
     n = Vector(jnp.cos(flexion), -jnp.sin(flexion), 0.0)

@@ -20,50 +20,30 @@ class UnsuitableMotions(ValueError):
 
 @dataclasses.dataclass(frozen=True)
 class Pair:
-    """A post hoc comparison of two groups of paired values.
-
-    Attributes:
-        first: name of the one.
-        second: name of the other.
-        difference: mean of first - second.
-        standard_error: of that mean.
-        p: of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1.
-        lower: of the confidence interval, which is Bonferroni-adjusted too.
-        upper: likewise.
-    """
+    """A post hoc comparison of two groups of paired values: mean of first - second."""
 
     first: str
     second: str
     difference: float
     standard_error: float
-    p: float
-    lower: float
+    p: float  # of the paired t-test, Bonferroni-adjusted: times the number of pairs, at most 1
+    lower: float  # of the confidence interval, which is Bonferroni-adjusted too
     upper: float
 
 
 @dataclasses.dataclass(frozen=True)
 class RepeatedMeasures:
-    """A one-way repeated-measures analysis of variance.
+    """A one-way repeated-measures analysis of variance; `f`, `epsilon` and both `p` are NaN where
+    all groups differ by the same in all subjects."""
 
-    Attributes:
-        normality: group -> p of Shapiro-Wilk; small where values are not normal.
-        f: variance between groups over that of the error; NaN, as epsilon and p, without error:
-            where all groups differ by the same in all subjects.
-        df: degrees of freedom of both, before the correction.
-        epsilon: Greenhouse and Geisser's: 1 where groups are equally correlated, 1 / (groups - 1)
-            at worst.
-        p: with both degrees of freedom multiplied by epsilon.
-        p_uncorrected: without.
-        pairs: each group against each later one.
-    """
-
-    normality: dict[str, float]
-    f: float
-    df: tuple[int, int]
+    normality: dict[str, float]  # group -> p of Shapiro-Wilk; small where values are not normal
+    f: float  # variance between groups over that of the error
+    df: tuple[int, int]  # degrees of freedom of both, before the correction
+    # Greenhouse and Geisser's: 1 where groups are equally correlated, 1 / (groups - 1) at worst.
     epsilon: float
-    p: float
+    p: float  # with both degrees of freedom multiplied by epsilon
     p_uncorrected: float
-    pairs: tuple[Pair, ...]
+    pairs: tuple[Pair, ...]  # each group against each later one
 
 
 def is_tested(subjects: int, anova: bool | None = None) -> bool:
@@ -144,17 +124,10 @@ def repeated_measures(groups: Mapping[str, np.ndarray], alpha: float = 0.01) -> 
             return RepeatedMeasures(normality, nan, df, nan, nan, nan, pairs)
         table = pingouin.rm_anova(pandas.DataFrame(dict(groups)), correction=True, detailed=True)
     between = table.iloc[0]
-    p = float(between["p_unc"])
-    return RepeatedMeasures(
-        normality,
-        float(between["F"]),
-        df,
-        float(between["eps"]),
-        # Two groups cannot violate sphericity, and pingouin corrects nothing.
-        float(between.get("p_GG_corr", p)),
-        p,
-        pairs,
-    )
+    f, epsilon, p = (float(between[name]) for name in ("F", "eps", "p_unc"))
+    # Two groups cannot violate sphericity, and pingouin corrects nothing.
+    corrected = float(between.get("p_GG_corr", p))
+    return RepeatedMeasures(normality, f, df, epsilon, corrected, p, pairs)
 
 
 def check_level(alpha: float) -> None:
@@ -168,23 +141,14 @@ def _pairs(groups: Mapping[str, np.ndarray], alpha: float) -> tuple[Pair, ...]:
 
     chosen = list(itertools.combinations(groups, 2))
     answer = []
-    for first, second in chosen:
-        apart = groups[first] - groups[second]
-        test = stats.ttest_rel(groups[first], groups[second])
+    for pair in chosen:
+        first, second = (groups[name] for name in pair)
+        apart, test = first - second, stats.ttest_rel(first, second)
         interval = test.confidence_interval(1.0 - alpha / len(chosen))
-        p = float(np.minimum(1.0, len(chosen) * test.pvalue))  # NaN, of no spread, stays NaN
-        answer.append(
-            Pair(
-                first, second, float(apart.mean()), standard_error(apart),
-                p, float(interval.low), float(interval.high),
-            )
-        )  # fmt: skip
+        p = np.minimum(1.0, len(chosen) * test.pvalue)  # NaN, of no spread, stays NaN
+        numbers = apart.mean(), stats.sem(apart), p, interval.low, interval.high
+        answer.append(Pair(*pair, *map(float, numbers)))
     return tuple(answer)
-
-
-def standard_error(values: np.ndarray) -> float:
-    """Standard error of the mean of values of several subjects; NaN of a single one."""
-    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else np.nan
 
 
 def _pingouin() -> Any:

@@ -28,9 +28,9 @@ from kneejax.geometry import (
     Pose,
     Surface,
     coordinates_of,
+    fit_condyle,
     scales,
 )
-from kneejax.geometry.fitting import fit_condyle
 from kneejax.mechanics import Knee
 
 #: Where a search ends, mm and N per N of pull; and after how many steps it is given up.

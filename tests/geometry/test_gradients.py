@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 
 import kneejax.geometry as geo
 from kneejax import numerics
-from kneejax.geometry.surfaces._bases import partials
+from kneejax.geometry._bases import partials
 from tests.derivatives import both_ways
 
 RADIANS, MM = 0.3, 10.0

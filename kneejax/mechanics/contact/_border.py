@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from kneejax.mechanics.contact._points import Sampled
 
 #: Contact that reaches farther beyond the fitted regions is in doubt, mm. Surfaces are continued
-#: smoothly beyond their border (`kneejax.geometry.surfaces`), and meshes of cartilage have edges of
+#: smoothly beyond their border (`kneejax.geometry`), and meshes of cartilage have edges of
 #: a millimetre: where it ends is not known more closely. A rim of that width carries a newton or
 #: two (layer of 6 mm and 5 MPa, radii of 20 to 60 mm): 1 % of 100 N, less of more.
 OFF_SURFACE_MM = 1.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import polynomial as P
 
-from kneejax.geometry.surfaces._bases import partials
+from kneejax.geometry._bases import partials
 
 
 def _numpy_partials(c, s, t, order):

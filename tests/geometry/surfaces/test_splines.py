@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 
 import kneejax.geometry as geo
-from kneejax.geometry.surfaces import CUBIC_SPLINE
-from kneejax.geometry.surfaces._bases import partials, table_partials
+from kneejax.geometry import CUBIC_SPLINE
+from kneejax.geometry._bases import partials, table_partials
 
 LIMITS = np.array([-1.0, 1.0])
 # One program for each shape, where operation by operation would be a hundred small ones.

@@ -1,22 +1,27 @@
-"""Straight fibres that wrap around convex obstacles: shortest paths and their derivatives."""
+"""Fibres that wrap around convex obstacles fixed to a bone: spheres, cylinders and ellipsoids, the
+shortest paths and their derivatives."""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable
 from functools import partial
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from kneejax.geometry._vectors import Vector, plus
-from kneejax.geometry.paths._ellipsoid import Aim, search, trace
-from kneejax.geometry.paths._obstacles import Obstacle, WrapCylinder, WrapEllipsoid
-from kneejax.geometry.paths._round import (
+from kneejax.geometry._pose import Frame, framed, numbers
+from kneejax.geometry._vectors import AXES, Vector, plus
+from kneejax.geometry._wrap_ellipsoid import Aim, around_ellipsoid, search, trace
+from kneejax.geometry._wrap_round import (
     Section,
     Wrapped,
+    around_cylinder,
+    around_sphere,
     changed,
     choose,
     differentiate,
@@ -26,12 +31,117 @@ from kneejax.geometry.paths._round import (
 )
 from kneejax.numerics import as_known, none_of, ruled
 
+#: Name of a side of a cylinder -> where it is in the cylinder's frame.
+SIDES: dict[str, Vector] = {"+x": AXES.x, "-x": -AXES.x, "+y": AXES.y, "-y": -AXES.y}
 #: Wrap angle over which a free path turns into a wrapped one, rad.
 HANDOVER_WIDTH = 0.02
 #: An end with a squared distance this much below the surface's (scaled to one) is inside.
 _INSIDE = 1e-9
 #: Ends, scaled, of a path that wraps gently: what those that do not wrap compute with.
 _HARMLESS = Vector(1.2, -0.5, 0.1), Vector(-1.2, -0.5, -0.1)
+
+
+class Obstacle(eqx.Module):
+    """A convex body that fibres cannot pass through, fixed to a bone."""
+
+    around: ClassVar[Callable[..., Wrapped]]  # winds a path around this kind
+
+    @property
+    @abstractmethod
+    def frame(self) -> Frame:
+        """The obstacle's frame in the bone's: a field, `frame: Frame = framed()`."""
+
+    @property
+    @abstractmethod
+    def semi_axes_along_frame(self) -> Vector:
+        """Semi-axes along the frame's X, Y, Z, mm; infinite along a cylinder."""
+
+    @property
+    def passes(self) -> Vector | None:
+        """The side on which paths pass, however far that leads around; None where they take the
+        shorter way."""
+        return None
+
+
+class WrapSphere(Obstacle):
+    """A sphere.
+
+    Attributes:
+        radius: mm, a number or shape `(...)`.
+        frame: its frame in the bone's; only the origin matters.
+
+    Example:
+        >>> ball = WrapSphere(20.0)
+        >>> float(ball.radius), float(ball.frame.origin[0])
+        (20.0, 0.0)
+    """
+
+    radius: Array = numbers()
+    frame: Frame = framed()
+    around = staticmethod(around_sphere)
+
+    @property
+    def semi_axes_along_frame(self) -> Vector:
+        return Vector(self.radius, self.radius, self.radius)
+
+
+class WrapCylinder(Obstacle):
+    """A cylinder about the Z axis of its frame, treated as endless.
+
+    Attributes:
+        radius: mm, a number or shape `(...)`.
+        length: mm; a path that touches beyond half of it is flagged, not changed.
+        frame: its frame in the bone's.
+        side: on which paths pass, of `SIDES`, however far that leads around; empty where they take
+            the shorter way.
+
+    Example:
+        >>> rod = WrapCylinder(10.0, 60.0, side="+x")
+        >>> float(rod.radius), rod.side
+        (10.0, '+x')
+    """
+
+    radius: Array = numbers()
+    length: Array = numbers()
+    frame: Frame = framed()
+    side: str = eqx.field(static=True, default="")
+
+    def __check_init__(self):
+        if self.side and self.side not in SIDES:
+            raise ValueError(f"WrapCylinder: side is {self.side!r}, not one of {', '.join(SIDES)}")
+
+    @property
+    def semi_axes_along_frame(self) -> Vector:
+        return Vector(self.radius, self.radius, jnp.full_like(self.radius, jnp.inf))
+
+    @property
+    def around(self) -> Callable[..., Wrapped]:
+        return partial(around_cylinder, side=self.passes)
+
+    @property
+    def passes(self) -> Vector | None:
+        return SIDES.get(self.side)
+
+
+class WrapEllipsoid(Obstacle):
+    """An ellipsoid.
+
+    Attributes:
+        semi_axes: shape `(3, ...)`, mm, along its frame's X, Y, Z.
+        frame: its frame in the bone's.
+
+    Example:
+        >>> [float(x) for x in WrapEllipsoid((30.0, 18.0, 12.0)).semi_axes]
+        [30.0, 18.0, 12.0]
+    """
+
+    semi_axes: Array = numbers()
+    frame: Frame = framed()
+    around = staticmethod(around_ellipsoid)
+
+    @property
+    def semi_axes_along_frame(self) -> Vector:
+        return Vector.of(self.semi_axes)
 
 
 class TautPath(NamedTuple):
@@ -103,7 +213,10 @@ def taut(
     outside = ~inside & (straight > 0.0)
     ends, scaled = _outside(outside, start, end, shape)
     s = section(*scaled, obstacle.passes)
-    w = _wound(obstacle.around, *ends, shape, s)
+    # Of the wrapped path only length and directions have a derivative.
+    around = obstacle.around
+    w = around(*lax.stop_gradient((*ends, shape, s)))
+    w = ruled(partial(_winding, around), w, *ends, shape)
     share, slope, by_start, by_end = _blend(s, *scaled, inverse, width)
     share, slope = jnp.where(outside, share, 0.0), jnp.where(outside, slope, 0.0)
     detour = jnp.where(share > 0.0, w.length - straight, 0.0)
@@ -126,19 +239,11 @@ def taut(
         middle = Vector(middle.x, middle.y, 0.0 * middle.z)
         height = jnp.maximum(jnp.abs(leaves.z), jnp.abs(arrives.z))
         beyond_ends = wraps & (height > 0.5 * obstacle.length)
+    other = jnp.where(wraps, w.opposite - w.length, jnp.inf)
     return TautPath(
-        straight + excess,
-        excess,
-        pull_start,
-        pull_end,
-        angle,
-        leaves,
-        arrives,
-        side=unit(middle),
-        detour_other_side=jnp.where(wraps, w.opposite - w.length, jnp.inf),
-        inside=inside,
-        beyond_ends=beyond_ends,
-    )
+        straight + excess, excess, pull_start, pull_end, angle, leaves, arrives,
+        side=unit(middle), detour_other_side=other, inside=inside, beyond_ends=beyond_ends,
+    )  # fmt: skip
 
 
 def path_points(obstacle: Obstacle, start: Vector, end: Vector, n: int = 33) -> Array:
@@ -199,24 +304,18 @@ def _outside(
     return (first, last), (inverse * first, inverse * last)
 
 
-def _width(s: Section, width: ArrayLike) -> Array:
-    """The hand-over's width, less where an end is so near that its tangent is shorter than it."""
-    full, soft = jnp.asarray(width, float), 4.0 * jnp.square(jnp.asarray(width, float))
-    for tangent in s.tangents:
-        full = full * tangent / jnp.sqrt(tangent * tangent + soft)
-    return full
-
-
 def _blend(
     s: Section, p: Vector, q: Vector, inverse: Vector, width: ArrayLike
 ) -> tuple[Array, Array, Vector, Vector]:
     """Share of the wrapped path, its slope by the angle over the width, that ratio's gradients."""
-    span = _width(s, width)
+    span, soft = jnp.asarray(width, float), 4.0 * jnp.square(jnp.asarray(width, float))
+    # Less where an end is so near that its tangent is shorter than the width.
+    for tangent in s.tangents:
+        span = span * tangent / jnp.sqrt(tangent * tangent + soft)
     ratio = s.turn / span
     x = jnp.clip(0.5 * (ratio + 1.0), 0.0, 1.0)
     share = x * x * x * (10.0 + x * (6.0 * x - 15.0))
     slope = 15.0 * jnp.square(x * (1.0 - x))
-    soft = 4.0 * jnp.square(jnp.asarray(width, float))
     gradients = []
     for point, contact, tangent in zip((p, q), s.contacts, s.tangents, strict=True):
         square = tangent * tangent
@@ -226,15 +325,8 @@ def _blend(
     return share, slope, gradients[0], gradients[1]
 
 
-def _wound(
-    around: Callable[..., Wrapped], start: Vector, end: Vector, shape: Vector, s: Section
-) -> Wrapped:
-    """The wrapped path, of which only length and directions have a derivative."""
-    w = around(*lax.stop_gradient((start, end, shape, s)))
-    return ruled(partial(_winding, around), w, start, end, shape)
-
-
 def _winding(around, w, primals, tangents):
+    """The rule of a wrapped path's derivative."""
     start, end, shape = primals
     # Its normals and the rest change with the ends as the search for the path does.
     known = as_known(around, w, start, end, shape)

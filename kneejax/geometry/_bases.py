@@ -20,6 +20,7 @@ import operator
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import accumulate
+from typing import TypeAlias
 
 import equinox as eqx
 import jax
@@ -29,6 +30,12 @@ from jax import Array, lax
 from jax.custom_derivatives import SymbolicZero
 
 from kneejax.geometry._vectors import Component, times
+
+#: Powers of both variables, and control values of a uniform cubic B-spline.
+POWER, CUBIC_SPLINE = "power", "cubic_spline"
+BASES = (POWER, CUBIC_SPLINE)
+# Derivatives by both variables up to a total order, None for those that vanish everywhere.
+_Partials: TypeAlias = tuple[tuple[Array | None, ...], ...]
 
 
 def partials(
@@ -55,7 +62,7 @@ def partials(
     return _scaled(_partials(coefficients, s, t, order))
 
 
-def _scaled(table, by: tuple[Component, Component] = (1.0, 1.0)):
+def _scaled(table: _Partials, by: tuple[Component, Component] = (1.0, 1.0)):
     """Partial derivatives, 0.0 for None, times a factor for each time that one was taken."""
     powers = [list(accumulate(len(table) * [x], times, initial=1.0)) for x in by]
     return tuple(
@@ -67,19 +74,13 @@ def _scaled(table, by: tuple[Component, Component] = (1.0, 1.0)):
     )
 
 
-# One program where a surface is asked outside of what is traced, not one for each operation.
-@partial(jax.jit, static_argnums=(3,), inline=True)
-def _partials(
-    coefficients: Array, s: Array, t: Array, order: int
-) -> tuple[tuple[Array | None, ...], ...]:
-    """As `partials`, None for 0.0."""
-    return _by_horner(coefficients, s, t, order)
+def _up_to(order: int, one: Callable[[int, int], Array | None]) -> _Partials:
+    rows = range(order + 1)
+    return tuple(tuple(one(i, j) for j in range(order - i + 1)) for i in rows)
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(3,))
-def _by_horner(
-    coefficients: Array, s: Array, t: Array, order: int
-) -> tuple[tuple[Array | None, ...], ...]:
+def _by_horner(coefficients: Array, s: Array, t: Array, order: int) -> _Partials:
     powers, batch = coefficients.shape[:2], coefficients.shape[2:]
     missing = max(jnp.ndim(s), jnp.ndim(t)) - len(batch)
     table = coefficients.reshape(powers + (1,) * missing + batch)
@@ -91,39 +92,36 @@ def _by_horner(
         found = None if lines[j] is None else _horner(lines[j], s, i, axis=0)
         return None if found is None else jnp.broadcast_to(found, shape)
 
-    return tuple(tuple(one(i, j) for j in range(order - i + 1)) for i in range(order + 1))
+    return _up_to(order, one)
 
 
 @partial(_by_horner.defjvp, symbolic_zeros=True)
 def _by_horner_jvp(order, primals, tangents):
-    coefficients, s, t = primals
-    more = _by_horner(coefficients, s, t, order + 1)
+    more = _by_horner(*primals, order + 1)
     moved = not isinstance(tangents[0], SymbolicZero)
-    linear = _by_horner(tangents[0], s, t, order) if moved else None
-    return change_of_table(more, linear, tangents[1], tangents[2], order)
+    linear = _by_horner(tangents[0], *primals[1:], order) if moved else None
+    return _changed(more, linear, tangents[1:], order)
 
 
-def change_of_table(more, linear, d_s, d_t, order: int):
-    """A table of partial derivatives up to an order and its change, from the table of one order
-    more.
+# One program where a surface is asked outside of what is traced, not one for each operation.
+_partials = jax.jit(_by_horner, static_argnums=(3,), inline=True)
 
-    `linear` is the table of the coefficients' change, None where they stay; `d_s` and `d_t` are
-    changes of the variables, or symbolic zeros.
-    """
+
+def _changed(more: _Partials, linear: _Partials | None, changes, order: int):
+    """Partial derivatives up to an order and their change, from those of one order more, from those
+    of the coefficients' change, None where they stay, and the variables' changes."""
 
     def rate(i: int, j: int) -> Array | None:
-        if more[i][j] is None:
+        if (here := more[i][j]) is None:
             return None
         terms = [] if linear is None else [linear[i][j]]
-        for by, slope in ((d_s, more[i + 1][j]), (d_t, more[i][j + 1])):
+        for by, slope in zip(changes, (more[i + 1][j], more[i][j + 1]), strict=True):
             if slope is not None and not isinstance(by, SymbolicZero):
                 terms.append(slope * by)
         whole = functools.reduce(operator.add, terms) if terms else 0.0
-        return jnp.broadcast_to(whole, more[i][j].shape)
+        return jnp.broadcast_to(whole, here.shape)
 
-    rows = range(order + 1)
-    value = tuple(tuple(more[i][: order - i + 1]) for i in rows)
-    return value, tuple(tuple(rate(i, j) for j in range(order - i + 1)) for i in rows)
+    return _up_to(order, lambda i, j: more[i][j]), _up_to(order, rate)
 
 
 def _horner(table: Array, x: Array, order: int, axis: int) -> Array | None:
@@ -172,10 +170,8 @@ def _known(coefficients: Array | SplineTables) -> tuple[Array, Array | int, Arra
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(3,))
-def _spline_partials(
-    coefficients: Array | SplineTables, s: Array, t: Array, order: int
-) -> tuple[tuple[Array | None, ...], ...]:
-    """Partial derivatives, as `partials`, of a uniform cubic B-spline; None for 0.0.
+def _by_spline(coefficients: Array | SplineTables, s: Array, t: Array, order: int) -> _Partials:
+    """As `_by_horner`, of a uniform cubic B-spline.
 
     Variables are counted in cells. The spline is twice continuously differentiable; third
     derivatives are constant in each cell. Beyond the region the outermost cells continue.
@@ -200,39 +196,33 @@ def _spline_partials(
     by_s, by_t = _weights(in_first), _weights(in_second)
     near = [[control(i, j) for j in range(4)] for i in range(4)]
     lines = [[_sum(near[i], four) for i in range(4)] for four in by_t[: order + 1]]
-    return _table(lambda i, j: _sum(lines[j], by_s[i]), order)
+    return _up_to(order, lambda i, j: _sum(lines[j], by_s[i]) if max(i, j) <= 3 else None)
 
 
-def _table(one: Callable[[int, int], Array], order: int) -> tuple[tuple[Array | None, ...], ...]:
-    """Derivatives up to a total order, those above the third in one variable None."""
-    rows = range(order + 1)
-    return tuple(
-        tuple(one(i, j) if max(i, j) <= 3 else None for j in range(order - i + 1)) for i in rows
-    )
-
-
-@partial(_spline_partials.defjvp, symbolic_zeros=True)
-def _spline_partials_jvp(order, primals, tangents):
+@partial(_by_spline.defjvp, symbolic_zeros=True)
+def _by_spline_jvp(order, primals, tangents):
     coefficients, s, t = primals
-    more, linear = _spline_partials(coefficients, s, t, order + 1), None
+    more, linear = _by_spline(coefficients, s, t, order + 1), None
     change = tangents[0].values if isinstance(coefficients, SplineTables) else tangents[0]
     if not isinstance(change, SymbolicZero):
         linear = _by_all(change, *_known(coefficients)[1:], s, t, order)
-    return change_of_table(more, linear, tangents[1], tangents[2], order)
+    return _changed(more, linear, tangents[1:], order)
 
 
 def _by_all(change: Array, begins, rows, columns, s: Array, t: Array, order: int):
-    """Partial derivatives by a changed table, from every basis function at every point.
-
-    Without a gather: transposed it is a scatter, and where that is fused XLA (jaxlib 0.10.2) ends
-    the process while it compiles a derivative backwards.
-    """
+    """Partial derivatives by a changed table, from every basis function at every point."""
+    # Without a gather: transposed it is a scatter, and where that is fused XLA (jaxlib 0.10.2) ends
+    # the process while it compiles a derivative backwards.
     batch = change.shape[2:]
     table = change.reshape(*change.shape[:2], *(1,) * (jnp.ndim(s) - len(batch)), *batch)
     down = _among_all(s, rows, begins, len(table))
     across = _among_all(t, columns, 0, table.shape[1])
     lines = [jnp.sum(table * of_columns, axis=1) for of_columns in across[: order + 1]]
-    return _table(lambda i, j: jnp.sum(lines[j] * down[i], axis=0), order)
+
+    def one(i: int, j: int) -> Array | None:
+        return jnp.sum(lines[j] * down[i], axis=0) if max(i, j) <= 3 else None
+
+    return _up_to(order, one)
 
 
 def _among_all(x: Array, cells, begins, count: int) -> list[Array]:
@@ -269,11 +259,6 @@ def _sum(values, weights) -> Array:
     return (a + b) + (c + d)
 
 
-#: Powers of both variables, and control values of a uniform cubic B-spline.
-POWER, CUBIC_SPLINE = "power", "cubic_spline"
-BASES = (POWER, CUBIC_SPLINE)
-
-
 def table_partials(
     basis: str,
     coefficients: Array,
@@ -296,13 +281,4 @@ def table_partials(
     _, _, rows, columns = _known(coefficients)
     by = rows / (upper[0] - lower[0]), columns / (upper[1] - lower[1])
     s, t = ((x - low) * per for x, low, per in zip(place, lower, by, strict=True))
-    return _scaled(_spline_partials(coefficients, s, t, order), by)
-
-
-def checked_basis(basis: str, shape: tuple[int, ...], what: str) -> None:
-    """Refuse an unknown basis, or a table too small for it: a spline has 4 rows and columns or
-    more."""
-    if basis not in BASES:
-        raise ValueError(f"{what}.basis is {basis!r}; expected one of {BASES}")
-    if basis == CUBIC_SPLINE and min(shape[:2]) < 4:
-        raise ValueError(f"{what}: a cubic spline has at least 4 x 4 control values, not {shape}")
+    return _scaled(_by_spline(coefficients, s, t, order), by)

@@ -7,8 +7,8 @@ import dataclasses
 import numpy as np
 from jax.typing import ArrayLike
 
+from kneejax.geometry._fit_surface import Fit, center_and_radius, points_and_weights
 from kneejax.geometry._pose import Frame
-from kneejax.geometry.fitting._fitting import Fit, center_and_radius, points_and_weights
 
 # Directions that are tried where none is known, and how many of them are followed to the end.
 _DIRECTIONS, _FOLLOWED = 64, 3
@@ -82,11 +82,13 @@ def fit_cylinder(
     p, w = points_and_weights(points, weights, 6, "cylinder")
     middle = np.average(p, axis=0, weights=w)
     root = np.sqrt(w / w.mean())
-    starts = _starts(p - middle, root) if along is None else [np.asarray(along, float)]
-    turned = turned or along is None
-    fits = [_followed(p - middle, root, s / np.linalg.norm(s), turned) for s in starts]
+    if along is None:
+        starts, turned = _starts(p - middle, root), True
+    else:
+        starts = [np.asarray(along, float) / np.linalg.norm(along)]
+    fits = [_followed(p - middle, root, start, turned) for start in starts]
     best = min((fit for fit in fits if fit is not None), key=lambda fit: fit[0], default=None)
-    seen = p - middle if turned else (p - middle) @ _across(starts[0] / np.linalg.norm(starts[0]))
+    seen = p - middle if turned else (p - middle) @ _across(starts[0])
     flat = np.linalg.svd(seen * root[:, None], compute_uv=False)[-1] ** 2 / len(p)
     if best is None or not best[0] < _SHARE_OF_PLANE**2 * flat:
         raise ValueError("a plane fits as well as a cylinder: is the arc long enough?")
@@ -141,11 +143,9 @@ def _across(direction: np.ndarray) -> np.ndarray:
 
 
 def _circle(flat: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, float]:
-    """Centre and radius of a circle near points of a plane, and its mean square.
-
-    The linear fit of a circle is drawn to small ones where points scatter about a short arc, so
-    circles on either side of the points are tried beside it.
-    """
+    """Centre and radius of a circle near points of a plane, and its mean square."""
+    # The linear fit is drawn to small circles where points scatter about a short arc, so circles on
+    # either side of the points are tried beside it.
     _, size, axes = np.linalg.svd(flat * root[:, None], full_matrices=False)
     length = size[0] / np.sqrt(len(flat))
     beside = np.outer(length * _CENTERS, axes[1])
@@ -158,31 +158,33 @@ def _circle(flat: np.ndarray, root: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray, turned: bool):
-    """Mean square, centre, direction, radius and Jacobian of the cylinder near a direction.
-
-    None if there is none. Unknown are the axis' foot in the plane through the origin across the
-    start, its two slopes against the start, and the radius.
-    """
+    """Mean square, centre, direction, radius and Jacobian of the cylinder near a direction, None if
+    there is none. Unknown are the axis' foot in the plane through the origin across the start, its
+    two slopes against the start, and the radius."""
     from scipy.optimize import least_squares  # 0.2 s that no other command should wait for
 
     solution, foot, wanted = None, np.zeros(3), direction
     free = np.array([True, True, turned, turned, True])
+
+    def whole(y: np.ndarray) -> np.ndarray:
+        return np.r_[y[:2], y[2:4] if turned else (0.0, 0.0), y[-1]]
+
     for _ in range(_RENEWALS if turned else 1):
-        plane = _across(direction)
-        axes = np.c_[plane, direction]
+        axes = np.c_[_across(direction), direction]
         local = p @ axes
         circle, _ = _circle(local[:, :2], root)
         start = np.r_[circle[:2], 0.0, 0.0, circle[2]]
         solution = least_squares(
-            _distances, start[free], _slopes, method="lm", xtol=1e-12, ftol=1e-15, gtol=1e-15,
-            args=(local, root, free), x_scale=np.array([1.0, 1.0, 0.1, 0.1, 1.0])[free],
-            max_nfev=200,
+            lambda y, local=local: _distances(whole(y), local)[0] * root, start[free],
+            lambda y, local=local: _distances(whole(y), local)[1][:, free] * root[:, None],
+            method="lm", xtol=1e-12, ftol=1e-15, gtol=1e-15, max_nfev=200,
+            x_scale=np.array([1.0, 1.0, 0.1, 0.1, 1.0])[free],
         )  # fmt: skip
         if not np.isfinite(solution.x).all():
             return None
-        y = _all_unknowns(solution.x, free)
-        slope = np.r_[y[2:4], 1.0]
-        foot, direction = axes @ np.r_[y[:2], 0.0], axes @ slope / np.linalg.norm(slope)
+        y = whole(solution.x)
+        foot, direction = axes @ np.r_[y[:2], 0.0], axes @ np.r_[y[2:4], 1.0]
+        direction = direction / np.linalg.norm(np.r_[y[2:4], 1.0])
     if solution is None or solution.status <= 0:
         return None
     center = foot - (foot @ direction) * direction
@@ -191,31 +193,18 @@ def _followed(p: np.ndarray, root: np.ndarray, direction: np.ndarray, turned: bo
     return mean_square, center, direction, float(solution.x[-1]), solution.jac
 
 
-def _all_unknowns(y: np.ndarray, free: np.ndarray) -> np.ndarray:
-    whole = np.zeros(5)
-    whole[free] = y
-    return whole
-
-
-def _distances(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
-    _, away, _, _ = _from_axis(_all_unknowns(y, free), p)
-    return (np.linalg.norm(away, axis=1) - y[-1]) * root
-
-
-def _slopes(y: np.ndarray, p: np.ndarray, root: np.ndarray, free: np.ndarray) -> np.ndarray:
-    place, away, along, size = _from_axis(_all_unknowns(y, free), p)
-    toward = -away[:, :2] / np.linalg.norm(away, axis=1)[:, None]
-    columns = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(p))]
-    return columns[:, free] * root[:, None]
-
-
-def _from_axis(y: np.ndarray, p: np.ndarray):
-    """Place along the axis, what leads from the axis to a point, the axis and its length."""
+def _distances(y: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Distances of points from a cylinder with the axis `(y0, y1, 0) + s (y2, y3, 1)` and the
+    radius `y4`, and their derivatives by the five numbers."""
     along = np.r_[y[2:4], 1.0]
     size = np.linalg.norm(along)
     from_foot = p - np.r_[y[:2], 0.0]
     place = from_foot @ along / size
-    return place, from_foot - np.outer(place, along / size), along / size, size
+    away = from_foot - np.outer(place, along / size)
+    distance = np.linalg.norm(away, axis=1)
+    toward = -away[:, :2] / distance[:, None]
+    slopes = np.c_[toward, toward * (place / size)[:, None], -np.ones(len(p))]
+    return distance - y[4], slopes
 
 
 def _errors(jacobian: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
@@ -226,9 +215,7 @@ def _errors(jacobian: np.ndarray, residual: np.ndarray) -> tuple[float, float]:
         covariance = variance * np.linalg.inv(jacobian.T @ jacobian)
     except np.linalg.LinAlgError:
         return float("inf"), float("inf")
-    worst = [
-        np.linalg.eigvalsh(covariance[i : i + 2, i : i + 2])[-1] if i < len(covariance) - 1 else 0.0
-        for i in (0, 2)
-    ]
-    center, slope = np.sqrt(np.maximum(worst, 0.0))
+    # A direction that is kept has no slopes among the unknowns, and no error.
+    pairs = (covariance[:2, :2], covariance[2:4, 2:4] if len(covariance) == 5 else np.zeros((2, 2)))
+    center, slope = (np.sqrt(max(np.linalg.eigvalsh(pair)[-1], 0.0)) for pair in pairs)
     return float(center), float(np.rad2deg(slope))

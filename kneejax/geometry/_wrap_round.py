@@ -40,12 +40,9 @@ LEAST_SPREAD = 1e-6
 
 
 class Wrapped(NamedTuple):
-    """A taut path that touches its obstacle; lengths in mm, vectors in the obstacle's frame.
-
-    For a slightly negative wrap angle the two straight pieces overlap and the arc between them
-    is negative: the analytic continuation of the length, which the hand-over to the free path
-    needs.
-    """
+    """A taut path that touches its obstacle; lengths in mm, vectors in the obstacle's frame. For a
+    slightly negative wrap angle the two straight pieces overlap and the arc between them is
+    negative: the continuation of the length that the hand-over to the free path needs."""
 
     length: Array
     leave: Vector
@@ -59,17 +56,12 @@ class Wrapped(NamedTuple):
 
 
 class Section(NamedTuple):
-    """The section through both ends and the centre, where the obstacle is a unit sphere.
+    """The section through both ends and the centre, where the obstacle is a unit sphere."""
 
-    `turn` is the angle of the arc between the two tangent points, negative where the segment
-    stays clear; `forward` is the direction across `start` towards `end`, `pole` the normal in
-    the sense of the path.
-    """
-
-    turn: Array
+    turn: Array  # of the arc between the two tangent points, negative where the segment stays clear
     contacts: tuple[Vector, Vector]
-    forward: Vector
-    pole: Vector
+    forward: Vector  # direction across `start` towards `end`
+    pole: Vector  # the normal in the sense of the path
     tangents: tuple[Array, Array]
 
 
@@ -198,27 +190,17 @@ def around_sphere(
     s = section(p, q) if s is None else s
     first, last = radius * s.tangents[0], radius * s.tangents[1]
     sine, cosine = jnp.sin(s.turn), jnp.cos(s.turn)
-    return Wrapped(
-        first + radius * s.turn + last,
-        s.pole.cross(s.contacts[0]),
-        s.pole.cross(s.contacts[1]),
-        (radius * s.contacts[0], radius * s.contacts[1]),
-        s.contacts,
-        (first, last),
-        joined(first, (cosine, radius * sine, -sine / radius, cosine), last),
-        first + radius * other_way(s, p, q) + last,
-    )
+    transfer = joined(first, (cosine, radius * sine, -sine / radius, cosine), last)
+    length, opposite = (first + radius * turn + last for turn in (s.turn, other_way(s, p, q)))
+    leave, reach = (s.pole.cross(contact) for contact in s.contacts)
+    touches = radius * s.contacts[0], radius * s.contacts[1]
+    return Wrapped(length, leave, reach, touches, s.contacts, (first, last), transfer, opposite)
 
 
 def around_cylinder(
-    start: Vector,
-    end: Vector,
-    shape: Vector,
-    s: Section | None = None,
-    aim: tuple[Array, ...] = (),
-    *,
-    side: Vector | None = None,
-) -> Wrapped:
+    start: Vector, end: Vector, shape: Vector, s: Section | None = None,
+    aim: tuple[Array, ...] = (), *, side: Vector | None = None,
+) -> Wrapped:  # fmt: skip
     """The taut path around an endless cylinder of radius `shape[0]` about Z: a helix between; round
     another side it is endless where the side is given."""
     radius = shape[0]
@@ -242,17 +224,10 @@ def around_cylinder(
     if side is None:
         other = first + radius * other_way(s, p, q) + last
         opposite = jnp.sqrt(other * other + rise * rise)
-    first, last = first * stretch, last * stretch
-    return Wrapped(
-        length,
-        directions[0],
-        directions[1],
-        (contacts[0], contacts[1]),
-        s.contacts,
-        (first, last),
-        joined(first, (one, arc, 0.0 * one, one), last),
-        opposite,
-    )
+    pieces = first * stretch, last * stretch
+    transfer = joined(pieces[0], (one, arc, 0.0 * one, one), pieces[1])
+    (leave, reach), touches = directions, (contacts[0], contacts[1])
+    return Wrapped(length, leave, reach, touches, s.contacts, pieces, transfer, opposite)
 
 
 def differentiate(

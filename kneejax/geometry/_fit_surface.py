@@ -16,9 +16,12 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jax.typing import ArrayLike
+from numpy.polynomial import chebyshev
 
+from kneejax.geometry._articular import Condyle, Plateau
 from kneejax.geometry._pose import Frame
-from kneejax.geometry.surfaces import Condyle, Ellipsoid, Plane, Plateau, Sphere, Surface
+from kneejax.geometry._quadrics import Ellipsoid, Plane, Sphere
+from kneejax.geometry._surface import Surface
 
 S = TypeVar("S", bound=Surface)
 
@@ -111,11 +114,7 @@ def fit_sphere(points: ArrayLike, weights: ArrayLike | None = None):
         20.0
     """
     p, w = points_and_weights(points, weights, 4, "sphere")
-
-    def build(y):
-        return Sphere(y[3], Frame(y[:3]))
-
-    return _by_distance(build, center_and_radius(p, w), p, w)
+    return _by_distance(lambda y: Sphere(y[3], Frame(y[:3])), center_and_radius(p, w), p, w)
 
 
 def fit_ellipsoid(points: ArrayLike, weights: ArrayLike | None = None, turned: bool = True):
@@ -167,24 +166,19 @@ def in_frame(frame: Frame, points: np.ndarray) -> np.ndarray:
 
 def _by_distance(build, start, points, weights):
     def residual(y, _):
-        surface = build(y)
-        return jnp.sqrt(weights) * _level(surface, points)
+        return jnp.sqrt(weights) * _level(build(y), points)
 
-    return finished(build(_levenberg_marquardt(residual, start)), points, weights)
+    solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
+    solution = optx.least_squares(residual, solver, jnp.asarray(start), max_steps=500, throw=False)
+    if solution.result != optx.RESULTS.successful:
+        raise ValueError("the surface fit did not settle: do the points lie on such a surface?")
+    return finished(build(np.asarray(solution.value)), points, weights)
 
 
 # Else each of its some hundred operations is a program of its own, for every number of points.
 @jax.jit
 def _level(surface, points):
     return surface.level(surface.frame.placement.apply_inverse(points.T))
-
-
-def _levenberg_marquardt(residual, start) -> np.ndarray:
-    solver = optx.LevenbergMarquardt(rtol=1e-12, atol=1e-12)
-    solution = optx.least_squares(residual, solver, jnp.asarray(start), max_steps=500, throw=False)
-    if solution.result != optx.RESULTS.successful:
-        raise ValueError("the surface fit did not settle: do the points lie on such a surface?")
-    return np.asarray(solution.value)
 
 
 def finished(surface, points, weights):
@@ -299,32 +293,26 @@ def fit_plateau(
 
 
 def _polynomial_fit(first, second, values, weights, degree, total_degree, what):
-    powers = [
-        (i, j)
-        for i in range(degree[0] + 1)
-        for j in range(degree[1] + 1)
-        if total_degree is None or i + j <= total_degree
-    ]
-    if len(values) < len(powers):
+    total = np.add.outer(np.arange(degree[0] + 1), np.arange(degree[1] + 1))
+    used = total <= (sum(degree) if total_degree is None else total_degree)
+    if len(values) < used.sum():
         raise ValueError(
             f"{what}: {len(values)} points in the region; "
-            f"degree {degree} has {len(powers)} coefficients and needs at least as many"
+            f"degree {degree} has {used.sum()} coefficients and needs at least as many"
         )
-    s, t = _unit(*first), _unit(*second)
     # Chebyshev columns keep the factorisation accurate; the result is stored as plain powers.
-    columns = [
-        np.polynomial.chebyshev.chebval(s, np.eye(i + 1)[i])
-        * np.polynomial.chebyshev.chebval(t, np.eye(j + 1)[j])
-        for i, j in powers
-    ]
+    columns = chebyshev.chebvander2d(_unit(*first), _unit(*second), degree)[:, used.ravel()]
     root = np.sqrt(weights)
-    solution, *_ = np.linalg.lstsq(np.stack(columns, 1) * root[:, None], values * root, rcond=None)
-    table = np.zeros((degree[0] + 1, degree[1] + 1))
-    for (i, j), c in zip(powers, solution, strict=True):
-        left = np.polynomial.chebyshev.cheb2poly(np.eye(i + 1)[i])
-        right = np.polynomial.chebyshev.cheb2poly(np.eye(j + 1)[j])
-        table[: i + 1, : j + 1] += c * np.outer(left, right)
-    return table
+    solution, *_ = np.linalg.lstsq(columns * root[:, None], values * root, rcond=None)
+    table = np.zeros(used.shape)
+    table[used] = solution
+    return _to_powers(degree[0]) @ table @ _to_powers(degree[1]).T
+
+
+def _to_powers(degree: int) -> np.ndarray:
+    """What takes Chebyshev coefficients to those of powers, a column for each polynomial."""
+    columns = [chebyshev.cheb2poly(one) for one in np.eye(degree + 1)]
+    return np.stack([np.pad(c, (0, degree + 1 - len(c))) for c in columns], axis=1)
 
 
 def _unit(value, limits):

@@ -254,18 +254,6 @@ def from_anterior(x: Array, y: Array) -> Array:
     return 0.5 * jnp.pi - arctan2(x, -y)
 
 
-def scaled(value: Array, limits: Array) -> tuple[Array, Array]:
-    """A coordinate scaled to -1..1 over its limits, and the derivative of that scaling.
-
-    Example:
-        >>> value, slope = scaled(jnp.array(5.0), jnp.array([0.0, 20.0]))
-        >>> float(value), float(slope)
-        (-0.5, 0.1)
-    """
-    factor = 2.0 / (limits[1] - limits[0])
-    return (value - limits[0]) * factor - 1.0, factor
-
-
 def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
     """By how much a coordinate lies beyond its limits, either way.
 
@@ -278,12 +266,10 @@ def excess(value: Array, limits: Array | tuple[Array, Array]) -> Array:
 
 
 def continued(value: Array, limits: Array, reach: float) -> tuple[Array, Array, Array]:
-    """A coordinate that soon comes to rest beyond its limits, and its first two derivatives.
-
-    A table of coefficients says nothing beyond its region. Held at the border it would have a kink
-    there, and a force that jumps; so it goes on for a little, at most for `reach`, and then becomes
-    constant, twice continuously differentiable.
-    """
+    """A coordinate that soon comes to rest beyond its limits, and its first two derivatives."""
+    # A table of coefficients says nothing beyond its region. Held at the border it would have a
+    # kink there, and a force that jumps; so it goes on for a little, at most for `reach`, and then
+    # becomes constant, twice continuously differentiable.
     nearest = jnp.clip(value, limits[0], limits[1])
     beyond = (value - nearest) / reach
     slower = 1.0 / (1.0 + beyond * beyond)
@@ -300,14 +286,11 @@ def _partials(point: Callable[[Array, Array], Vector], a: Array, b: Array, order
         by_b.append(lambda x, y, f=by_b[-1]: jax.jvp(lambda t: f(x, t), (y,), (one,))[1])
     answer = {}
     for j, function in enumerate(by_b):
-        for i in range(order - j + 1):
-            answer[i, j] = function(a, b)
-            function = _derivative_by_first(function, one)
+        by_a = [function]
+        for _ in range(order - j):
+            by_a.append(lambda x, y, f=by_a[-1]: jax.jvp(lambda t: f(t, y), (x,), (one,))[1])
+        answer |= {(i, j): f(a, b) for i, f in enumerate(by_a)}
     return answer
-
-
-def _derivative_by_first(function: Callable, one: Array) -> Callable:
-    return lambda x, y: jax.jvp(lambda t: function(t, y), (x,), (one,))[1]
 
 
 def _gradient(level: Callable[[Vector], Array]) -> Callable[[Vector], Vector]:

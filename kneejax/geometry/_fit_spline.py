@@ -9,15 +9,15 @@ much about it.
 from __future__ import annotations
 
 import dataclasses
-import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
-from kneejax.geometry._pose import Frame
-from kneejax.geometry.fitting._fitting import (
+from kneejax.geometry._articular import Condyle, Plateau
+from kneejax.geometry._bases import CUBIC_SPLINE
+from kneejax.geometry._fit_surface import (
     S,
     SurfaceFit,
     around_axis,
@@ -25,7 +25,7 @@ from kneejax.geometry.fitting._fitting import (
     in_frame,
     points_and_weights,
 )
-from kneejax.geometry.surfaces import CUBIC_SPLINE, Condyle, Plateau
+from kneejax.geometry._pose import Frame
 
 #: Sizes of cells and lengths of smoothing that are tried, mm.
 CELLS_MM = (8.0, 6.0, 4.5, 3.5, 2.6)
@@ -38,7 +38,6 @@ _AS_GOOD = 1.05
 # Places this far from every point, on a grid of this distance, keep a spline in bounds; each has
 # this share of a point's weight.
 _FAR_MM, _ANCHOR_MM, _LIGHT = 1.5, 1.0, 0.02
-Limits = tuple[tuple[float, float], tuple[float, float]]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,22 +168,15 @@ class _Sheet:
     b: np.ndarray
     value: np.ndarray
     weight: np.ndarray
-    region: Limits
-
-    def cells(self, size: float) -> tuple[int, int]:
-        (a0, a1), (b0, b1) = self.region
-        return max(1, round((a1 - a0) / size)), max(1, round((b1 - b0) / size))
+    region: tuple[tuple[float, float], tuple[float, float]]
 
     def part(self, rows: np.ndarray | slice) -> _Sheet:
         a, b, value, weight = (x[rows] for x in (self.a, self.b, self.value, self.weight))
         return _Sheet(a, b, value, weight, self.region)
 
     def beyond(self, fall: float) -> _Sheet:
-        """Places of the region far from every point: there a spline would go where it likes.
-
-        Their values are the nearest point's, less `fall` times the distance, and at least half.
-        They weigh little.
-        """
+        """Places of the region far from every point, where a spline would go where it likes, with
+        little weight: the nearest point's value less `fall` times the distance, at least half."""
         axes = [
             np.linspace(lower, upper, max(2, round((upper - lower) / _ANCHOR_MM)))
             for lower, upper in self.region
@@ -199,15 +191,6 @@ class _Sheet:
         weight = np.full(far.sum(), _LIGHT * float(np.mean(self.weight)))
         return _Sheet(a[far], b[far], value, weight, self.region)
 
-    def along_normals(self, table: np.ndarray) -> _Sheet:
-        """Weights that make differences of value count as distances along the normals."""
-        cells = table.shape[0] - 3, table.shape[1] - 3
-        a0, a1 = (_basis(self.a, self.region[0], cells[0], k) for k in (0, 1))
-        b0, b1 = (_basis(self.b, self.region[1], cells[1], k) for k in (0, 1))
-        by_a = np.einsum("pi,ij,pj->p", a1, table, b0)
-        by_b = np.einsum("pi,ij,pj->p", a0, table, b1)
-        return dataclasses.replace(self, weight=self.weight / (1.0 + by_a**2 + by_b**2))
-
 
 def _choose(
     sheet: _Sheet, cell_mm, smoothing_mm, patch_mm: float, fall: float
@@ -219,85 +202,76 @@ def _choose(
     sheet = sheet.part(slice(None, None, step))
     sheet = dataclasses.replace(sheet, weight=sheet.weight * step)
     anchors = sheet.beyond(fall)
-
-    def equations(cells: tuple[int, int]) -> _Equations:
-        return _normal_equations(sheet, cells).plus(_normal_equations(anchors, cells))
-
-    coarse = equations(sheet.cells(sizes[0]))
     # Slopes of a first fit say what a difference of value is along the normal.
-    sheet = sheet.along_normals(coarse.solve(lengths[-1]))
+    spline = _Spline(sheet.region, sizes[0])
+    first = spline.solve(spline.equations(sheet) + spline.equations(anchors), lengths[-1])
+    by_a, by_b = (spline.rows(sheet, *orders) @ first for orders in ((1, 0), (0, 1)))
+    sheet = dataclasses.replace(sheet, weight=sheet.weight / (1.0 + by_a**2 + by_b**2))
     # Patches that touch along an edge are in different folds.
     i, j = (
         np.floor((x - lower) / patch_mm).astype(int)
         for x, (lower, _) in zip((sheet.a, sheet.b), sheet.region, strict=True)
     )
-    fold = (i + 2 * j) % _FOLDS
+    parts = [sheet.part((i + 2 * j) % _FOLDS == number) for number in range(_FOLDS)]
     # Smoothing and size hardly depend on each other: first one, then the other.
     middle = [lengths[(len(lengths) - 1) // 2]]
-    tried = [
-        (size, *row)
-        for size in sizes
-        for row in _held_out(sheet, anchors, fold, sheet.cells(size), middle)
-    ]
+    tried = [(size, *row) for size in sizes for row in _held_out(parts, anchors, size, middle)]
     best = min(rms for *_, rms in tried)
     size = next(size for size, _, rms in tried if rms <= _AS_GOOD * best)
     rest = [length for length in lengths if length not in middle]
-    tried += [(size, *row) for row in _held_out(sheet, anchors, fold, sheet.cells(size), rest)]
+    tried += [(size, *row) for row in _held_out(parts, anchors, size, rest)]
     _, length, rms = min((row for row in tried if row[0] == size), key=lambda row: row[2])
-    cells = sheet.cells(size)
+    spline = _Spline(sheet.region, size)
+    cells = spline.cells
     how = {"cells": cells, "smoothing_mm": length, "held_out_rms": rms, "tried": tuple(tried)}
-    return equations(cells).solve(length), how
+    values = spline.solve(spline.equations(sheet) + spline.equations(anchors), length)
+    return values.reshape(cells[0] + 3, cells[1] + 3), how
 
 
-def _held_out(sheet: _Sheet, anchors: _Sheet, fold: np.ndarray, cells, lengths):
-    parts = [sheet.part(fold == number) for number in range(_FOLDS)]
-    each = [_normal_equations(part, cells) for part in parts]
-    whole = functools.reduce(_Equations.plus, each, _normal_equations(anchors, cells))
+def _held_out(parts: list[_Sheet], anchors: _Sheet, size: float, lengths: list[float]):
+    """Each smoothing, with the rms distance of every part from a fit to the others, mm."""
+    spline = _Spline(anchors.region, size)
+    each = [spline.equations(part) for part in parts]
+    whole = sum(each, start=spline.equations(anchors))
+    weight = sum(part.weight.sum() for part in parts)
     for length in lengths:
         square = 0.0
         for part, own in zip(parts, each, strict=True):
-            rest = whole.plus(own, -1.0).solve(length).ravel()
-            square += float(np.sum(part.weight * (part.value - _rows(part, cells) @ rest) ** 2))
-        yield length, float(np.sqrt(square / sheet.weight.sum()))
+            found = spline.rows(part) @ spline.solve(whole - own, length)
+            square += float(np.sum(part.weight * (part.value - found) ** 2))
+        yield length, float(np.sqrt(square / weight))
 
 
-@dataclasses.dataclass(frozen=True)
-class _Equations:
-    matrix: np.ndarray
-    right: np.ndarray
-    bending: np.ndarray
-    cells: tuple[int, int]
+class _Spline:
+    """Cubic B-splines of equal cells, about `size` mm long, over a region, and their equations."""
 
-    def plus(self, other: _Equations, sign: float = 1.0) -> _Equations:
-        """Those of the points of both, or without those of the other."""
-        matrix, right = self.matrix + sign * other.matrix, self.right + sign * other.right
-        return dataclasses.replace(self, matrix=matrix, right=right)
+    def __init__(self, region: tuple[tuple[float, float], tuple[float, float]], size: float):
+        self.region = region
+        (a0, a1), (b0, b1) = region
+        self.cells = max(1, round((a1 - a0) / size)), max(1, round((b1 - b0) / size))
+        (a0, a1, a2), (b0, b1, b2) = (
+            tuple(_products(limits, count, k) for k in range(3))
+            for limits, count in zip(region, self.cells, strict=True)
+        )
+        self.bending = np.kron(a2, b0) + 2.0 * np.kron(a1, b1) + np.kron(a0, b2)
 
-    def solve(self, smoothing_mm: float) -> np.ndarray:
+    def rows(self, sheet: _Sheet, by_a: int = 0, by_b: int = 0) -> np.ndarray:
+        """What each control value adds at each point, or to a derivative there."""
+        a = _basis(sheet.a, self.region[0], self.cells[0], by_a)
+        b = _basis(sheet.b, self.region[1], self.cells[1], by_b)
+        return (a[:, :, None] * b[:, None, :]).reshape(len(a), a.shape[1] * b.shape[1])
+
+    def equations(self, sheet: _Sheet) -> np.ndarray:
+        """Normal equations of the points of a sheet, the right side as the last column."""
+        rows = self.rows(sheet)
+        return (rows * sheet.weight[:, None]).T @ np.c_[rows, sheet.value]
+
+    def solve(self, equations: np.ndarray, smoothing_mm: float) -> np.ndarray:
         """Control values with a bending energy whose weight is the smoothing's fourth power."""
-        matrix = self.matrix + smoothing_mm**4 * self.bending
+        matrix = equations[:, :-1] + smoothing_mm**4 * self.bending
         # Control values that no point and no bending reaches stay where they are: at zero.
         matrix = matrix + 1e-12 * np.trace(matrix) / len(matrix) * np.eye(len(matrix))
-        return np.linalg.solve(matrix, self.right).reshape(self.cells[0] + 3, self.cells[1] + 3)
-
-
-def _normal_equations(sheet: _Sheet, cells: tuple[int, int]) -> _Equations:
-    rows = _rows(sheet, cells)
-    weighted = rows * sheet.weight[:, None]
-    (a0, a1, a2), (b0, b1, b2) = (
-        tuple(_products(limits, count, k) for k in range(3))
-        for limits, count in zip(sheet.region, cells, strict=True)
-    )
-    bending = np.kron(a2, b0) + 2.0 * np.kron(a1, b1) + np.kron(a0, b2)
-    return _Equations(weighted.T @ rows, weighted.T @ sheet.value, bending, cells)
-
-
-def _rows(sheet: _Sheet, cells: tuple[int, int]) -> np.ndarray:
-    by_a = _basis(sheet.a, sheet.region[0], cells[0], 0)
-    by_b = _basis(sheet.b, sheet.region[1], cells[1], 0)
-    return (by_a[:, :, None] * by_b[:, None, :]).reshape(
-        len(sheet.a), by_a.shape[1] * by_b.shape[1]
-    )
+        return np.linalg.solve(matrix, equations[:, -1])
 
 
 def _products(limits: tuple[float, float], count: int, order: int) -> np.ndarray:
@@ -311,20 +285,11 @@ def _products(limits: tuple[float, float], count: int, order: int) -> np.ndarray
 
 def _basis(x: np.ndarray, limits: tuple[float, float], count: int, order: int) -> np.ndarray:
     """Cubic B-splines of `count` equal cells, or a derivative of theirs, shape `(n, count + 3)`."""
+    from scipy.interpolate import BSpline  # 0.1 s that no other command should wait for
+
     size = (limits[1] - limits[0]) / count
-    along = (x - limits[0]) / size
-    cell = np.clip(np.floor(along).astype(int), 0, count - 1)
-    u = along - cell
-    v = 1.0 - u
-    near = (
-        (v**3 / 6, (3 * u**3 - 6 * u**2 + 4) / 6, (3 * v**3 - 6 * v**2 + 4) / 6, u**3 / 6),
-        (-(v**2) / 2, 1.5 * u**2 - 2 * u, 2 * v - 1.5 * v**2, u**2 / 2),
-        (v, 3 * u - 2, 3 * v - 2, u),
-    )[order]
-    table = np.zeros((len(x), count + 3))
-    for k, values in enumerate(near):
-        table[np.arange(len(x)), cell + k] = values / size**order
-    return table
+    knots = limits[0] + size * np.arange(-3, count + 4)
+    return BSpline(knots, np.eye(count + 3), 3)(x, order)
 
 
 def _enough(points: np.ndarray, what: str) -> None:

@@ -34,7 +34,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from kneejax.geometry._vectors import Vector, plus, times
-from kneejax.geometry.paths._round import (
+from kneejax.geometry._wrap_round import (
     Section,
     Wrapped,
     choose,
@@ -71,20 +71,11 @@ class Shot(NamedTuple):
     fields: tuple[tuple[Array, Array], ...]
 
 
-class _Plane(NamedTuple):
-    length: Array
-    contact: Vector
-    turn: Array
-
-
 def around_ellipsoid(
     start: Vector, end: Vector, shape: Vector, s: Section | None = None, aim: tuple[Array, ...] = ()
 ) -> Wrapped:
-    """The taut path around an ellipsoid of semi-axes `shape`, whose section may be known.
-
-    With the `aim` of a path that was found before, nothing is searched, and the path can be
-    differentiated by the shape.
-    """
+    """The taut path around an ellipsoid of semi-axes `shape`, whose section may be known. With the
+    `aim` of one found before, nothing is searched, and it can be differentiated by the shape."""
     p, q = inverse_of(shape) * start, inverse_of(shape) * end
     s = section(p, q) if s is None else s
     if aim:
@@ -102,13 +93,9 @@ def search(end: Vector, p: Vector, q: Vector, s: Section, shape: Vector) -> tupl
     return aim, other
 
 
-def _shot_path(
-    end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim
-) -> Wrapped:
-    """The path along a geodesic with this aim, its small miss corrected to first order.
-
-    Differentiable by the shape for a fixed aim: the correction is one step of Newton's rule.
-    """
+def _shot_path(end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim) -> Wrapped:
+    """The path along a geodesic with this aim, its small miss corrected to first order, by one step
+    of Newton's rule: it can be differentiated by the shape for a fixed aim."""
     zero = jnp.zeros_like(aim.turn)
     one = zero + 1.0
     shot = _finished(_shoot(p, s, shape, aim, ((one, zero), (zero, one)), STEPS), q, shape)
@@ -145,10 +132,6 @@ def trace(p: Vector, s: Section, shape: Vector, aim: Aim, count: int) -> Vector:
     return shape * points
 
 
-def _metric(shape: Vector) -> Vector:
-    return inverse_of(shape) * inverse_of(shape)
-
-
 def _away_from_zero(spread: Array, length: Array) -> Array:
     """The spread of neighbouring paths, kept from a zero that Newton's rule would divide by."""
     return jnp.maximum(spread, 0.03 * length)
@@ -166,9 +149,7 @@ def _begin(p: Vector, s: Section, aim: Aim) -> tuple[Vector, Vector]:
     return u, w
 
 
-def _shoot(
-    p: Vector, s: Section, shape: Vector, aim: Aim, fields: tuple, steps: int
-) -> Shot:
+def _shoot(p: Vector, s: Section, shape: Vector, aim: Aim, fields: tuple, steps: int) -> Shot:
     u, w = _begin(p, s, aim)
     stride = _Stride.of(aim.turn / steps, shape)
     state = (u, w, jnp.zeros_like(aim.turn), fields)
@@ -189,7 +170,7 @@ class _Stride(NamedTuple):
     @classmethod
     def of(cls, step: Array, shape: Vector) -> _Stride:
         c, d = jnp.cos(0.5 * step), jnp.sin(0.5 * step)
-        inverse = _metric(shape)
+        inverse = inverse_of(shape) * inverse_of(shape)
         curvature = inverse[0] * inverse[1] * inverse[2]
         return cls(step, (c * c - d * d, 2.0 * c * d), (c, d), shape * shape, inverse, curvature)
 
@@ -241,16 +222,14 @@ def _finished(shot: Shot, q: Vector, shape: Vector) -> Shot:
     c, d = jnp.cos(more), jnp.sin(more)
     u = c * shot.finish + d * shot.finish_along
     w = c * shot.finish_along - d * shot.finish
-    b, steep = u.cross(w), _metric(shape) * u
+    b, steep = u.cross(w), inverse_of(shape) * inverse_of(shape) * u
     w = w - more * (b @ steep) / (u @ steep) * b
     speeds = [(shape * along).norm() for along in (shot.finish_along, w)]
     arc = shot.arc + 0.5 * more * (speeds[0] + speeds[1])
     return shot._replace(finish=u, finish_along=w, arc=arc)
 
 
-def _better_aim(
-    end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim
-) -> Aim:
+def _better_aim(end: Vector, p: Vector, q: Vector, s: Section, shape: Vector, aim: Aim) -> Aim:
     """One step of Newton's rule on the sideways miss at the end; the arc ends where it leaves."""
     along = shape * _begin(p, s, aim)[1]
     speed_square = along @ along
@@ -267,15 +246,15 @@ def _better_aim(
     # An angle on the circle of contact turns the straight piece by this much less.
     area = shape[0] * shape[1] * shape[2] * (inverse_of(shape) * shot.begin).norm()
     angle = swing * jnp.sqrt(p @ p) * speed_square / area
-    half = 0.5 * jnp.clip(angle, -0.6, 0.6)
+    turned = _turned(aim.cosine, aim.sine, 0.5 * jnp.clip(angle, -0.6, 0.6))
+    return Aim(*turned, jnp.clip(aim.turn + _rest_of_arc(shot, q), -1.0, _most(s)))
+
+
+def _turned(cosine: Array, sine: Array, half: Array) -> tuple[Array, Array]:
+    """Cosine and sine of an angle that is turned by twice the one whose tangent is `half`."""
     inverse = 1.0 / (1.0 + half * half)
     c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
-    more = _rest_of_arc(shot, q)
-    return Aim(
-        aim.cosine * c - aim.sine * d,
-        aim.sine * c + aim.cosine * d,
-        jnp.clip(aim.turn + more, -1.0, _most(s)),
-    )
+    return cosine * c - sine * d, sine * c + cosine * d
 
 
 def _most(s: Section) -> Array:
@@ -285,8 +264,9 @@ def _most(s: Section) -> Array:
 
 def _plane(
     p: Vector, q: Vector, s: Section, shape: Vector, beside: Vector, c: Array, d: Array
-) -> _Plane:
-    """Path in the plane with normal `c s.pole + d beside`, by Boole's rule."""
+) -> tuple[Array, Vector, Array]:
+    """Path in the plane with normal `c s.pole + d beside`: its length, by Boole's rule, where it
+    touches first, and how far it turns."""
     squares = shape * shape
 
     def stretched(direction: Vector, square: Array) -> Array:
@@ -321,7 +301,7 @@ def _plane(
     speed = speed + 12.0 * stretched(middle, one)
     arc = radius * turn
     length = straight[0] + straight[1] + arc * speed * (1.0 / 90.0)
-    return _Plane(length, first + centre, arc)
+    return length, first + centre, arc
 
 
 def _first_aim(p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Array]:
@@ -332,7 +312,7 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Ar
     beside = middle.norm() * (shape * across)
     angles = [2.0 * math.pi * i / PLANES for i in range(PLANES)]
     fan = jnp.asarray(angles).reshape(-1, *(1,) * jnp.ndim(p[0]))
-    lengths = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan)).length
+    lengths, *_ = _plane(p, q, s, shape, beside, jnp.cos(fan), jnp.sin(fan))
     number = jnp.arange(PLANES).reshape(fan.shape)
     where = jnp.argmin(lengths, 0)
     here = where == number
@@ -347,10 +327,8 @@ def _first_aim(p: Vector, q: Vector, s: Section, shape: Vector) -> tuple[Aim, Ar
     before, after = at_best(jnp.roll(lengths, 1, 0)), at_best(jnp.roll(lengths, -1, 0))
     bend = jnp.maximum(before - 2.0 * best + after, 1e-12 * best)
     half = math.pi / PLANES * jnp.clip(0.5 * (before - after) / bend, -0.5, 0.5)
-    inverse = 1.0 / (1.0 + half * half)
-    c, d = (1.0 - half * half) * inverse, 2.0 * half * inverse
-    plane = _plane(p, q, s, shape, beside, cosine * c - sine * d, sine * c + cosine * d)
-    x, y = plane.contact @ s.forward, plane.contact @ s.pole
+    _, contact, turn = _plane(p, q, s, shape, beside, *_turned(cosine, sine, half))
+    x, y = contact @ s.forward, contact @ s.pole
     size = jnp.sqrt(x * x + y * y)
     size = jnp.where(size > 0.0, size, 1.0)
-    return Aim(x / size, y / size, plane.turn), other
+    return Aim(x / size, y / size, turn), other

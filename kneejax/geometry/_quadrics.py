@@ -6,8 +6,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from kneejax.geometry._pose import Frame, framed, numbers
+from kneejax.geometry._surface import Height, Surface, excess, from_anterior
 from kneejax.geometry._vectors import AXES, Vector
-from kneejax.geometry.surfaces._surface import Height, Surface, excess, from_anterior
 from kneejax.numerics import safe_sqrt
 
 
